@@ -61,6 +61,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     # Worlds
     _python("worlds", "setup", "pipeline worlds --light --count 10", "artifacts/families"),
     Benchmark("splits", "setup", _ALL_SPLITS, "data/families/splits.csv", "50"),
+    _python("odometry-fit", "setup", "benchmarks.sensors.odometry_fit", "minexplore/sensing/odometry.json"),
     _python("roughness", "setup", _ROUGHNESS, "data/chilean_mine/roughness.json"),
     _python("corpus", "all", "benchmarks.corpus", "artifacts/corpus", "15"),
     # First use
@@ -96,7 +97,10 @@ BENCHMARKS: tuple[Benchmark, ...] = (
         "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
     ),
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
+    _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
+    _python("odometry-loss", "all", "benchmarks.sensors.odometry_loss", _PARTS + "odometry-loss.md", "10"),
     # Pictures
+    _python("sensor-pictures", "all", "benchmarks.sensors.pictures", "docs/sensors.jpg"),
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
     _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),
     _python("decline-pictures", "setup", "benchmarks.pictures.gallery declines", "docs/decline.jpg"),

@@ -1,4 +1,4 @@
-"""`python -m minexplore list | play ID | time ID | page`: see what there is, drive it, time it, read its page."""
+"""`python -m minexplore list | play ID | record ID | time ID | page`: see, drive, record and time what there is."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
 from minexplore.pictures.opengl import DisplayError
+from minexplore.record.command import add_arguments, record
 from minexplore.sensing.observation import COMMANDS
 from minexplore.world import find_world, load_world
 
@@ -107,13 +108,16 @@ def main() -> int:
     commands.add_parser("page", help=page.__doc__).set_defaults(run=lambda a: print(page(), end=""))
     player = commands.add_parser("play", help=play.__doc__)
     timer = commands.add_parser("time", help=time_env.__doc__)
-    for command in (player, timer):
+    recorder = commands.add_parser("record", help="Record one episode as MCAP for ROS 2, or show it in a browser.")
+    for command in (player, timer, recorder):
         command.add_argument("id", choices=list(environments()), metavar="ID", help="as `list` names them")
         command.add_argument("--world", help="a bundle, for MineXplore/World-v0")
     player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")
     player.add_argument("--steps", type=int, default=6000)
     player.add_argument("--video", metavar="FOLDER")
     player.set_defaults(run=lambda a: play(a.id, a.world, a.policy, a.steps, a.video))
+    add_arguments(recorder)
+    recorder.set_defaults(run=lambda a: record(a, ahead))
     timer.add_argument("--robots", type=int, default=64)
     timer.add_argument("--threads", type=int, default=1)
     timer.add_argument("--steps", type=int, default=100)

@@ -9,6 +9,7 @@ import mujoco
 
 from minexplore import WORLDS
 from minexplore.envs.env import MineEnv
+from minexplore.envs.sensor_page import sensors_section
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
 from minexplore.task import TaskParams
@@ -118,7 +119,8 @@ def page() -> str:
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
     use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     body, versions, history = rest.partition("## Version History")
-    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{_FAMILY}\n{_WARP}\n{physics()}\n{versions}{history}\n"
+    more = f"{sensors_section()}\n{_FAMILY}\n{_WARP}\n{physics()}"
+    return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{more}\n{versions}{history}\n"
 
 
 def physics() -> str:

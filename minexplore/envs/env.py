@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,13 +10,15 @@ import gymnasium
 import numpy as np
 
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
+from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome, info_of_robot
-from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.sensor_suite import SensorSuite, check_sensors, observed_space
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer, shown_groups
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.observation import observation_space
+from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
@@ -94,6 +96,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `camera` | `"chase"` | `"chase"` from behind, `"front"` from the robot, or `"top"`: the plan with the coverage painted on it |
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
+    | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
+    | `sensors` | `()` | further [sensors](#sensors): the observation is then a `Dict` of `robot`, as above, and one entry each |
+    | `conditions` | `"ideal"` | of the sensors: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
 
     ## Version History
     * v0: the paper's task.
@@ -110,9 +115,14 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         camera: str = "chase",
         lidar: Backend = "auto",
         whole: bool = False,
+        pose: str = "true",
+        sensors: Sequence[str] = (),
+        conditions: SensorParams | Mapping[str, Any] | str | None = None,
     ) -> None:
         """Load the world and put the robot into it."""
-        gymnasium.utils.EzPickle.__init__(self, world, task, robot, render_mode, camera, lidar, whole)
+        gymnasium.utils.EzPickle.__init__(
+            self, world, task, robot, render_mode, camera, lidar, whole, pose, sensors, conditions
+        )
         given = {
             "task": task,
             "robot": robot,
@@ -120,6 +130,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             "camera": camera,
             "lidar": lidar,
             "whole": whole,
+            "pose": pose,
+            "sensors": sensors,
+            "conditions": conditions,
         }
         check_arguments(given)
         if render_mode is not None:
@@ -127,28 +140,29 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
-        self.robots = RobotBatch(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
+        self.robots = batch_kind(pose)(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
         self.grid = self.robots.grid
-        self.observation_space = observation_space(self.task)
+        self.sensors = check_sensors(sensors)
+        self.suite = SensorSuite(self.robots, self._drawing, sensor_params(conditions), lidar)
+        self.observation_space = observed_space(observation_space(self.task), self.sensors)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._renderer: Renderer | None = None
         self._viewer: Any = None
         self._begun = self._closed = False
         self.on_key: Callable[[int], None] = lambda code: None  # gets the viewer's key presses
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Place the robot near the entrance with a random yaw, and cast the beams once."""
         self._require_open()
         check_options(options, ())
         super().reset(seed=one_seed(seed))
         self._begun = True
         outcome = self.robots.reset(np.arange(1), [self.np_random])
+        self.suite.begin(seed)
         self._show()
-        return outcome.observation[0], info_of_robot(outcome.info, 0)
+        return self._observed(outcome), info_of_robot(outcome.info, 0)
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for one control step and cast the beams.
 
         Raises
@@ -164,9 +178,27 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if command.shape != (2,):
             raise ValueError(f"action of shape {command.shape}: want (2,)")
         outcome: StepOutcome = self.robots.step(command[None], [self.np_random])
+        self.suite.advance()
         self._show()
         info = info_of_robot(outcome.info, 0)
-        return outcome.observation[0], float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
+        return self._observed(outcome), float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
+
+    def capture(self, sensor: str) -> Any:
+        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.envs.sensor_suite`.
+
+        Raises
+        ------
+        ValueError
+            If there is no such sensor; the message lists those that there are.
+        """
+        self._require_open()
+        self._require_begun("capture")
+        return self.suite.capture(check_sensors([sensor])[0])
+
+    def _observed(self, outcome: StepOutcome) -> Any:
+        """Return the observation of a step: the robot's own, or with sensors a dict."""
+        own = outcome.observation[0]
+        return {"robot": own, **{name: self.suite.observe(name) for name in self.sensors}} if self.sensors else own
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
@@ -202,6 +234,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
+        self.suite.close()
         self.robots.close()
 
     def _require_open(self) -> None:
@@ -216,12 +249,18 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         """Return the arguments and all that has changed since; a copy goes on as this environment does."""
         names = ("_begun", "_closed", "_np_random", "_np_random_seed", "spec")
         changed = {name: getattr(self, name) for name in names}
-        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
+        return {
+            **super().__getstate__(),
+            "changed": changed,
+            "robots": self.robots.copy_state(),
+            "suite": self.suite.copy_state(),
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the environment from its arguments and bring it into its state; windows are not copied."""
         super().__setstate__(state)
         self.robots.restore_state(state["robots"])
+        self.suite.restore_state(state["suite"])
         if state["changed"]["_closed"]:
             self.close()
         self.__dict__.update(state["changed"])
@@ -235,7 +274,7 @@ def check_arguments(arguments: Mapping[str, Any]) -> None:
     ValueError
         Naming the argument, its value and what is accepted.
     """
-    known = ("task", "robot", "render_mode", "camera", "lidar", "whole")
+    known = ("task", "robot", "render_mode", "camera", "lidar", "whole", "pose", "sensors", "conditions")
     unknown = [name for name in arguments if name not in known]
     if unknown:
         raise ValueError(f"{unknown[0]}: unknown argument; there are {', '.join(known)}")
@@ -248,5 +287,8 @@ def check_arguments(arguments: Mapping[str, Any]) -> None:
         raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
     if not isinstance(arguments.get("whole", False), bool | np.bool_):
         raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
+    batch_kind(arguments.get("pose", "true"))
+    check_sensors(arguments.get("sensors", ()))
+    sensor_params(arguments.get("conditions"))
     coerce_params(TaskParams, arguments.get("task"))
     coerce_params(RobotParams, arguments.get("robot"))

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, one_seed, spread_seeds
 from minexplore.envs.env import MineEnv, check_arguments
+from minexplore.envs.sensor_suite import check_sensors, observed_space
 from minexplore.envs.vector import check_count, find_mode
 from minexplore.sensing.observation import observation_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
@@ -64,15 +65,14 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self._arguments = arguments
         self.render_mode = arguments.get("render_mode")
         self.task = coerce_params(TaskParams, arguments.get("task"))
-        self.observation_space = observation_space(self.task)
+        sensors = check_sensors(arguments.get("sensors", ()))
+        self.observation_space = observed_space(observation_space(self.task), sensors)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.mine: str | None = None
         self._inner: MineEnv | None = None
         self._closed = False
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Draw a mine, or enter `options["mine"]`, and begin an episode in it.
 
         Raises
@@ -101,7 +101,7 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             self.mine, self._inner = name, entered
         return self._inner
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for one control step; see `MineEnv.step`."""
         observation, reward, terminated, truncated, info = self._begun("step").step(action)
         return observation, reward, terminated, truncated, {**info, "mine": self.mine}
@@ -109,6 +109,10 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture of the present mine in mode `rgb_array`, else None."""
         return None if self.render_mode != "rgb_array" else self._begun("render").render()
+
+    def capture(self, sensor: str) -> Any:
+        """Return what a sensor reads in the present mine; see `MineEnv.capture`."""
+        return self._begun("capture").capture(sensor)
 
     def _begun(self, call: str) -> MineEnv:
         if self._closed:

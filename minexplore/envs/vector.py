@@ -13,8 +13,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome
-from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
@@ -34,7 +34,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     Parameters
     ----------
     num_envs : int
-    world, task, robot, camera, lidar, whole
+    world, task, robot, camera, lidar, whole, pose
         As in `MineEnv`.
     render_mode : {None, "rgb_array"}
         `render` gives one picture a robot.
@@ -59,9 +59,10 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         whole: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
+        pose: str = "true",
     ) -> None:
         """Load the world and put the robots into it."""
-        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
+        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads, pose)
         gymnasium.utils.EzPickle.__init__(self, *given)
         check_count("num_envs", num_envs, _MOST)
         check_count("threads", threads, _MOST)
@@ -76,7 +77,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.world = load_world(find_world(world))
-        self.robots = RobotBatch(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        self.robots = batch_kind(pose)(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
         self.single_observation_space = observation_space(self.task)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -24,7 +24,8 @@ from minexplore.world import World, load_world
 
 Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
-# Origins and directions (n, 3) -> distances (n,) m, inf for no hit, and the mesh and face of each hit, else -1.
+# Origins (n, 3) or (3,) and directions (n, 3) -> distances (n,) m, inf for no hit, and the mesh and face of each hit,
+# else -1.
 Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 _MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
@@ -185,6 +186,25 @@ class Lidar:
         return plane_distances(self._planes, self._first[near[mesh]] + face, origins, directions, found)
 
     @property
+    def planes(self) -> np.ndarray:
+        """Return the planes (n, 4) of all faces, mesh by mesh; see `face_planes`."""
+        return self._planes
+
+    def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.
+
+        The rays (n, 3) float32 start at one place (3,) m, or at places (n, 3) m about the first one's tile. Distances
+        are the caster's own, in single precision, and not cut at `range_m`; level floors and roofs are left out.
+        """
+        start = origins if origins.ndim == 1 else origins[0]
+        cast, near = self._scene(tuple(np.floor(start[:2] / _TILE_M).astype(int).tolist()))
+        if not len(near):
+            return np.full(len(directions), np.inf, np.float32), np.full(len(directions), -1)
+        found, mesh, face = cast(origins, directions)
+        first = np.append(self._first[near], 0).astype(np.int32)  # a miss has the numbers -1
+        return found, first[mesh] + face
+
+    @property
     def kept_bytes(self) -> int:
         """Return what the kept scenes take, by the number of their faces."""
         return sum(size for *_, size in self._scenes.values())
@@ -214,9 +234,10 @@ def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> 
         TriangleMesh(scene, (vertices - middle).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
 
     def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        starts = np.ascontiguousarray(origins - middle, dtype=np.float32)
-        hit = scene.run(starts, np.ascontiguousarray(directions, dtype=np.float32), output=1)
-        return np.where(hit["geomID"] < 0, np.inf, hit["tfar"]), hit["geomID"], hit["primID"]
+        starts = np.broadcast_to((origins - middle).astype(np.float32), directions.shape)
+        ways = np.ascontiguousarray(directions, dtype=np.float32)
+        hit = scene.run(np.ascontiguousarray(starts), ways, output=1)
+        return np.where(hit["geomID"] < 0, np.float32(np.inf), hit["tfar"]), hit["geomID"], hit["primID"]
 
     return cast
 
@@ -231,7 +252,8 @@ def _open3d(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> 
         scene.add_triangles(tensor((vertices - middle).astype(np.float32)), tensor(faces.astype(np.uint32)))
 
     def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        rays = np.concatenate([origins - middle, directions], axis=1).astype(np.float32)
+        starts = np.broadcast_to(origins - middle, directions.shape)
+        rays = np.concatenate([starts, directions], axis=1).astype(np.float32)
         hit = scene.cast_rays(tensor(rays))
         # Open3D numbers what was missed with the largest unsigned number, which becomes -1.
         mesh, face = (hit[name].numpy().astype(np.int32) for name in ("geometry_ids", "primitive_ids"))

@@ -40,6 +40,15 @@ def test_drive_writes_a_picture(tmp_path):
 
 
 @needs_world
+def test_a_map_is_made_of_a_lidars_scans(tmp_path):
+    pytest.importorskip("open3d")
+    done = run("map_from_lidar.py", "--steps", "11", "--out", str(tmp_path / "map.ply"))
+    assert done.returncode == 0, done.stderr
+    assert "2 scans" in done.stdout
+    assert (tmp_path / "map.ply").read_bytes().startswith(b"ply")
+
+
+@needs_world
 def test_a_bundle_is_read_without_the_package():
     done = run("read_bundle.py")
     assert done.returncode == 0, done.stderr

@@ -1,0 +1,1 @@
+"""Sensors measured: their speed, real logs beside them, and what they look like."""

@@ -1,0 +1,106 @@
+"""`python -m minexplore record`: drive one episode and keep or show what the robot's sensors read."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import gymnasium
+import numpy as np
+
+from minexplore.envs.env import MineEnv
+from minexplore.envs.sensor_suite import check_sensors, sensor_names
+from minexplore.record.episode import SensedStep, frames_of
+from minexplore.record.live import LiveView, require_viser
+from minexplore.record.mcap_file import McapFile, require_mcap
+from minexplore.record.policies import Drive, find_drive
+from minexplore.sensing.params import preset_names
+
+
+class Sink(Protocol):
+    """Takes the frames of an episode."""
+
+    def add(self, frame: SensedStep) -> None:
+        """Take one frame."""
+
+    def close(self) -> None:
+        """Finish."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument("--policy", default="ahead", help="ahead, random, or an explorer: nearest-frontier, ...")
+    parser.add_argument("--sensors", default="os1-64,depth,imu", help=f"of {', '.join(sensor_names())}")
+    parser.add_argument("--conditions", choices=preset_names(), default="typical", help="noise, dust and water")
+    parser.add_argument("--pose", choices=["true", "odometry"], default="true", help="what the policy gets")
+    parser.add_argument("--steps", type=int, default=600, help="control steps of 0.1 s")
+    parser.add_argument("--every", type=int, default=1, help="read the sensors once in so many steps")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="an MCAP file with ROS 2 messages")
+    parser.add_argument("--live", type=int, metavar="PORT", nargs="?", const=8080, help="show it in a browser")
+
+
+def record(arguments: argparse.Namespace, ahead: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Record one episode as MCAP with ROS 2 messages, or show it in a browser.
+
+    Raises
+    ------
+    ImportError
+        If what writes or shows it is not installed; the message names the extra.
+    ValueError
+        If an option is beyond its limit.
+    """
+    sensors = check_sensors([name for name in arguments.sensors.split(",") if name])
+    for name, low in (("steps", 1), ("every", 1), ("seed", 0)):
+        if getattr(arguments, name) < low:
+            raise ValueError(f"{name} = {getattr(arguments, name)}: want {low} or more")
+    if arguments.out is None and arguments.live is None:
+        raise ValueError("nothing to do: give --out FILE, --live, or both")
+    _require(arguments)
+    kwargs = {} if arguments.world is None else {"world": arguments.world}
+    made = gymnasium.make(arguments.id, pose="odometry", conditions=arguments.conditions, **kwargs)
+    env: MineEnv = made.unwrapped  # type: ignore[assignment]
+    drive = find_drive(arguments.policy, env, arguments.seed, ahead)
+    sinks: list[Sink] = []
+    try:
+        if arguments.out is not None:
+            sinks.append(McapFile(arguments.out, env.suite))
+        if arguments.live is not None:
+            view = LiveView(env.suite, arguments.live)
+            sinks.append(view)
+            print(f"open {view.address}", flush=True)
+        _run(env, drive, sensors, arguments, sinks)
+    finally:
+        for sink in sinks:
+            sink.close()
+        made.close()
+
+
+def _require(arguments: argparse.Namespace) -> None:
+    if arguments.out is not None:
+        require_mcap()
+        if not arguments.out.parent.is_dir():
+            raise ValueError(f"out = {str(arguments.out)!r}: no folder {arguments.out.parent}")
+    if arguments.live is not None:
+        require_viser()
+
+
+def _run(
+    env: MineEnv, drive: Drive, sensors: tuple[str, ...], arguments: argparse.Namespace, sinks: list[Sink]
+) -> None:
+    steps, seed, every = arguments.steps, arguments.seed, arguments.every
+    frames = frames_of(env, drive, sensors, steps, seed, every, arguments.pose == "true")
+    count, looks, frame = 0, 0, None
+    for count, frame in enumerate(frames, start=1):  # noqa: B007
+        looks += bool(frame.readings)
+        for sink in sinks:
+            sink.add(frame)
+    if frame is not None:
+        error_m = float(np.linalg.norm(frame.counted.place_m[:2] - frame.robot.place_m[:2]))
+        size = f", {arguments.out} {arguments.out.stat().st_size / 1e6:.1f} MB" if arguments.out else ""
+        print(
+            f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %, "
+            f"odometry off by {error_m:.2f} m{size}"
+        )

@@ -1,0 +1,64 @@
+"""Scan patterns against the figures of their data sheets."""
+
+import numpy as np
+import pytest
+
+from minexplore.sensing.scanners.pattern import load_pattern, parse_pattern, pattern_names
+
+
+def angles(rays):
+    directions = rays.directions.astype(float)
+    return np.degrees(np.arctan2(directions[:, 1], directions[:, 0])), np.degrees(np.arcsin(directions[:, 2]))
+
+
+@pytest.mark.parametrize(
+    ("name", "points_per_s", "low_deg", "high_deg"),
+    [("vlp-16", 300_000, -15, 15), ("os1-64", 655_360, -16.6, 16.6), ("mid-360", 200_000, -7, 52)],
+)
+def test_a_scan_has_the_rate_and_the_field_of_its_data_sheet(name, points_per_s, low_deg, high_deg):
+    pattern = load_pattern(name)
+    rays = pattern.scan()
+    assert len(rays.time_s) == pattern.rays
+    assert pattern.rays / pattern.period_s == pytest.approx(points_per_s, rel=0.04)
+    azimuth, elevation = angles(rays)
+    assert elevation.min() == pytest.approx(low_deg, abs=0.1)
+    assert elevation.max() == pytest.approx(high_deg, abs=0.1)
+    assert np.diff(np.sort(azimuth)).max() < 1.0  # all round
+    assert np.allclose(np.linalg.norm(rays.directions, axis=1), 1, atol=1e-6)
+    assert (rays.time_s >= 0).all()
+    assert rays.time_s.max() <= pattern.period_s
+
+
+def test_the_riegl_fires_122_thousand_pulses_a_second_over_100_degrees_and_is_not_cheap():
+    pattern = load_pattern("vz-400")
+    lines, columns = pattern.about["lines"], pattern.about["columns"]
+    assert lines * columns / pattern.period_s == pytest.approx(122_000, rel=0.01)
+    assert max(pattern.elevations_deg) - min(pattern.elevations_deg) == 100
+
+
+def test_rings_are_numbered_from_the_lowest_channel():
+    rays = load_pattern("vlp-16").scan()
+    _, elevation = angles(rays)
+    for ring in range(16):
+        assert np.allclose(elevation[rays.ring == ring], -15 + 2 * ring, atol=0.01)
+
+
+def test_a_rosette_does_not_repeat_and_the_others_do():
+    rosette, spinning = load_pattern("mid-360"), load_pattern("os1-64")
+    one, two = (rosette.scan(number).directions for number in (0, 1))
+    assert np.abs(one - two).max() > 0.1
+    assert spinning.scan(0) is spinning.scan(1)
+
+
+def test_every_pattern_names_its_source():
+    for name in pattern_names():
+        assert "data sheet" in load_pattern(name).source
+
+
+def test_bad_patterns_are_refused_in_one_line():
+    with pytest.raises(ValueError, match=r"LiDAR = 'vlp-17': valid choices are mid-360, os1-64, vlp-16, vz-400"):
+        load_pattern("vlp-17")
+    with pytest.raises(ValueError, match="own: kind = None: valid choices are spinning"):
+        parse_pattern("own", {})
+    with pytest.raises(ValueError, match="own: azimuths_deg: missing or unknown"):
+        parse_pattern("own", {"kind": "spinning"})
