@@ -9,9 +9,11 @@ from gymnasium.envs.registration import register
 from minexplore.bundle import RECORD
 
 if TYPE_CHECKING:
+    from minexplore.physics.placing import Pose, place
     from minexplore.world import World
 
 __version__ = "0.2.0"
+__all__ = ["FAMILY", "WORLDS", "Pose", "environments", "is_built_in", "load", "place"]
 
 FAMILY = "MineXplore/Family-v0"
 ENTRY_POINT, VECTOR_ENTRY_POINT = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
@@ -74,6 +76,15 @@ def load(world: str | Path, source: str | Path | None = None, sha256: str | None
     if str(world).startswith(PREFIX):
         return open_corpus(source, sha256).load(str(world).removeprefix(PREFIX))
     return load_world(find_world(world))
+
+
+def __getattr__(name: str) -> Any:
+    """Import `place` and `Pose` when they are first asked for: they need MuJoCo."""
+    if name not in ("place", "Pose"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from minexplore.physics import placing
+
+    return getattr(placing, name)
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():
