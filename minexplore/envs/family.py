@@ -11,10 +11,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from minexplore.envs.batches import commands_of, observations_of
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, one_seed, spread_seeds
 from minexplore.envs.env import MineEnv, check_arguments
 from minexplore.envs.vector import check_count, find_mode
-from minexplore.sensing.observation import observation_space
+from minexplore.physics.robots import find_robot
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
 from minexplore.task import TaskParams, coerce_params
 
@@ -64,8 +65,9 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self._arguments = arguments
         self.render_mode = arguments.get("render_mode")
         self.task = coerce_params(TaskParams, arguments.get("task"))
-        self.observation_space = observation_space(self.task)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        robot = find_robot(arguments.get("robot"))
+        self.observation_space = observations_of(self.task, robot)
+        self.action_space = commands_of(robot)
         self.mine: str | None = None
         self._inner: MineEnv | None = None
         self._closed = False

@@ -21,7 +21,8 @@ from minexplore.bundle import (
     zone_of_wedge,
 )
 from minexplore.floors.local_floor import simplify_floor
-from minexplore.physics.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts, stand_on_facets
+from minexplore.physics.robot import ROCK_BODY, contact_sensor, separate_contacts, stand_on_facets
+from minexplore.physics.robot_kind import Robot
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
@@ -50,7 +51,7 @@ class RockPart:
 class LocalModels:
     """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
 
-    def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
+    def __init__(self, world: World, task: TaskParams, robot: Robot, whole: bool = False) -> None:
         """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine.copy()
@@ -169,8 +170,9 @@ class LocalModels:
         wedges = self._roof_wedges.within(box)
         lowest = min((wedge.heights[0] for wedge in wedges), default=-np.inf)
         geoms = [self._geoms[wedge.name] for wedge in wedges]
-        reach_m = _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m)
-        if box.is_exact or lowest - box.floor_m < reach_m:
+        if box.is_exact:
+            return geoms
+        if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
             return geoms
         half, middle = np.append((box.high - box.low) / 2 + _MARGIN_M, _MARGIN_M), (box.high + box.low) / 2
         solid.add_geom(

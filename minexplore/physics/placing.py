@@ -14,7 +14,7 @@ import numpy as np
 from minexplore.bundle import MINE_BODY
 from minexplore.limits import Span
 from minexplore.physics.local_models import Box, LocalModels
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot import ROCK_BODY, RobotParams
 from minexplore.physics.robot_file import RobotFile, RobotStance, read_robot
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
@@ -195,17 +195,12 @@ def _require_room(world: World, spec: mujoco.MjSpec, file: RobotFile, pose: Pose
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(SPAWN).id)
     mujoco.mj_forward(model, data)
-    mine = model.body(MINE_BODY).id
+    mine = {model.body(MINE_BODY).id, model.body(ROCK_BODY).id}
     for contact in data.contact[: data.ncon]:
-        bodies = [model.geom_bodyid[geom] for geom in contact.geom]
-        rock = [model.geom(geom).name for geom, body in zip(contact.geom, bodies, strict=True) if _is_in(model, body, mine)]
+        rock = [model.geom(geom).name for geom in contact.geom if model.geom_bodyid[geom] in mine]
         if len(rock) == 1 and contact.dist < -_DEEP_M:
+            place, radius = f"({pose.x_m:g}, {pose.y_m:g})", f"{stance.radius_m:.2f}"
             raise ValueError(
-                f"pose: (x, y) = ({pose.x_m:g}, {pose.y_m:g}): {file.name} reaches {-contact.dist:.2f} m into {rock[0]}; "
-                f"want a place with {stance.radius_m:.2f} m round it, such as one of World.places_m({stance.radius_m:.2f})"
+                f"pose: (x, y) = {place}: {file.name} reaches {-contact.dist:.2f} m into {rock[0]}; want a place with "
+                f"{radius} m round it, such as one of World.places_m({radius})"
             )
-
-
-def _is_in(model: mujoco.MjModel, body: int, mine: int) -> bool:
-    """Return whether a body is the mine's or in it."""
-    return body == mine or int(model.body_parentid[body]) == mine

@@ -16,9 +16,10 @@ MENAGERIE = "menagerie:"  # before the name of one of MuJoCo Menagerie's robots
 _BITS = 31  # of contype and conaffinity
 # What a robot's gains were chosen with. Gravity and contacts are the mine's.
 _OPTIONS = (
-    "timestep integrator cone impratio jacobian solver iterations tolerance ls_iterations ls_tolerance "
-    "noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance density viscosity wind magnetic"
-).split()
+    *("timestep", "integrator", "cone", "impratio", "jacobian", "solver", "iterations", "tolerance"),
+    *("ls_iterations", "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance"),
+    *("density", "viscosity", "wind", "magnetic"),
+)
 _SIZES = [f"nuser_{kind}" for kind in ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")]
 _NAMED = {"integrator": mujoco.mjtIntegrator, "cone": mujoco.mjtCone, "solver": mujoco.mjtSolver}
 _WORLDS_FLAGS = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_GRAVITY
