@@ -99,6 +99,12 @@ class FlyerBatch(RobotBatch):
         """Return how high robots (k,) are, m, mine frame."""
         return self._places(robots)[:, 2]
 
+    def attitudes(self, robots: np.ndarray) -> np.ndarray:
+        """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots in the mine frame."""
+        axes = np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)
+        rise = np.stack([rotate_inverse(axis, self._R)[:, 2] for axis in axes[:2]], axis=1)
+        return np.arcsin(np.clip(rise, -1.0, 1.0))
+
     def _fall(self, robots: np.ndarray) -> None:
         """Robots that fly do not fall."""
 

@@ -82,6 +82,12 @@ class VolumeGrid:
         view[new] = True
         return np.bincount(new // self.total, minlength=len(seen))
 
+    def columns(self) -> dict[int, np.ndarray]:
+        """Return the numbers of the cubes of each column that has any, by the flat index of its cell of the plan."""
+        order = np.argsort(self._flat, kind="stable")
+        cells, first = np.unique(self._flat[order], return_index=True)
+        return dict(zip(cells.tolist(), np.split(order, first[1:]), strict=True))
+
     def from_above(self, seen: np.ndarray) -> np.ndarray:
         """Return over which columns (rows, cols) cubes of `seen` (total,) are."""
         found = np.zeros(self.reachable.shape, dtype=bool)
