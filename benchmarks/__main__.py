@@ -96,8 +96,10 @@ BENCHMARKS: tuple[Benchmark, ...] = (
         "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
     ),
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
+    _python("wheel-log", "setup", "benchmarks.wheel_log", ""),
     # Pictures
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
+    _python("robot-pictures", "all", "benchmarks.pictures.robot_pictures", "docs/robots.jpg"),
     _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),
     _python("decline-pictures", "setup", "benchmarks.pictures.gallery declines", "docs/decline.jpg"),
     _python("case-pictures", "setup", "benchmarks.pictures.case_pictures", _PARTS + "cases.md"),
