@@ -1,4 +1,4 @@
-"""Put any MJCF robot into a mine and step it: `python examples/place_robot.py ROBOT.xml`; Gymnasium's Ant by default."""
+"""Put a robot of any MJCF file into a mine and step it; by default Gymnasium's Ant in the embedded mine."""
 
 import argparse
 from pathlib import Path

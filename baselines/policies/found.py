@@ -9,7 +9,7 @@ import pkgutil
 import re
 import sys
 from pathlib import Path
-from typing import Any, Protocol, TypeGuard
+from typing import Any, Protocol, TypeGuard, cast
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = N
             f"{', '.join(EXPLORERS)}, module:Class"
         )
     if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
-        return GraphPolicy(path, count, task, robot)
+        return GraphPolicy(path, count, task, cast(RobotParams, robot))  # it uses what all robots on wheels have
     return LearnedPolicy(path, count, task)
 
 

@@ -53,7 +53,7 @@ def params_facts(params: TaskParams | Robot) -> dict[str, Any]:
     """Return the numbers of a task or a robot as JSON holds them."""
     return {
         k: list(v) if isinstance(v, tuple) else str(v) if v == np.inf else v
-        for k, v in dataclasses.asdict(params).items()  # type: ignore[call-overload]
+        for k, v in dataclasses.asdict(params).items()  # type: ignore[arg-type]
     }
 
 

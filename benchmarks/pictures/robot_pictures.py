@@ -26,7 +26,7 @@ PICTURE = Path("docs/robots.jpg")
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 _SIZE_PX = (640, 480)
 _ROCK_RGBA, _FLOOR_RGBA = (0.54, 0.44, 0.36, 1.0), (0.42, 0.38, 0.34, 1.0)
-_SETTLE_S = 1.0
+_SETTLE_S = 0.25
 _COLOUR = (235, 235, 235)
 
 
@@ -34,7 +34,7 @@ def draw_own(world: World, robot: str) -> np.ndarray:
     """Return the view (rows, cols, 3) RGB from behind one of this package's robots after some steps."""
     env = MineEnv(world.folder, robot=robot)
     env.reset(seed=0)
-    action = np.zeros(env.action_space.shape)
+    action = np.zeros(env.robot.COMMANDS)
     action[0] = 0.5
     for _ in range(12):
         env.step(action)
@@ -56,6 +56,7 @@ def draw_placed(world: World, file: Path) -> np.ndarray:
         if not geom.name.startswith("robot/"):
             geom.rgba = _FLOOR_RGBA if geom.name.startswith("floor") else _ROCK_RGBA
     spec.visual.global_.offwidth, spec.visual.global_.offheight = _SIZE_PX
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.45] * 3, [0.7] * 3
     spec.visual.map.znear, spec.stat.extent = 0.01, 5.0
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -65,7 +66,7 @@ def draw_placed(world: World, file: Path) -> np.ndarray:
     option.geomgroup[:] = 1
     option.geomgroup[4] = 0  # the roof
     camera.lookat[:] = data.body("robot/torso").xpos
-    camera.distance, camera.azimuth, camera.elevation = 4.0, 60.0, -20.0
+    camera.distance, camera.azimuth, camera.elevation = 3.4, 60.0, -15.0
     renderer = new_renderer(model, _SIZE_PX, max_geom=2 * model.ngeom + 1000)
     renderer.update_scene(data, camera, option)
     picture: np.ndarray = renderer.render().copy()

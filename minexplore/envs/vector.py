@@ -73,7 +73,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         if render_mode is not None:
             prepare_opengl(render_mode)
-        self.task, self.robot = coerce_params(TaskParams, task), find_robot(robot)
+        self.task = coerce_params(TaskParams, task)
+        self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
         self.world = load_world(find_world(world))
         self.robots = make_batch(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
         self.single_observation_space = observations_of(self.task, self.robot)
@@ -82,7 +83,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = []
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._observation: np.ndarray = np.zeros(self.observation_space.shape, np.float32)
+        self._observation: np.ndarray = np.zeros((num_envs, *observations_of(self.task, self.robot).shape), np.float32)
         self._renderer: Renderer | None = None
         self.closed = False
 

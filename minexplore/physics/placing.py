@@ -171,8 +171,9 @@ def _compose(
     here = (root[:3] - models.T_world_mine[:3, 3]) @ models.T_world_mine[:3, :3]
     box = None
     if math.isfinite(reach_m):
-        heights = () if models.world.floor.is_flat else (here[2] - reach_m, here[2] + reach_m)
-        box = Box(here[:2] - reach_m, here[:2] + reach_m, *heights, is_exact=True)
+        up_m = np.inf if models.world.floor.is_flat else reach_m
+        low, high = here - [reach_m, reach_m, up_m], here + [reach_m, reach_m, up_m]
+        box = Box(low[:2], high[:2], low[2], high[2], is_exact=True)
     spec = models.rock_spec(box)
     file.take_options(spec)
     file.meet(spec.geoms)

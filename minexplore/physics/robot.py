@@ -250,7 +250,7 @@ def separate_contacts(spec: mujoco.MjSpec) -> None:
 
 
 def free_joint_qpos(
-    T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
+    T_world_mine: np.ndarray, params: Robot, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
 ) -> np.ndarray:
     """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)  # NumPy's differ between processors in the last digit
