@@ -1,6 +1,7 @@
 """Gymnasium environments in worlds compiled from real mine surveys; reads a world bundle and nothing else."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,6 @@ from gymnasium.envs.registration import register
 from minexplore.bundle import RECORD
 
 if TYPE_CHECKING:
-    from minexplore.physics.placing import Pose, place
     from minexplore.world import World
 
 __version__ = "0.2.0"
@@ -91,9 +91,7 @@ def __getattr__(name: str) -> Any:
     """Import `place` and `Pose` when they are first asked for: they need MuJoCo."""
     if name not in ("place", "Pose"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from minexplore.physics import placing
-
-    return getattr(placing, name)
+    return getattr(import_module("minexplore.physics.placing"), name)
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():

@@ -65,7 +65,7 @@ def place(
     """Return the spec of a robot of any MJCF file in a world, to be changed or compiled.
 
     Its keyframe `spawn` is the robot at the pose; its text `placement` holds what differs from the robot's own file,
-    which a `PlacementWarning` says too.
+    which a `PlacementWarning` lists too.
 
     Parameters
     ----------
@@ -172,7 +172,8 @@ def _compose(
     box = None
     if math.isfinite(reach_m):
         up_m = np.inf if models.world.floor.is_flat else reach_m
-        low, high = here - [reach_m, reach_m, up_m], here + [reach_m, reach_m, up_m]
+        reach = np.array([reach_m, reach_m, up_m])
+        low, high = here - reach, here + reach
         box = Box(low[:2], high[:2], low[2], high[2], is_exact=True)
     spec = models.rock_spec(box)
     file.take_options(spec)

@@ -13,6 +13,7 @@ import numpy as np
 from minexplore.bundle import line_of
 
 MENAGERIE = "menagerie:"  # before the name of one of MuJoCo Menagerie's robots
+_LISTED = 3  # names of either kind that a message lists
 _BITS = 31  # of contype and conaffinity
 # What a robot's gains were chosen with. Gravity and contacts are the mine's.
 _OPTIONS = (
@@ -105,8 +106,10 @@ class RobotFile:
             if scenery.intersection(ends):
                 self.paired |= set(ends) - scenery
                 self.spec.delete(pair)
-        left_out = [f"geom {geom.name or geom.type.name}" for geom in world.geoms]
-        left_out += [f"light {light.name}".strip() for light in world.lights]
+        left_out = [f"geom {geom.name}" for geom in world.geoms if geom.name][:_LISTED]
+        left_out += [f"light {light.name}" for light in world.lights if light.name][:_LISTED]
+        others = len(world.geoms) + len(world.lights) - len(left_out)
+        left_out += [f"{others} other geoms or lights" if left_out else f"{others} geoms or lights"] if others else []
         for element in [*world.geoms, *world.lights]:
             self.spec.delete(element)
         if left_out:
