@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 FINE = 4  # fine cells along a cube: 0.5 m of 2 m
 UNKNOWN, FREE, ROCK = 0, 1, 2
@@ -26,6 +25,7 @@ class VolumeMap:
         self.low = np.zeros(3, dtype=int)  # the first cube
         self.seen = np.zeros((0, 0, 0), dtype=bool)
         self.fine = np.zeros((0, 0, 0), dtype=np.uint8)
+        self._near_rock = np.zeros((0, 0, 0), dtype=bool)  # fine cells that rock is beside
 
     def add(self, place: np.ndarray, directions: np.ndarray, ranges: np.ndarray, far_m: float) -> None:
         """Add beams (n, 3) from a place (3,) m; a range (n,) of `far_m` is a beam that hit nothing."""
@@ -38,7 +38,9 @@ class VolumeMap:
         before = self.fine[tuple(passed.T)]
         self.fine[tuple(passed.T)] = np.where(before == ROCK, ROCK, FREE)
         hit = ranges < far_m - 0.05
-        self.fine[tuple(self.at(ends[hit] + directions[hit] * (self.fine_m / 4)).T)] = ROCK
+        rock = self.at(ends[hit] + directions[hit] * (self.fine_m / 4))
+        self.fine[tuple(rock.T)] = ROCK
+        self._near_rock[tuple((rock[:, None] + _ALL_ROUND).reshape(-1, 3).T)] = True
 
     def at(self, places: np.ndarray) -> np.ndarray:
         """Return the fine cells (n, 3) about places (n, 3) m."""
@@ -59,7 +61,7 @@ class VolumeMap:
             self.low = high = cubes[-1]
         low = np.where(least < self.low, least - _GROWTH, self.low)
         high = np.where(most > high, most + _GROWTH, high)
-        for name, factor in (("seen", 1), ("fine", FINE)):
+        for name, factor in (("seen", 1), ("fine", FINE), ("_near_rock", FINE)):
             old = getattr(self, name)
             new = np.zeros((high - low) * factor, dtype=old.dtype)
             at = (self.low - low) * factor
@@ -79,48 +81,52 @@ class VolumeMap:
         closed : set of (3,)
             Cubes, counted from the mine frame's origin, that are no goals.
         """
-        start = self.at(place[None])[0]
-        open_ = (self.fine == FREE) & ~binary_dilation(self.fine == ROCK, np.ones((3, 3, 3)))
+        strides = np.array([self.fine.shape[1] * self.fine.shape[2], self.fine.shape[2], 1])
+        steps, start = _ALL_ROUND @ strides, self.at(place[None])[0]
+        wanted = self._wanted(closed)
+        free, clear = self.fine.reshape(-1) == FREE, self._near_rock.reshape(-1) == 0
         near = int(np.ceil(escape_m / self.fine_m))
-        about = tuple(slice(max(0, s - near), s + near + 1) for s in start.tolist())
-        open_[about] |= self.fine[about] == FREE
-        goal = open_ & self._beside_unseen(closed)
-        return self._walk(start, open_, goal)
+        about = np.stack(np.meshgrid(*[np.arange(s - near, s + near + 1) for s in start.tolist()], indexing="ij"), -1)
+        inside = ((about >= 0) & (about < self.fine.shape)).all(axis=-1)
+        clear[about[inside] @ strides] = True
+        levels, edge = [], np.array([start @ strides])
+        parents = edge
+        free[edge] = False
+        while len(edge):
+            levels.append((edge, parents))
+            goals = self._are_goals(edge, wanted, strides)
+            if goals.any():
+                return self._trace(levels, edge[goals][0])
+            ahead = (edge[:, None] + steps).ravel()  # the map has closed borders: no step leaves it
+            allowed = free[ahead] & clear[ahead]
+            edge, first = np.unique(ahead[allowed], return_index=True)
+            parents = np.repeat(levels[-1][0], len(steps))[allowed][first]
+            free[edge] = False
+        return None
 
-    def _beside_unseen(self, closed: set[tuple[int, ...]]) -> np.ndarray:
-        """Return the fine cells beside unknown ones of cubes that are not seen."""
+    def _wanted(self, closed: set[tuple[int, ...]]) -> np.ndarray:
+        """Return which cubes are not seen and may be goals."""
         wanted = ~self.seen
         for cube in closed:
             at = np.array(cube) - self.low
             if ((at >= 0) & (at < wanted.shape)).all():
                 wanted[tuple(at)] = False
-        unknown = self.fine == UNKNOWN
-        for axis in range(3):
-            wanted = np.repeat(wanted, FINE, axis=axis)
-        return binary_dilation(unknown & wanted)
+        return wanted
 
-    def _walk(self, start: np.ndarray, open_: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
-        """Return the path (n, 3) m from a cell (3,) over open cells to the nearest goal; None if none is connected."""
-        shape, flat = np.array(open_.shape), np.ravel_multi_index(tuple(start), open_.shape)
-        steps = _ALL_ROUND @ np.array([shape[1] * shape[2], shape[2], 1])
-        left, wanted = open_.reshape(-1).copy(), goal.reshape(-1)
-        came = np.full(left.size, -1)
-        edge = np.array([flat])
-        left[flat] = False
-        while len(edge) and not wanted[edge].any():
-            ahead = (edge[:, None] + steps).ravel()  # the map has closed borders: no step leaves it
-            parents = np.repeat(edge, len(steps))
-            free = left[ahead]
-            ahead, first = np.unique(ahead[free], return_index=True)
-            came[ahead] = parents[free][first]
-            left[ahead] = False
-            edge = ahead
-        if not len(edge):
-            return None
-        cells = [int(edge[wanted[edge]][0])]
-        while came[cells[-1]] >= 0:
-            cells.append(int(came[cells[-1]]))
-        return self.centres(np.column_stack(np.unravel_index(cells[::-1], open_.shape)))
+    def _are_goals(self, cells: np.ndarray, wanted: np.ndarray, strides: np.ndarray) -> np.ndarray:
+        """Return which flat cells (n,) have an unknown one of a wanted cube beside them."""
+        beside = cells[:, None] + _SIDES @ strides
+        place = np.unravel_index(beside, self.fine.shape)
+        unknown = self.fine.reshape(-1)[beside] == UNKNOWN
+        return np.asarray((unknown & wanted[tuple(axis // FINE for axis in place)]).any(axis=1))
+
+    def _trace(self, levels: list[tuple[np.ndarray, np.ndarray]], cell: int) -> np.ndarray:
+        """Return the centres (n, 3) m from the first level's cell to one of the last level's."""
+        cells = []
+        for edge, parents in reversed(levels):
+            cells.append(int(cell))
+            cell = parents[np.searchsorted(edge, cell)]
+        return self.centres(np.column_stack(np.unravel_index(cells[::-1], self.fine.shape)))
 
     def unseen_beside(self, place: np.ndarray) -> list[tuple[int, ...]]:
         """Return the cubes beside that about a place (3,) m, and that one, that are not seen."""
