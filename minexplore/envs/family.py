@@ -174,8 +174,8 @@ class FamilyVectorEnv(SyncVectorEnv):
         """Step all robots; see `FamilyEnv.step`."""
         self._require_open()
         commands = numbers_of(actions)
-        if commands.shape != (self.num_envs, 2):
-            raise ValueError(f"actions of shape {commands.shape}: want ({self.num_envs}, 2)")
+        if commands.shape != self.action_space.shape:
+            raise ValueError(f"actions of shape {commands.shape}: want {self.action_space.shape}")
         return super().step(commands)
 
     def _require_open(self) -> None:

@@ -16,7 +16,7 @@ from minexplore.sensing.volume import VolumeGrid
 from minexplore.task import TaskParams
 from minexplore.world import World
 
-_START_M = 1.2  # above the floor
+_START_M = 1.2  # above the floor; half-way to a lower roof
 _INNER_S = 0.01  # of the controller: a twelfth of its fastest loop's time
 
 
@@ -67,7 +67,9 @@ class FlyerBatch(RobotBatch):
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Place a robot, at rest and level, over the floor at a pose of the plan."""
         self.stepper.restart(robot)
-        start = self.floor.fold(np.array([[x_m, y_m, _START_M]]))
+        height_m = float(self.world.record["height_m"])
+        roof_m = height_m + float(self.floor.lifts_at(np.array([[x_m, y_m]]), height_m)[0])
+        start = self.floor.fold(np.array([[x_m, y_m, min(_START_M, roof_m / 2)]]))
         self.qpos[robot, :3] = rotate_inverse(start, self._R.T)[0] + self._t
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         ahead = rotate_inverse(np.array([[cos, sin, 0.0]]), self._R.T)[0]

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import minexplore
-from baselines.base.environments import find_id, make_env
+from baselines.base.environments import find_id, make_env, require_trainable
 from baselines.base.errors import BaselineError
 from baselines.explorers import EXPLORERS
 from baselines.explorers.in_volume import NearestFrontierInVolume, body_axes
@@ -100,6 +100,11 @@ def test_policies_that_drive_on_floors_are_refused_for_a_robot_that_flies():
     assert [name for name in EXPLORERS if fits(name, robot)] == ["nearest-frontier"]
     assert all(fits(name, HuskyParams()) for name in EXPLORERS)
     assert known_sha256("nearest-frontier", False, flies=True) != known_sha256("nearest-frontier", False)
+
+
+def test_training_refuses_the_tasks_of_other_robots():
+    with pytest.raises(BaselineError, match="robot = 'husky': only policies of the default robot are trained"):
+        require_trainable("ChileanMineHusky")
 
 
 def test_the_robots_tasks_are_found_by_their_short_names_and_their_facts_name_the_robots_fields():

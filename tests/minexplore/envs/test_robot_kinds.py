@@ -8,12 +8,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from minexplore.envs.env import MineEnv
+from minexplore.envs.family import FamilyVectorEnv
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.husky import HuskyParams
 from minexplore.physics.quadrotor import INERTIA_KGM2, MASS_KG, QuadrotorParams
 from minexplore.physics.robot import RobotParams
+from minexplore.physics.robots import default_robot
 from minexplore.task import TaskParams
 from tests.heights import levels
 from tests.mines import BuiltMine
@@ -224,10 +226,23 @@ def test_a_wrong_number_of_commands_is_refused(tee: BuiltMine):
 
 
 def test_a_team_and_warp_drive_the_default_robot_only(tee: BuiltMine):
+    where = "the environment on Warp"
+    with pytest.raises(ValueError, match=f"robot = 'quadrotor': {where} drives the default robot only; want RobotPar"):
+        default_robot("quadrotor", where)
+    assert default_robot({"radius_m": 0.4}, where) == RobotParams(radius_m=0.4)
     multi_agent = pytest.importorskip("minexplore.envs.multi_agent", reason="pettingzoo is not installed")
     message = "drives the default robot only; want RobotParams"
     with pytest.raises(ValueError, match=f"robot = 'husky': a team {message}"):
         multi_agent.MineParallelEnv(world=tee.bundle, robot="husky")
+
+
+def test_a_family_of_mines_takes_a_robots_commands():
+    many = FamilyVectorEnv(2, split="test", robot="quadrotor")
+    assert many.single_action_space.shape == (4,)
+    assert many.single_observation_space.shape == (86,)
+    with pytest.raises(ValueError, match=r"actions of shape \(2, 2\): want \(2, 4\)"):
+        many.step(np.zeros((2, 2)))
+    many.close()
 
 
 def test_a_parked_quadrotors_episode_ends(tee: BuiltMine):
