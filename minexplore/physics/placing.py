@@ -36,8 +36,8 @@ class PlacementWarning(UserWarning):
 class Pose:
     """Where a robot is put: `x_m`, `y_m` and `yaw_rad` (0 east, counter-clockwise), and for a flyer `z_m`.
 
-    Without `z_m` the robot stands on the floor at a place of the plan, upright on its slope. With it the lowest point
-    of the robot, which is level, is there in the mine frame.
+    Without `z_m` the robot stands on the floor at a place of the plan, upright on its slope. With it the robot is level
+    in the world, whatever the mine's dip, and its lowest point is there in the mine frame.
     """
 
     x_m: float
@@ -125,20 +125,28 @@ def _copy(file: RobotFile) -> RobotFile:
 
 def _stand(world: World, stance: RobotStance, pose: Pose) -> np.ndarray:
     """Return T_mine_robot (4, 4): from the frame of the robot's file into the mine frame."""
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
-    if pose.z_m is not None:
-        foot, lift = np.array([pose.x_m, pose.y_m, pose.z_m]), 0.0
-    else:
-        plan = np.array([pose.x_m, pose.y_m])
+    plan, ahead = np.array([pose.x_m, pose.y_m]), np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0])
+    if pose.z_m is None or world.floor.is_flat:
         _require_floor(world, plan)
-        turn = world.floor.frame_at(plan) @ turn
+    if pose.z_m is not None:
+        up = world.T_world_mine[2, :3]  # of the world, in the mine frame: a mine may dip
+        foot, turn, lift = np.array([*plan, pose.z_m]), _upright(up, ahead), 0.0
+    else:
+        axes = world.floor.frame_at(plan)
+        turn = _upright(axes[:, 2], axes @ ahead)
         foot = world.floor.fold(np.array([[*plan, 0.0]]))[0]
         lift = _GAP_M + _above_slope(world, stance, plan, foot, turn)
     T_mine_robot = np.eye(4)
     T_mine_robot[:3, :3] = turn
     T_mine_robot[:3, 3] = foot + turn @ [-stance.origin_m[0], -stance.origin_m[1], lift - stance.low_m[2]]
     return T_mine_robot
+
+
+def _upright(up: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """Return the axes (3, 3), as columns, of what stands along `up` and faces `ahead`, made square to it."""
+    level = ahead - (ahead @ up) * up
+    level = level / np.linalg.norm(level)
+    return np.column_stack([level, np.cross(up, level), up])
 
 
 def _above_slope(world: World, stance: RobotStance, plan: np.ndarray, foot: np.ndarray, turn: np.ndarray) -> float:
