@@ -23,7 +23,7 @@ from baselines.base.result_file import (
 )
 from baselines.base.statistics import as_text, figures
 from baselines.explorers import EXPLORERS
-from baselines.policies.found import RESERVED, make_policy, policy_label, trained_in
+from baselines.policies.found import RESERVED, fits, make_policy, policy_label, trained_in
 from baselines.running.parallel import drive
 from baselines.running.protocol import SEEDS, head_of
 from baselines.scoring.bounds import bound_of
@@ -86,7 +86,8 @@ def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
     """
     for env_id in env_ids:
         env = make_env(env_id, 1)
-        heads = {name: expected_head(name, env_id, env, seeds) for name in _policies_of(env_id)}
+        names = [name for name in _policies_of(env_id) if fits(name, env.robot)]
+        heads = {name: expected_head(name, env_id, env, seeds) for name in names}
         env.close()
         stale = [name for name, head in heads.items() if not is_current(result_path(head.policy, env_id), head)]
         for name in stale:

@@ -99,9 +99,11 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
     _python("odometry-loss", "all", "benchmarks.sensors.odometry_loss", _PARTS + "odometry-loss.md", "10"),
+    _python("wheel-log", "setup", "benchmarks.wheel_log", ""),
     # Pictures
     _python("sensor-pictures", "all", "benchmarks.sensors.pictures", "docs/sensors.jpg"),
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
+    _python("robot-pictures", "all", "benchmarks.pictures.robot_pictures", "docs/robots.jpg"),
     _python("level-pictures", "setup", "benchmarks.pictures.gallery levels", "docs/levels.png"),
     _python("decline-pictures", "setup", "benchmarks.pictures.gallery declines", "docs/decline.jpg"),
     _python("case-pictures", "setup", "benchmarks.pictures.case_pictures", _PARTS + "cases.md"),

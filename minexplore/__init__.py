@@ -1,6 +1,7 @@
 """Gymnasium environments in worlds compiled from real mine surveys; reads a world bundle and nothing else."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from minexplore.world import World
 
 __version__ = "0.2.0"
+__all__ = ["FAMILY", "ROBOT_TASKS", "WORLDS", "Pose", "environments", "is_built_in", "load", "place"]
 
 FAMILY = "MineXplore/Family-v0"
 ENTRY_POINT, VECTOR_ENTRY_POINT = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
@@ -22,6 +24,12 @@ WORLDS: dict[str, dict[str, Any]] = {
     "MineXplore/ChileanMine-v0": {"world": "chilean_mine"},
     "MineXplore/ChileanMineFlatDry-v0": {"world": "chilean_mine", "task": {"terrain": False, "tilt": False}},
     "MineXplore/ChileanMineEntrance-v0": {"world": "chilean_mine", "task": {"region_m": 60.0, "max_steps": 1500}},
+}
+
+# The embedded mine with this package's other robots: tasks of their own, which policies are not compared in by default.
+ROBOT_TASKS: dict[str, dict[str, Any]] = {
+    "MineXplore/ChileanMineHusky-v0": {"world": "chilean_mine", "robot": "husky"},
+    "MineXplore/ChileanMineQuadrotor-v0": {"world": "chilean_mine", "robot": "quadrotor"},
 }
 
 # A source checkout's own worlds, made by `python -m pipeline new NAME`, are MineXplore/NAME-v0.
@@ -41,12 +49,15 @@ FAMILY_MINES: dict[str, dict[str, Any]] = {
 
 def is_built_in(env_id: str) -> bool:
     """Return whether an id is one of this package's, also those of the family's mines that are not built."""
-    return env_id in WORLDS or env_id == FAMILY or env_id.startswith(f"{FAMILY.removesuffix('-v0')}-")
+    return (
+        env_id in {**WORLDS, **ROBOT_TASKS} or env_id == FAMILY or env_id.startswith(f"{FAMILY.removesuffix('-v0')}-")
+    )
 
 
 def environments() -> dict[str, dict[str, Any]]:
     """Return the arguments of every environment by its id, the built-in ones first; a built-in id is never replaced."""
-    return {**WORLDS, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if not is_built_in(env_id)}}
+    built_in = {**WORLDS, **ROBOT_TASKS}
+    return {**built_in, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if not is_built_in(env_id)}}
 
 
 def load(world: str | Path, source: str | Path | None = None, sha256: str | None = None) -> "World":
@@ -74,6 +85,13 @@ def load(world: str | Path, source: str | Path | None = None, sha256: str | None
     if str(world).startswith(PREFIX):
         return open_corpus(source, sha256).load(str(world).removeprefix(PREFIX))
     return load_world(find_world(world))
+
+
+def __getattr__(name: str) -> Any:
+    """Import `place` and `Pose` when they are first asked for: they need MuJoCo."""
+    if name not in ("place", "Pose"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module("minexplore.physics.placing"), name)
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():

@@ -17,7 +17,7 @@ from minexplore.envs.env import MineEnv
 from minexplore.page import page
 from minexplore.pictures.opengl import DisplayError
 from minexplore.record.command import add_arguments, record
-from minexplore.sensing.observation import COMMANDS
+from minexplore.record.policies import spread_command
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
@@ -36,14 +36,14 @@ def list_envs() -> None:
         except (BundleError, FileNotFoundError) as error:
             print(f"{env_id:36} {error}")
             continue
-        task = ", ".join(f"{k}={v}" for k, v in kwargs.get("task", {}).items()) or "as published"
+        changes = {**kwargs.get("task", {}), **{k: v for k, v in kwargs.items() if k == "robot"}}
+        task = ", ".join(f"{k}={v}" for k, v in changes.items()) or "as published"
         area, drifts = record["areas"]["tunnel_m2"], record["drifts"]
         print(f"{env_id:36} {record['name']}, {area:,.0f} m2, {drifts} drifts, {record['world_sha256'][:12]}; {task}")
 
 
-def ahead(observation: np.ndarray) -> np.ndarray:
-    """Drive towards where the beams reach farthest ahead, slower before walls."""
-    beams = len(observation) - COMMANDS
+def ahead(observation: np.ndarray, beams: int) -> np.ndarray:
+    """Drive towards where the beams in the robot's plane, the first ones, reach farthest ahead, slower before walls."""
     angle = (np.arange(beams) * 2 * np.pi / beams + np.pi) % (2 * np.pi) - np.pi
     front = np.abs(angle) < 1.2
     ranges = observation[:beams]
@@ -58,14 +58,15 @@ def play(env_id: str, world: str | None, policy: str, steps: int, video: str | N
     env = gymnasium.make(env_id, render_mode="rgb_array" if video else "human", **kwargs)
     if video:
         env = gymnasium.wrappers.RecordVideo(env, video, episode_trigger=lambda k: True)
-    keyboard = np.zeros(2, dtype=np.float32)
-    rng = np.random.default_rng(0)
-    policies: dict[str, Policy] = {
-        "keyboard": lambda observation: keyboard,
-        "ahead": ahead,
-        "random": lambda observation: rng.uniform(-1, 1, 2).astype(np.float32),
-    }
     mine: MineEnv = env.unwrapped  # type: ignore[assignment]
+    keyboard, commands = np.zeros(2, dtype=np.float32), mine.robot.COMMANDS
+    rng = np.random.default_rng(0)
+
+    policies: dict[str, Policy] = {
+        "keyboard": lambda observation: spread_command(keyboard, commands),
+        "ahead": lambda observation: spread_command(ahead(observation, mine.task.beams), commands),
+        "random": lambda observation: rng.uniform(-1, 1, commands).astype(np.float32),
+    }
 
     def on_key(code: int) -> None:
         keyboard[:] = np.clip(keyboard + _KEYS[code], -1, 1) if code in _KEYS else 0.0  # any other key stops
@@ -94,7 +95,7 @@ def time_env(env_id: str, world: str | None, robots: int, threads: int, steps: i
     for k in range(2 * steps):
         if k == steps:
             start = time.perf_counter()
-        env.step(rng.uniform(-1, 1, (robots, 2)))
+        env.step(rng.uniform(-1, 1, env.action_space.shape))
     rate = steps * robots / (time.perf_counter() - start)
     print(f"{rate:,.0f} control steps/s: {robots} robots, {threads} threads, beams by {env.robots.lidar.backend}")  # type: ignore[attr-defined]
     env.close()

@@ -7,7 +7,7 @@ from typing import Any
 
 import mujoco
 
-from minexplore import WORLDS
+from minexplore import ROBOT_TASKS, WORLDS
 from minexplore.envs.env import MineEnv
 from minexplore.envs.sensor_page import sensors_section
 from minexplore.physics.local_models import physics_spec
@@ -113,7 +113,9 @@ def page() -> str:
     """Return the environment's page."""
     text = inspect.cleandoc(MineEnv.__doc__ or "")
     title, _, rest = text.partition("\n")
-    rows = "\n".join(f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in WORLDS.items())
+    rows = "\n".join(
+        f"| `{env_id}` | {kwargs or 'any world'} |" for env_id, kwargs in {**WORLDS, **ROBOT_TASKS}.items()
+    )
     rows += "\n| `MineXplore/Family-v0` | a mine an episode, see [below](#unseen-mines) |"
     rows += "\n| `MineXplore/Family-test-0007-v0` | one mine of a split, once it is built |"
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"

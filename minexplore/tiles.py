@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-Tile = tuple[int, int]  # column and row
+Tile = tuple[int, ...]  # column and row, of a cube its layer too
 
 
 def tiles_at(places_m: np.ndarray, size_m: float) -> np.ndarray:
-    """Return the column and row (n, 2) int of the tile under each place (n, 2) m."""
+    """Return the column and row (n, 2) int of the tile under each place (n, 2) m, or the cube (n, 3) about (n, 3)."""
     return np.floor(places_m / size_m).astype(int)
 
 
 def group_by_tile(tiles: np.ndarray) -> list[tuple[Tile, np.ndarray]]:
-    """Return each tile among rows (n, 2) with the numbers of its rows, in the order of the tiles."""
+    """Return each tile among rows (n, 2 or 3) with the numbers of its rows, in the order of the tiles."""
     if len(tiles) == 1:  # one robot needs no sorting
-        return [((int(tiles[0, 0]), int(tiles[0, 1])), np.zeros(1, dtype=int))]
+        return [(tuple(tiles[0].tolist()), np.zeros(1, dtype=int))]
     order = np.lexsort(tiles.T[::-1])
     borders = np.flatnonzero(np.any(np.diff(tiles[order], axis=0) != 0, axis=1)) + 1
     groups = [group for group in np.split(order, borders) if len(group)]
-    return [((int(tiles[group[0], 0]), int(tiles[group[0], 1])), group) for group in groups]
+    return [(tuple(tiles[group[0]].tolist()), group) for group in groups]

@@ -47,7 +47,7 @@ def find_id(name: str) -> str:
 
 
 def require_trainable(name: str) -> None:
-    """Refuse to train in a mine that policies are judged by.
+    """Refuse to train in a mine that policies are judged by, or with another robot than the default one.
 
     These are the mines of the splits validation and test, and variants of the embedded mine; the name in the world's
     record decides, so that another id or a moved folder changes nothing.
@@ -58,6 +58,9 @@ def require_trainable(name: str) -> None:
         Naming the environment, the world and its split.
     """
     env_id = find_id(name)
+    robot = gymnasium.spec(env_id).kwargs.get("robot")
+    if robot is not None:
+        raise BaselineError(f"{env_id}: robot = {robot!r:.60}: only policies of the default robot are trained")
     try:
         world = load_world(find_world(gymnasium.spec(env_id).kwargs["world"])).record["name"]
     except (FileNotFoundError, ValueError) as error:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from baselines.explorers.frontier import InformationGain, NearestFrontier
+from baselines.explorers.in_volume import NearestFrontierInVolume
 from baselines.explorers.over_heights import (
     DepthFirstOverHeights,
     FrontierTourOverHeights,
@@ -21,16 +22,19 @@ from baselines.explorers.wall_following import WallFollowing
 
 @dataclass(frozen=True)
 class Explorer:
-    """The class of an explorer, made as `Class(count, task, robot)`, and its class for mines with heights.
+    """The class of an explorer, made as `Class(count, task, robot)`, its class for mines with heights, and for flyers.
 
-    An explorer that keeps no map needs no second class.
+    An explorer that keeps no map needs no second class. One without a class for flyers drives on floors only.
     """
 
     level: Any
     over_heights: Any = None
+    flying: Any = None
 
-    def kind(self, heights: bool) -> Any:
-        """Return the class for a level mine, or for one with heights."""
+    def kind(self, heights: bool, flies: bool = False) -> Any:
+        """Return the class for a level mine, or for one with heights; or that for robots that fly, None without one."""
+        if flies:
+            return self.flying
         return self.over_heights or self.level if heights else self.level
 
 
@@ -38,7 +42,7 @@ EXPLORERS: dict[str, Explorer] = {
     "random": Explorer(RandomWalk),
     "reactive": Explorer(Reactive),
     "wall-following": Explorer(WallFollowing),
-    "nearest-frontier": Explorer(NearestFrontier, NearestFrontierOverHeights),
+    "nearest-frontier": Explorer(NearestFrontier, NearestFrontierOverHeights, NearestFrontierInVolume),
     "information-gain": Explorer(InformationGain, InformationGainOverHeights),
     "frontier-tour": Explorer(FrontierTour, FrontierTourOverHeights),
     "depth-first": Explorer(DepthFirst, DepthFirstOverHeights),

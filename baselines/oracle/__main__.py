@@ -16,11 +16,13 @@ from baselines.base.result_file import Episode, Head, line_sha256, read_results,
 from baselines.evaluate import is_current
 from baselines.oracle.bound import best_walk
 from baselines.oracle.figure import draw_oracle
+from baselines.oracle.flying import network_in_volume
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.sheets import network_over_sheets, tour_over_sheets
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.running.protocol import SEEDS, head_of, run_episodes
 from baselines.scoring.bounds import Bound, read_bounds, write_bound
+from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.world import World
 
@@ -38,6 +40,9 @@ def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
     head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
     known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
     bounded, driven = len(known.time_s) == len(times), is_current(results, head)
+    if env.robot.FLIES:
+        _renew_flying(env_id, env, known, times, limit_s)
+        return
     build = time_network if env.world.floor.is_flat else network_over_sheets
     network = None if bounded and driven else build(env.robots, times[-1] / _BANDS)
     bound = known if network is None else _bound(env_id, network, known, times, limit_s)
@@ -52,6 +57,20 @@ def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
         f"{env_id}: at {bound.time_s[-1]:g} s no robot can have seen more than {bound.most[-1]} of {bound.cells} "
         f"cells ({bound.most[-1] / bound.cells:.1%}); the tour saw {reached:.0f} ({reached / bound.cells:.1%})"
         f"{'; both were current' if network is None else ''}",
+        flush=True,
+    )
+
+
+def _renew_flying(env_id: str, env: MineVectorEnv, known: Bound, times: list[float], limit_s: float) -> None:
+    """Bring the bound of a robot that flies up to date; it has no tour."""
+    assert isinstance(env.robots, FlyerBatch)
+    current = len(known.time_s) == len(times)
+    network = None if current else network_in_volume(env.robots, times[-1] / _BANDS)
+    bound = known if network is None else _bound(env_id, network, known, times, limit_s)
+    env.close()
+    print(
+        f"{env_id}: at {bound.time_s[-1]:g} s no robot can have seen more than {bound.most[-1]} of {bound.cells} cubes "
+        f"({bound.most[-1] / bound.cells:.1%}){'; it was current' if current else ''}",
         flush=True,
     )
 

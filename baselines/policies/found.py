@@ -9,7 +9,7 @@ import pkgutil
 import re
 import sys
 from pathlib import Path
-from typing import Any, Protocol, TypeGuard
+from typing import Any, Protocol, TypeGuard, cast
 
 import numpy as np
 
@@ -22,7 +22,9 @@ from baselines.graph.policy import GraphPolicy
 from baselines.policies.learned import LearnedPolicy
 from baselines.policies.learned import trained_in as ppo_trained_in
 from baselines.policies.policy_source import find_source, read_source, source_sha256
+from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot_kind import Robot
 from minexplore.task import TaskParams
 
 RESERVED = ("oracle-tour",)  # names of rows that are no policy of this module
@@ -51,9 +53,7 @@ class Policy(Protocol):
         """
 
 
-def make_policy(
-    name: str, count: int, task: TaskParams, robot: RobotParams | None = None, heights: bool = False
-) -> Policy:
+def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = None, heights: bool = False) -> Policy:
     """Return a policy for `count` robots.
 
     Parameters
@@ -63,21 +63,26 @@ def make_policy(
         below `baselines/results/checkpoints` or `artifacts/train`; or a file NAME.safetensors.
     count : int
     task : TaskParams
-    robot : RobotParams, optional
-        The default robot without it.
+    robot : Robot, optional
+        The default robot without it. A robot that flies has explorers of its own.
     heights : bool
         Whether the mine has heights, see `minexplore.floors.floor.Floor.is_flat`: explorers then map it in layers.
 
     Raises
     ------
     BaselineError
-        If there is no policy of that name, or it knows level mines only; the message lists the choices.
+        If there is no policy of that name, or it knows level mines or floors only; the message lists the choices.
     """
     robot = robot or RobotParams()
-    if name in EXPLORERS:
-        return EXPLORERS[name].kind(heights)(count, task, robot)
+    if name in EXPLORERS and fits(name, robot):
+        return EXPLORERS[name].kind(heights, robot.FLIES)(count, task, robot)
     if ":" in name:
         return _import_class(name)(count, task, robot)
+    if robot.FLIES:
+        flying = ", ".join(known for known in EXPLORERS if fits(known, robot))
+        raise BaselineError(
+            f"policy = {name!r}: it drives on floors; of robots that fly valid choices are {flying}, module:Class"
+        )
     path = find_checkpoint(name)
     if heights:
         raise BaselineError(
@@ -85,8 +90,13 @@ def make_policy(
             f"{', '.join(EXPLORERS)}, module:Class"
         )
     if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
-        return GraphPolicy(path, count, task, robot)
+        return GraphPolicy(path, count, task, cast(RobotParams, robot))  # it uses what all robots on wheels have
     return LearnedPolicy(path, count, task)
+
+
+def fits(name: str, robot: Robot) -> bool:
+    """Return whether a policy of this name drives a robot of this kind; kept checkpoints fly none."""
+    return not robot.FLIES or (name in EXPLORERS and EXPLORERS[name].flying is not None)
 
 
 def trained_in(path: Path) -> str:
@@ -163,12 +173,16 @@ def checkpoint_sha256(path: Path) -> str:
     return _own_sha256(GraphPolicy if graph else LearnedPolicy, path)
 
 
-def known_sha256(label: str, heights: bool) -> str | None:
-    """Return the hash of the explorer or kept checkpoint of a name, in any capitals; None if there is none."""
+def known_sha256(label: str, heights: bool, flies: bool = False) -> str | None:
+    """Return the hash of the explorer or kept checkpoint of a name, in any capitals; None if there is none.
+
+    Explorers are those for mines with or without heights, or for robots that fly.
+    """
     wanted = label.casefold()
     for name in EXPLORERS:
-        if name.casefold() == wanted:
-            return policy_sha256(make_policy(name, 1, TaskParams(), heights=heights))
+        if name.casefold() == wanted and (not flies or EXPLORERS[name].flying is not None):
+            robot = QuadrotorParams() if flies else RobotParams()
+            return policy_sha256(make_policy(name, 1, TaskParams(), robot, heights))
     kept = next((path for path in CHECKPOINTS.glob("*.safetensors") if path.stem.casefold() == wanted), None)
     return checkpoint_sha256(kept) if kept is not None else None
 

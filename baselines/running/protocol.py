@@ -14,7 +14,7 @@ import minexplore
 from baselines.base.result_file import FORMAT, SAMPLE_STEPS, Episode, Head
 from baselines.policies.found import Policy, policy_sha256
 from minexplore.envs.vector import MineVectorEnv
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot_kind import Robot
 from minexplore.task import TaskParams
 
 SEEDS = tuple(range(20))  # of the episodes that a policy's results consist of: all of them, and no others
@@ -49,11 +49,11 @@ def head_of(env_id: str, env: MineVectorEnv, label: str, policy: Policy, seeds: 
     )
 
 
-def params_facts(params: TaskParams | RobotParams) -> dict[str, Any]:
+def params_facts(params: TaskParams | Robot) -> dict[str, Any]:
     """Return the numbers of a task or a robot as JSON holds them."""
     return {
         k: list(v) if isinstance(v, tuple) else str(v) if v == np.inf else v
-        for k, v in dataclasses.asdict(params).items()
+        for k, v in dataclasses.asdict(params).items()  # type: ignore[arg-type]
     }
 
 

@@ -25,6 +25,7 @@ from baselines.sandbox.channel import ACT, DONE, MAKE, RESET, Channel, ChannelEr
 from baselines.sandbox.policy_copy import copy_policy
 from baselines.sandbox.policy_server import HEIGHTS
 from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot_kind import Robot
 from minexplore.task import TaskParams
 
 _MOST_ANSWER = 1 << 20
@@ -59,7 +60,7 @@ class ConfinedPolicy:
         name: str,
         count: int,
         task: TaskParams,
-        robot: RobotParams,
+        robot: Robot,
         confined: Confined,
         heights: bool = False,
     ) -> None:
@@ -78,6 +79,10 @@ class ConfinedPolicy:
         BaselineError
             If there is no such policy, it is another than `confined` names, it fails, or it exceeds its limits.
         """
+        if not isinstance(robot, RobotParams):
+            raise BaselineError(
+                f"policy = {name!r}: it is confined, and drives the default robot only, not {robot.KIND}"
+            )
         self._name, self._count, self._limits, self._used_s = name, count, confined.limits, 0.0
         self._sent = ("pose_m_rad", *(HEIGHTS if heights else ()))
         params = {"task": _fields(TaskParams, task), "robot": _fields(RobotParams, robot)}

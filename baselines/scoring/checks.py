@@ -22,13 +22,14 @@ from baselines.running.protocol import params_facts, seeds_of
 
 @dataclass(frozen=True)
 class Facts:
-    """What an environment says of itself: world, task, robot, number of reachable cells, and whether it has heights."""
+    """What an environment says of itself: world, task, robot, number of reachable cells, heights or none."""
 
     world_sha256: str
     task: dict[str, Any]
     robot: dict[str, Any]
     cells: int
     heights: bool
+    flies: bool = False  # whether the robot does
 
     @property
     def max_steps(self) -> int:
@@ -60,6 +61,7 @@ def _read_facts(env_id: str, arguments: str) -> Facts:
             robot=params_facts(env.robot),
             cells=env.robots.grid.total,
             heights=not env.world.floor.is_flat,
+            flies=env.robot.FLIES,
         )
     finally:
         env.close()
@@ -84,7 +86,7 @@ def name_faults(head: Head, facts: Facts) -> Iterator[str]:
     if head.policy.casefold() in RESERVED:
         yield f"policy {head.policy!r}: the name is reserved"
         return
-    known = known_sha256(head.policy, facts.heights)
+    known = known_sha256(head.policy, facts.heights, facts.flies)
     if known is not None and known != head.policy_sha256:
         yield (
             f"policy {head.policy!r}: the name of another policy, whose hash is {known[:12]}, "

@@ -135,7 +135,7 @@ def record_drive(path: Path) -> None:
     observation, _ = env.reset(seed=0)
     pictures: list[Pillow.Image] = []
     for step in range(_WARM_UP + _FRAMES):
-        observation, *_ = env.step(ahead(observation))
+        observation, *_ = env.step(ahead(observation, env.unwrapped.task.beams))  # type: ignore[attr-defined]
         if step >= _WARM_UP:
             frame = Pillow.fromarray(np.asarray(env.render()))
             pictures.append(frame.resize(_CLIP_PX, Pillow.Resampling.LANCZOS))

@@ -9,15 +9,15 @@ from typing import Any, get_args
 import gymnasium
 import numpy as np
 
+from minexplore.envs.batches import commands_of, make_batch, observations_of
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
 from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome, info_of_robot
 from minexplore.envs.sensor_suite import SensorSuite, check_sensors, observed_space
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer, shown_groups
 from minexplore.sensing.lidar import Backend
-from minexplore.sensing.observation import observation_space
 from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
@@ -91,7 +91,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     |-----------|---------|-------------|
     | `world` | the id's | path of a world bundle, or the name of one that ships with the package; refused if its hashes do not hold |
     | `task` | `TaskParams()` | or a dict of its fields: beams, ranges, speeds, steps, control and physics step, `region_m` round the entrance, `terrain`, `tilt` |
-    | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height |
+    | `robot` | `RobotParams()` | or a dict of its fields: radius, mass, wheels, torques, sensor height; or `"husky"` or `"quadrotor"`, see [robots](robots.md) |
     | `render_mode` | None | `"rgb_array"` (without a display by EGL or OSMesa, or as `MUJOCO_GL` says), `"human"` (MuJoCo's viewer) |
     | `camera` | `"chase"` | `"chase"` from behind, `"front"` from the robot, or `"top"`: the plan with the coverage painted on it |
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
@@ -110,7 +110,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self,
         world: str | Path | None = None,
         task: TaskParams | dict[str, Any] | None = None,
-        robot: RobotParams | dict[str, Any] | None = None,
+        robot: RobotChoice = None,
         render_mode: str | None = None,
         camera: str = "chase",
         lidar: Backend = "auto",
@@ -137,15 +137,15 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         check_arguments(given)
         if render_mode is not None:
             prepare_opengl(render_mode)
-        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
+        self.task, self.robot = coerce_params(TaskParams, task), find_robot(robot)
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
-        self.robots = batch_kind(pose)(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
+        self.robots = make_batch(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole, pose=pose)
         self.grid = self.robots.grid
         self.sensors = check_sensors(sensors)
         self.suite = SensorSuite(self.robots, self._drawing, sensor_params(conditions), lidar)
-        self.observation_space = observed_space(observation_space(self.task), self.sensors)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = observed_space(observations_of(self.task, self.robot), self.sensors)
+        self.action_space = commands_of(self.robot)
         self._renderer: Renderer | None = None
         self._viewer: Any = None
         self._begun = self._closed = False
@@ -168,15 +168,15 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         Raises
         ------
         ValueError
-            If the action is not two finite numbers.
+            If the action is not as many finite numbers as drive the robot.
         gymnasium.error.ResetNeeded, gymnasium.error.ClosedEnvironmentError
             Before the first reset, and after `close`.
         """
         self._require_open()
         self._require_begun("step")
         command = numbers_of(action)
-        if command.shape != (2,):
-            raise ValueError(f"action of shape {command.shape}: want (2,)")
+        if command.shape != self.action_space.shape:
+            raise ValueError(f"action of shape {command.shape}: want {self.action_space.shape}")
         outcome: StepOutcome = self.robots.step(command[None], [self.np_random])
         self.suite.advance()
         self._show()
@@ -207,7 +207,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self.render_mode != "rgb_array":
             return None
         robots = self.robots
-        return self._drawing().draw(self.camera, robots.qpos, robots.seen[0], robots.poses())
+        return self._drawing().draw(self.camera, robots.qpos, robots.seen_from_above(0), robots.poses())
 
     def _drawing(self) -> Renderer:
         if self._renderer is None:
@@ -291,4 +291,4 @@ def check_arguments(arguments: Mapping[str, Any]) -> None:
     check_sensors(arguments.get("sensors", ()))
     sensor_params(arguments.get("conditions"))
     coerce_params(TaskParams, arguments.get("task"))
-    coerce_params(RobotParams, arguments.get("robot"))
+    find_robot(arguments.get("robot"))

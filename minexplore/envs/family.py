@@ -11,11 +11,12 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from minexplore.envs.batches import commands_of, observations_of
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, one_seed, spread_seeds
 from minexplore.envs.env import MineEnv, check_arguments
 from minexplore.envs.sensor_suite import check_sensors, observed_space
 from minexplore.envs.vector import check_count, find_mode
-from minexplore.sensing.observation import observation_space
+from minexplore.physics.robots import find_robot
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
 from minexplore.task import TaskParams, coerce_params
 
@@ -65,9 +66,9 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self._arguments = arguments
         self.render_mode = arguments.get("render_mode")
         self.task = coerce_params(TaskParams, arguments.get("task"))
-        sensors = check_sensors(arguments.get("sensors", ()))
-        self.observation_space = observed_space(observation_space(self.task), sensors)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        robot, sensors = find_robot(arguments.get("robot")), check_sensors(arguments.get("sensors", ()))
+        self.observation_space = observed_space(observations_of(self.task, robot), sensors)
+        self.action_space = commands_of(robot)
         self.mine: str | None = None
         self._inner: MineEnv | None = None
         self._closed = False
@@ -176,8 +177,8 @@ class FamilyVectorEnv(SyncVectorEnv):
         """Step all robots; see `FamilyEnv.step`."""
         self._require_open()
         commands = numbers_of(actions)
-        if commands.shape != (self.num_envs, 2):
-            raise ValueError(f"actions of shape {commands.shape}: want ({self.num_envs}, 2)")
+        if commands.shape != self.action_space.shape:
+            raise ValueError(f"actions of shape {commands.shape}: want {self.action_space.shape}")
         return super().step(commands)
 
     def _require_open(self) -> None:

@@ -15,7 +15,7 @@ from minexplore.envs.call_checks import numbers_of, spread_seeds
 from minexplore.envs.outcome import info_of_robot
 from minexplore.envs.reward import COLLISION_PENALTY, step_reward
 from minexplore.envs.team import Team
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robots import RobotChoice, default_robot
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
 from minexplore.sensing.lidar import Backend
@@ -52,7 +52,7 @@ class MineParallelEnv(ParallelEnv):
         reward: Literal["shared", "individual"] = "shared",
         world: str | Path | None = DEFAULT_WORLD,
         task: TaskParams | dict[str, Any] | None = None,
-        robot: RobotParams | dict[str, Any] | None = None,
+        robot: RobotChoice = None,
         render_mode: str | None = None,
         camera: str = "top",
         lidar: Backend = "auto",
@@ -66,7 +66,7 @@ class MineParallelEnv(ParallelEnv):
             raise ValueError(f"render_mode = {render_mode!r}, camera = {camera!r}: want None or 'rgb_array', {CAMERAS}")
         if render_mode is not None:
             prepare_opengl(render_mode)
-        self.task, self.robot, self.reward = coerce_params(TaskParams, task), coerce_params(RobotParams, robot), reward
+        self.task, self.robot, self.reward = coerce_params(TaskParams, task), default_robot(robot, "a team"), reward
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
         self.team = Team(self.world, self.task, self.robot, robots, lidar)

@@ -23,7 +23,7 @@ class OdometryBatch(RobotBatch):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         """Take the arguments of `RobotBatch`."""
         super().__init__(*arguments, **named)
-        self._odometry = WheelOdometry(self.count, self.robot.wheel_base_m)
+        self._odometry = WheelOdometry(self.count, self.robot.between_sides_m)
         self._placed = np.zeros(self.count, dtype=bool)  # whether the odometry goes on from where the robot is
         self._friction = np.array([zone.friction for zone in self.world.active_zones(self.task.terrain)])
 

@@ -8,9 +8,11 @@ import numpy as np
 
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.reward import step_reward
+from minexplore.envs.robot_places import RobotPlaces
 from minexplore.floors.open_shafts import FASTEST_FALL_MPS
 from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import RobotParams, free_joint_qpos
+from minexplore.physics.robot import free_joint_qpos
+from minexplore.physics.robot_kind import Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.sensing.coverage import CoverageGrid
@@ -19,18 +21,19 @@ from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
 from minexplore.world import World
 
+_COUNTED = {2: "two", 4: "four"}
 # Arrays with a row for each robot that hold what changes while it drives.
 _CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions", "fell")
 
 
-class RobotBatch:
+class RobotBatch(RobotPlaces):
     """The state of n robots and their episodes: `reset` some, `step` some or all."""
 
     def __init__(
         self,
         world: World,
         task: TaskParams,
-        robot: RobotParams,
+        robot: Robot,
         count: int,
         threads: int = 1,
         lidar: Backend = "auto",
@@ -41,26 +44,40 @@ class RobotBatch:
             raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
         self.floor = world.floor
-        self.local_models = LocalModels(world, task, robot, whole)
+        self.local_models = self._make_models(whole)
         self.T_world_mine = self.local_models.T_world_mine
         self._R, self._t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
         self.lidar = shared_lidar(world.folder, world.record["world_sha256"], task.range_m[1], lidar)
         anchor_m = np.array(world.record["spawn"]["anchor_m"])
-        self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, anchor_m, task.region_m)
+        self.grid = self._make_grid(anchor_m)
         angles = [math.tau * k / task.beams for k in range(task.beams)]
         self._beams = np.array([(math.cos(angle), math.sin(angle)) for angle in angles])
         zones = world.active_zones(task.terrain)
         self._scale = np.array([zone.command_scale for zone in zones])
         self._noise = np.array([zone.speed_noise_mps for zone in zones])
-        self.stepper = PhysicsStepper(self.local_models, count, threads, anchor_m)
+        self.stepper = PhysicsStepper(self.local_models, count, threads, self._first_place(anchor_m))
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
-        self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
+        self.seen = np.zeros((count, *self.grid.shape), dtype=bool)
         self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
         self.cells_seen = np.zeros(count, dtype=int)
-        self.previous = np.zeros((count, 2))
+        self.previous = np.zeros((count, robot.COMMANDS))
         self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
         self.fell = np.zeros(count, dtype=bool)
+
+    def _make_models(self, whole: bool) -> LocalModels:
+        return LocalModels(self.world, self.task, self.robot, whole)
+
+    def _make_grid(self, anchor_m: np.ndarray) -> CoverageGrid:
+        return CoverageGrid(self.world, self.task.cell_m, self.robot.radius_m, anchor_m, self.task.region_m)
+
+    def _first_place(self, anchor_m: np.ndarray) -> np.ndarray:
+        """Return a place to find a first local model by."""
+        return anchor_m
+
+    def seen_from_above(self, robot: int) -> np.ndarray:
+        """Return which cells of the plan (rows, cols) a robot has seen."""
+        return self.seen[robot]
 
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
@@ -132,20 +149,25 @@ class RobotBatch:
         self.cells_seen[robots] += new
         self.steps[robots] += 1
         # In mud and water noise moves a robot that is commanded to stand, so the command counts too.
-        speeds = np.minimum(self._speeds(robots), self.task.max_forward_mps * np.abs(command[:, 0]))
+        speeds = np.minimum(self._speeds(robots), self._asked_speeds(command))
         still = speeds < self.task.stall_speed_mps
         self.stalled[robots] = np.where(still, self.stalled[robots] + 1, 0)
         truncated = (self.steps[robots] >= self.task.max_steps) | (self.stalled[robots] >= self.task.stall_steps)
         return StepOutcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
 
+    def _asked_speeds(self, command: np.ndarray) -> np.ndarray:
+        """Return the speeds (k,) m/s along their way that commands (k, commands) ask for."""
+        return np.asarray(self.task.max_forward_mps * np.abs(command[:, 0]))
+
     def _commands(self, actions: np.ndarray, robots: np.ndarray) -> np.ndarray:
-        command = np.asarray(actions, dtype=np.float64)
-        if command.shape != (self.count, 2):
-            raise ValueError(f"actions of shape {command.shape}: want ({self.count}, 2)")
+        command, wanted = np.asarray(actions, dtype=np.float64), (self.count, self.robot.COMMANDS)
+        if command.shape != wanted:
+            raise ValueError(f"actions of shape {command.shape}: want {wanted}")
         bad = ~np.isfinite(command).all(axis=1)
         if bad.any():
             i = int(bad.argmax())
-            raise ValueError(f"action of robot {i} = {command[i].tolist()}: want two finite numbers in [-1, 1]")
+            several = f"{_COUNTED[self.robot.COMMANDS]} finite numbers in [-1, 1]"
+            raise ValueError(f"action of robot {i} = {command[i].tolist()}: want {several}")
         # The action space's 32 bits: what a policy computes may differ between processors in the last of 64.
         return np.clip(command[robots], -1.0, 1.0).astype(np.float32).astype(np.float64)
 
@@ -172,6 +194,7 @@ class RobotBatch:
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
+        forward, turn = self.robot.disturb(forward, turn, rngs, robots)
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
         self._brake(robots)
         return self._advance(robots, places)
@@ -182,38 +205,6 @@ class RobotBatch:
         A team steps its robots together.
         """
         return self.stepper.advance(robots, places_m, self.task.substeps)
-
-    def plan_places(self, robots: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
-        place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-        if len(self.floor.offset_m) == 1:
-            return place[:, :2]
-        faces = self._faces[robots]
-        places = self.floor.follow(place, faces, self.robot.wheel_radius_m)
-        self._faces[robots] = faces
-        if len(self.world.open_shafts):
-            self.world.open_shafts.move(places, place)
-        return places
-
-    def zones_under(self, robots: np.ndarray) -> np.ndarray:
-        """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""
-        return self.world.zones_at(rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 0])
-
-    def poses(self) -> np.ndarray:
-        """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
-        place = rotate_inverse(self.qpos[:, :3] - self._t, self._R)
-        heading = rotate_inverse(rotation_matrices(self.qpos[:, 3:7])[:, :, 0], self._R)
-        yaw = [math.atan2(y, x) for x, y in heading[:, :2].tolist()]  # NumPy's differs between processors
-        return np.column_stack([place[:, :2], yaw])
-
-    def heights(self, robots: np.ndarray) -> np.ndarray:
-        """Return how high the floor is under robots (k,) m, by the height of their axles in the mine frame."""
-        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 2] - self.robot.wheel_radius_m
-
-    def attitudes(self, robots: np.ndarray) -> np.ndarray:
-        """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
-        axes = rotation_matrices(self.qpos[robots, 3:7])
-        return np.arcsin(np.clip(axes[:, 2, :2], -1.0, 1.0))
 
     def _brake(self, robots: np.ndarray) -> None:
         """Slow the robots (k,) that fall down a shaft."""
@@ -227,10 +218,6 @@ class RobotBatch:
         if len(self.world.open_shafts):
             place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
             self.fell[robots] |= self.world.open_shafts.fallen(place)
-
-    def _speeds(self, robots: np.ndarray) -> np.ndarray:
-        along = rotate_inverse(self.qvel[robots, :3], self._R)
-        return np.hypot(along[:, 0], along[:, 1])
 
     def true_ranges(self, robots: np.ndarray) -> np.ndarray:
         """Return the ranges (k, beams) m of robots' beams without noise; nothing counts as seen."""

@@ -12,14 +12,13 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from minexplore.envs.batches import commands_of, make_batch, observations_of
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
 from minexplore.sensing.lidar import Backend
-from minexplore.sensing.observation import observation_space
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
@@ -52,7 +51,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         num_envs: int = 1,
         world: str | Path | None = None,
         task: TaskParams | dict[str, Any] | None = None,
-        robot: RobotParams | dict[str, Any] | None = None,
+        robot: RobotChoice = None,
         render_mode: str | None = None,
         camera: str = "chase",
         lidar: Backend = "auto",
@@ -75,16 +74,17 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         if render_mode is not None:
             prepare_opengl(render_mode)
-        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
+        self.task = coerce_params(TaskParams, task)
+        self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
         self.world = load_world(find_world(world))
-        self.robots = batch_kind(pose)(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
-        self.single_observation_space = observation_space(self.task)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.robots = make_batch(self.world, self.task, self.robot, num_envs, threads, lidar, whole, pose)
+        self.single_observation_space = observations_of(self.task, self.robot)
+        self.single_action_space = commands_of(self.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = []
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._observation: np.ndarray = np.zeros((num_envs, *observation_space(self.task).shape), np.float32)
+        self._observation: np.ndarray = np.zeros((num_envs, *observations_of(self.task, self.robot).shape), np.float32)
         self._renderer: Renderer | None = None
         self.closed = False
 
@@ -155,7 +155,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
         poses = robots.poses()
         return tuple(
-            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
+            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen_from_above(i), poses[i : i + 1])
             for i in range(self.num_envs)
         )
 

@@ -21,7 +21,8 @@ from minexplore.bundle import (
     zone_of_wedge,
 )
 from minexplore.floors.local_floor import simplify_floor
-from minexplore.physics.robot import ROCK_BODY, RobotParams, contact_sensor, separate_contacts, stand_on_facets
+from minexplore.physics.robot import ROCK_BODY, contact_sensor, separate_contacts, stand_on_facets
+from minexplore.physics.robot_kind import Robot
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
@@ -50,7 +51,7 @@ class RockPart:
 class LocalModels:
     """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
 
-    def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
+    def __init__(self, world: World, task: TaskParams, robot: Robot, whole: bool = False) -> None:
         """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine.copy()
@@ -93,16 +94,8 @@ class LocalModels:
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
-        spec = physics_spec(self.task)
-        mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
-        mine.quat = quaternion(self.T_world_mine[:3, :3])
-        solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         box = None if tile is None or self.whole else self._box(tile)
-        self._add_floor_and_roof(spec, mine, solid, box)
-        rock = self._spec.find_default(ROCK_CLASS).geom
-        for part in self.parts if box is None else self._rock.within(box):
-            _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
-        separate_contacts(spec)
+        spec = self.rock_spec(box)
         if box is not None and not self.world.floor.is_flat:
             # Testing every pair of a robot's parts and a dozen wedges takes less time than MuJoCo's trees of boxes do.
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
@@ -113,8 +106,21 @@ class LocalModels:
             contact_sensor(spec, name)
         return spec
 
+    def rock_spec(self, box: Box | None) -> mujoco.MjSpec:
+        """Return the spec of the parts that reach into a box, without a robot; all of them without a box."""
+        spec = physics_spec(self.task)
+        mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
+        mine.quat = quaternion(self.T_world_mine[:3, :3])
+        solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
+        self._add_floor_and_roof(spec, mine, solid, box)
+        rock = self._spec.find_default(ROCK_CLASS).geom
+        for part in self.parts if box is None else self._rock.within(box):
+            _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
+        separate_contacts(spec)
+        return spec
+
     def _add_floor_and_roof(
-        self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: _Box | None
+        self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: Box | None
     ) -> None:
         """Add the floor zones and the roof, or their wedges, that reach into a box."""
         slabs = [
@@ -137,11 +143,11 @@ class LocalModels:
         zone = self._zones.get(_zone_of(geom))
         return list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]]
 
-    def _floor_within(self, mine: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+    def _floor_within(self, mine: mujoco.MjsBody, box: Box) -> list[mujoco.MjsGeom]:
         """Add planes and boxes in place of wedges of the floor; return the wedges left to add."""
         wedges = self._floor_wedges.within(box)
         geoms = [self._geoms[wedge.name] for wedge in wedges]
-        if not wedges or box.has_shaft:  # planes and boxes would close the shaft
+        if not wedges or box.has_shaft or box.is_exact:  # planes and boxes would close the shaft
             return geoms
         corners, zones = [wedge.vertices + wedge.place for wedge in wedges], [_zone_of(geom) for geom in geoms]
         primitives, kept = simplify_floor(corners, zones, box.low, box.high)
@@ -159,11 +165,13 @@ class LocalModels:
             )
         return [geoms[number] for number in kept]
 
-    def _roof_within(self, solid: mujoco.MjsBody, box: _Box) -> list[mujoco.MjsGeom]:
+    def _roof_within(self, solid: mujoco.MjsBody, box: Box) -> list[mujoco.MjsGeom]:
         """Add a level roof in place of the wedges of one that no robot reaches; return the wedges left to add."""
         wedges = self._roof_wedges.within(box)
         lowest = min((wedge.heights[0] for wedge in wedges), default=-np.inf)
         geoms = [self._geoms[wedge.name] for wedge in wedges]
+        if box.is_exact:
+            return geoms
         if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
             return geoms
         half, middle = np.append((box.high - box.low) / 2 + _MARGIN_M, _MARGIN_M), (box.high + box.low) / 2
@@ -178,12 +186,12 @@ class LocalModels:
         )
         return []
 
-    def _box(self, tile: Tile) -> _Box:
+    def _box(self, tile: Tile) -> Box:
         """Return the box of the mine frame that holds all that a robot in a tile can touch."""
         low, high = self.reach(np.array(tile))
         floor = self.world.floor
         if floor.is_flat:
-            return _Box(low, high)
+            return Box(low, high)
         nearby = floor.heights_within(low, high)
         offset = floor.offsets_at((low + high)[None] / 2)[0]
         # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
@@ -191,7 +199,7 @@ class LocalModels:
         deepest = self.world.open_shafts.lowest_within(low, high)
         if np.isfinite(deepest):  # all that a robot can fall on
             bottom = min(bottom, deepest - _MARGIN_M)
-        return _Box(
+        return Box(
             low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()), bool(np.isfinite(deepest))
         )
 
@@ -205,7 +213,7 @@ class LocalModels:
 
 
 @dataclass(frozen=True)
-class _Box:
+class Box:
     """A box of the mine frame: its south-west and north-east corners seen from above, and its heights, m."""
 
     low: np.ndarray
@@ -214,6 +222,7 @@ class _Box:
     top_m: float = np.inf
     floor_m: float = np.inf  # the highest floor in it
     has_shaft: bool = False  # an open one
+    is_exact: bool = False  # with all wedges of floor and roof: none is replaced by a plane or a box
 
 
 class _PartIndex:
@@ -226,7 +235,7 @@ class _PartIndex:
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
         self._bottom, self._top = np.array([part.heights for part in parts]).reshape(-1, 2).T
 
-    def within(self, box: _Box) -> list[RockPart]:
+    def within(self, box: Box) -> list[RockPart]:
         """Return the parts that may reach into a box."""
         near = ((self._low <= box.high) & (self._high >= box.low)).all(axis=1)
         near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)

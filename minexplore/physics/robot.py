@@ -12,6 +12,7 @@ from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof
 from minexplore.floors.floor import Floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
+from minexplore.physics.robot_kind import Robot
 from minexplore.rotations import quaternion, rotate_inverse
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
@@ -43,7 +44,7 @@ ROCK_BIT, FLOOR_BIT, ROBOT_BIT = 1, 2, 4  # of contype and conaffinity
 
 
 @dataclass(frozen=True)
-class RobotParams:
+class RobotParams(Robot):
     """The robot's measures, by default those of a Clearpath Husky A200 where the paper gives none.
 
     `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m`, `wheel_width_m` are the Husky's data sheet,
@@ -85,6 +86,11 @@ class RobotParams:
         """Return left and right wheel speeds, rad/s, of twists."""
         half = turn_radps * self.wheel_base_m / 2
         return (forward_mps - half) / self.wheel_radius_m, (forward_mps + half) / self.wheel_radius_m
+
+    @property
+    def between_sides_m(self) -> float:
+        """Return how far the wheels of both sides are apart."""
+        return self.wheel_base_m
 
     def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
         """Return the actuators' controls (k, actuators) of twists (k,); another robot overrides this and `attach`."""
@@ -249,7 +255,7 @@ def separate_contacts(spec: mujoco.MjSpec) -> None:
 
 
 def free_joint_qpos(
-    T_world_mine: np.ndarray, params: RobotParams, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
+    T_world_mine: np.ndarray, params: Robot, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
 ) -> np.ndarray:
     """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)  # NumPy's differ between processors in the last digit
@@ -265,10 +271,10 @@ def free_joint_qpos(
     return np.concatenate([place, quaternion(rotate_inverse(T_world_mine[:3, :3], turn))])
 
 
-def qpos_address(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """Return where a robot's nine numbers stand in `qpos`: free joint, left wheel, right wheel."""
-    free, left, right = (int(model.joint(f"{name}_{joint}").qposadr[0]) for joint in ("free", "left", "right"))
-    return np.array([*range(free, free + 7), left, right])
+def qpos_address(model: mujoco.MjModel, name: str, joints: tuple[str, ...] = RobotParams.JOINTS) -> np.ndarray:
+    """Return where a robot's numbers stand in `qpos`: seven of its free joint, then one of each other joint."""
+    free, *others = (int(model.joint(f"{name}_{joint}").qposadr[0]) for joint in joints)
+    return np.array([*range(free, free + 7), *others])
 
 
 def qvel_address(model: mujoco.MjModel, name: str) -> np.ndarray:

@@ -31,7 +31,7 @@ class PhysicsStepper:
         """Give every robot the initial state of the model at a place (2,) m of the mine frame."""
         self.models, self._threads, self._process = models, threads, os.getpid()
         tile = models.tiles_of(place_m[None])[0]
-        model = models.model((int(tile[0]), int(tile[1])))
+        model = models.model(tuple(tile.tolist()))
         data = mujoco.MjData(model)
         self._initial = np.zeros(mujoco.mj_stateSize(model, _STATE))
         mujoco.mj_getState(model, data, self._initial, _STATE)
@@ -39,7 +39,7 @@ class PhysicsStepper:
         self.qpos, self.qvel = self.state[:, 1 : 1 + model.nq], self.state[:, 1 + model.nq : 1 + model.nq + model.nv]
         first = _find_controls(model, data)
         self.ctrl = self.state[:, first : first + model.nu]
-        self._batches: OrderedDict[tuple[int, int, int], Batch] = OrderedDict()  # by thread and tile, oldest use first
+        self._batches: OrderedDict[tuple[int, ...], Batch] = OrderedDict()  # by thread and tile, oldest use first
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def restart(self, robot: int) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup, is_shade
+from minexplore.bundle import GeomGroup, fitting_geom, floor_geom, is_cover, is_floor, is_shade, puddle_geom
 from minexplore.limits import Span, check_numbers
 from minexplore.pictures.atmosphere import add_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer, prepare_opengl
@@ -108,15 +108,15 @@ class RobotCamera:
 
     def _label(self, geom: str) -> int:
         """Return the label of a geom of the whole world by its name."""
-        if geom.startswith("puddle_"):
+        if geom.startswith(puddle_geom("")):
             return WATER
         if geom.startswith("robot_") or not geom:  # a robot's drawn wheels have no names
             return NUMBERS["robot"]
-        parts = geom.split("_")
-        if geom.startswith("fitting_cover_"):
-            return self._zone_numbers[int(parts[2])]
-        if geom.startswith("floor_"):
-            return next((label for name, label in self._zones.items() if geom.startswith(f"floor_{name}")), NOTHING)
+        mesh = geom.removeprefix(fitting_geom(""))
+        if is_cover(mesh):
+            return self._zone_numbers[int(mesh.split("_")[1])]
+        if is_floor(geom):
+            return next((label for name, label in self._zones.items() if geom.startswith(floor_geom(name))), NOTHING)
         return label_of_mesh(geom)
 
     def _draw(self, qpos: np.ndarray, pose: Pose3D, clear: bool = True) -> np.ndarray:

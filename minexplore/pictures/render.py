@@ -10,7 +10,8 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY, GeomGroup, has_visible_rock, is_shade
 from minexplore.looks import EXTENT_M, look_of
-from minexplore.physics.robot import RobotParams, qpos_address, separate_contacts
+from minexplore.physics.robot import qpos_address, separate_contacts
+from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
 from minexplore.rotations import quaternion
@@ -54,14 +55,14 @@ def far_hidden(model: mujoco.MjModel, data: mujoco.MjData, eye_m: np.ndarray) ->
 
 
 class Renderer:
-    """Draws robots given as rows of `qpos` (n, 9)."""
+    """Draws robots given as rows of `qpos` (n, numbers): the free joint, then wheels."""
 
     def __init__(
         self,
         world: World,
         T_world_mine: np.ndarray,
         grid: CoverageGrid,
-        robot: RobotParams,
+        robot: Robot,
         robots: int,
         size_px: tuple[int, int] = (640, 480),
     ) -> None:
@@ -76,7 +77,7 @@ class Renderer:
         return self._plan(seen, poses) if camera == "top" else self._view(camera, qpos)
 
     def place(self, qpos: np.ndarray) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Return the whole world's model and data with the robots at rows of `qpos` (n, 9)."""
+        """Return the whole world's model and data with the robots at rows of `qpos`."""
         if self.model is None:
             self.model = self._compile()
             self.data = mujoco.MjData(self.model)
@@ -85,8 +86,8 @@ class Renderer:
             scanners = {f"robot_{i}_scanner" for i in range(self.robots)}
             self._clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
             self._fovy_deg = float(self.model.vis.global_.fovy)
-            self._at = np.concatenate([qpos_address(self.model, f"robot_{i}") for i in range(self.robots)])
-        self.data.qpos[self._at] = qpos.ravel()
+            self._at = np.stack([qpos_address(self.model, f"robot_{i}", self.robot.JOINTS) for i in range(self.robots)])
+        self.data.qpos[self._at] = qpos[:, : self._at.shape[1]]  # behind these are the springs of castors
         mujoco.mj_forward(self.model, self.data)
         return self.model, self.data
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -15,7 +14,7 @@ from minexplore.envs.sensor_suite import check_sensors, sensor_names
 from minexplore.record.episode import SensedStep, frames_of
 from minexplore.record.live import LiveView, require_viser
 from minexplore.record.mcap_file import McapFile, require_mcap
-from minexplore.record.policies import Drive, find_drive
+from minexplore.record.policies import Ahead, Drive, find_drive
 from minexplore.sensing.params import preset_names
 
 
@@ -42,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--live", type=int, metavar="PORT", nargs="?", const=8080, help="show it in a browser")
 
 
-def record(arguments: argparse.Namespace, ahead: Callable[[np.ndarray], np.ndarray]) -> None:
+def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     """Record one episode as MCAP with ROS 2 messages, or show it in a browser.
 
     Raises

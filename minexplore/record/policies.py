@@ -11,7 +11,7 @@ import numpy as np
 
 from minexplore.envs.env import MineEnv
 
-# An observation (n,) and its info -> an action (2,).
+# An observation (n,) and its info -> an action.
 Drive = Callable[[np.ndarray, dict[str, Any]], np.ndarray]
 
 # Of a source checkout; the environment's own wheel has none.
@@ -19,7 +19,16 @@ _EXPLORERS, _ERRORS = "baselines.policies.found", "baselines.base.errors"
 _OWN = ("ahead", "random")
 
 
-def find_drive(name: str, env: MineEnv, seed: int, ahead: Callable[[np.ndarray], np.ndarray]) -> Drive:
+# An observation and how many of its numbers are beams -> forward and turn.
+Ahead = Callable[[np.ndarray, int], np.ndarray]
+
+
+def spread_command(pair: np.ndarray, count: int) -> np.ndarray:
+    """Return commands (count,) that go forward, the first of any robot's, and turn, the last."""
+    return np.concatenate([pair[:1], np.zeros(count - 2, dtype=np.float32), pair[1:]])
+
+
+def find_drive(name: str, env: MineEnv, seed: int, ahead: Ahead) -> Drive:
     """Return what a policy of this name does: `ahead`, `random`, or one that `baselines.evaluate` knows.
 
     Raises
@@ -27,11 +36,12 @@ def find_drive(name: str, env: MineEnv, seed: int, ahead: Callable[[np.ndarray],
     ValueError
         If there is none; the message lists the choices.
     """
+    count, beams = env.robot.COMMANDS, env.task.beams
     if name == "ahead":
-        return lambda observation, info: ahead(observation)
+        return lambda observation, info: spread_command(ahead(observation, beams), count)
     if name == "random":
         rng = np.random.default_rng(seed)
-        return lambda observation, info: rng.uniform(-1, 1, 2).astype(np.float32)
+        return lambda observation, info: rng.uniform(-1, 1, count).astype(np.float32)
     if find_spec(_EXPLORERS.partition(".")[0]) is None:
         raise ValueError(f"policy = {name!r}: valid choices are {', '.join(_OWN)}; explorers need a source checkout")
     return _explorer(name, env, seed)

@@ -45,7 +45,7 @@ class CoverageGrid:
         self.reachable = np.zeros((rows, cols), dtype=bool)
         at = np.floor((places - self.origin_m) / cell_m).astype(int)
         self.reachable[at[:, 1], at[:, 0]] = True
-        self.total = int(self.reachable.sum())
+        self.total, self.shape = int(self.reachable.sum()), self.reachable.shape
         self._floor, height_m = world.floor, float(world.record["height_m"])
         self._roof = self._floor.raised(height_m)
         if len(world.floor.offset_m) > 1:  # between which heights something is in a cell; in others never

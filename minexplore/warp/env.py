@@ -15,7 +15,7 @@ from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
 from minexplore.envs.vector import check_count, find_mode
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robots import RobotChoice, default_robot
 from minexplore.sensing.observation import observation_space
 from minexplore.task import TaskParams, coerce_params
 from minexplore.warp import require_device
@@ -66,7 +66,7 @@ class MineWarpEnv(VectorEnv):
         num_envs: int = 1,
         world: str | Path | None = None,
         task: TaskParams | dict[str, Any] | None = None,
-        robot: RobotParams | dict[str, Any] | None = None,
+        robot: RobotChoice = None,
         device: str = "cuda:0",
         numpy: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -78,7 +78,7 @@ class MineWarpEnv(VectorEnv):
             raise ValueError(f"render_mode = {render_mode!r}: the environment on Warp shows nothing; want None")
         self.num_envs, self.render_mode, self._numpy, self._mode = num_envs, None, numpy, find_mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
-        self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
+        self.task, self.robot = coerce_params(TaskParams, task), default_robot(robot, "the environment on Warp")
         self.device = require_device(device)
         self.world = load_world(find_world(world))
         if not self.world.floor.is_flat:

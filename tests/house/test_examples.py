@@ -57,6 +57,14 @@ def test_a_bundle_is_read_without_the_package():
 
 
 @needs_world
+def test_a_robot_of_gymnasium_is_placed_and_stepped():
+    done = run("place_robot.py", "--seconds", "1")
+    assert done.returncode == 0, done.stderr
+    assert "robot/torso after 1.0 s" in done.stdout
+    assert "timestep 0.01 s (environments: 0.005 s)" in done.stderr
+
+
+@needs_world
 @pytest.mark.slow
 def test_a_custom_explorer_is_evaluated_and_its_results_are_written(tmp_path):
     done = run("custom_explorer.py", "--episodes", "1", "--out", str(tmp_path / "own.jsonl"))

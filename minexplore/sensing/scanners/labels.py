@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from minexplore.bundle import FURNITURE, OPENING_FITTINGS, is_cover, is_floor, is_rock, is_roof, surface_geom
+from minexplore.bundle import (
+    FURNITURE,
+    OPENING_FITTINGS,
+    fitting_geom,
+    is_cover,
+    is_floor,
+    is_rock,
+    is_roof,
+    surface_geom,
+)
 from minexplore.floors.floor_zones import FloorZone
 
 LABELS = ("nothing", "rock", "roof", "floor", "wet floor", "water", *FURNITURE, *OPENING_FITTINGS, "robot", "dust")
@@ -24,7 +33,7 @@ def label_of_zone(zone: FloorZone) -> int:
 
 def label_of_mesh(name: str) -> int:
     """Return the label of a visible mesh or of a caster's mesh by its name; floors count as dry until placed."""
-    name = name.removeprefix("fitting_").removeprefix(surface_geom(""))
+    name = name.removeprefix(fitting_geom("")).removeprefix(surface_geom(""))
     kind = name.partition("_")[0].partition(" ")[0]
     if kind in NUMBERS and kind != "nothing":
         return NUMBERS[kind]

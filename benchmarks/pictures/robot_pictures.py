@@ -1,0 +1,98 @@
+"""Draw docs/robots.jpg: this package's robots in the embedded mine, and two of Gymnasium's that were placed in it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "osmesa")
+
+import cv2
+import gymnasium
+import mujoco
+import numpy as np
+
+from benchmarks.resume import run_benchmark
+from minexplore.envs.env import MineEnv
+from minexplore.physics.placing import PlacementWarning, place
+from minexplore.pictures.opengl import new_renderer
+from minexplore.pictures.render import Renderer
+from minexplore.world import World, find_world, load_world
+from pipeline.store.files import write_atomically
+
+PICTURE = Path("docs/robots.jpg")
+ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+_SIZE_PX = (640, 480)
+_ROCK_RGBA, _FLOOR_RGBA = (0.54, 0.44, 0.36, 1.0), (0.42, 0.38, 0.34, 1.0)
+_SETTLE_S = 0.25
+_COLOUR = (235, 235, 235)
+
+
+def draw_own(world: World, robot: str) -> np.ndarray:
+    """Return the view (rows, cols, 3) RGB from behind one of this package's robots after some steps."""
+    env = MineEnv(world.folder, robot=robot)
+    env.reset(seed=0)
+    action = np.zeros(env.robot.COMMANDS)
+    action[0] = 0.5
+    for _ in range(12):
+        env.step(action)
+    robots = env.robots
+    renderer = Renderer(world, robots.T_world_mine, env.grid, env.robot, 1, _SIZE_PX)
+    picture = renderer.draw("chase", robots.qpos, robots.seen_from_above(0), robots.poses())
+    renderer.close()
+    env.close()
+    return picture
+
+
+def draw_placed(world: World, file: Path) -> np.ndarray:
+    """Return a view (rows, cols, 3) RGB of a robot of any file that was placed at the mine's start."""
+    x, y = world.record["spawn"]["anchor_m"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PlacementWarning)
+        spec = place(world, file, (x, y, 0.0), reach_m=30.0)
+    for geom in spec.geoms:
+        if not geom.name.startswith("robot/"):
+            geom.rgba = _FLOOR_RGBA if geom.name.startswith("floor") else _ROCK_RGBA
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = _SIZE_PX
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.45] * 3, [0.7] * 3
+    spec.visual.map.znear, spec.stat.extent = 0.01, 5.0
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("spawn").id)
+    mujoco.mj_step(model, data, nstep=round(_SETTLE_S / model.opt.timestep))
+    camera, option = mujoco.MjvCamera(), mujoco.MjvOption()
+    option.geomgroup[:] = 1
+    option.geomgroup[4] = 0  # the roof
+    camera.lookat[:] = data.body("robot/torso").xpos
+    camera.distance, camera.azimuth, camera.elevation = 3.4, 60.0, -15.0
+    renderer = new_renderer(model, _SIZE_PX, max_geom=2 * model.ngeom + 1000)
+    renderer.update_scene(data, camera, option)
+    picture: np.ndarray = renderer.render().copy()
+    renderer.close()
+    return picture
+
+
+def main() -> int:
+    """Write the picture."""
+    world = load_world(find_world("chilean_mine"))
+    views = {
+        "robot='husky'": draw_own(world, "husky"),
+        "robot='quadrotor'": draw_own(world, "quadrotor"),
+        "place(world, 'ant.xml', pose)": draw_placed(world, ASSETS / "ant.xml"),
+        "place(world, 'humanoid.xml', pose)": draw_placed(world, ASSETS / "humanoid.xml"),
+    }
+    shown = []
+    for name, view in views.items():
+        picture = np.ascontiguousarray(view[..., ::-1])
+        cv2.putText(picture, name, (16, 34), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _COLOUR, 2, cv2.LINE_AA)
+        shown.append(picture)
+    whole = cv2.vconcat([cv2.hconcat(shown[:2]), cv2.hconcat(shown[2:])])
+    small = cv2.resize(whole, None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
+    write_atomically(PICTURE, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark("robot-pictures", main))

@@ -1,0 +1,51 @@
+"""The batch, the observations and the commands of each kind of robot."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+
+from minexplore.envs.flyer_batch import FlyerBatch, flyer_space
+from minexplore.envs.odometry_batch import batch_kind
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.physics.quadrotor import QuadrotorParams
+from minexplore.physics.robot_kind import Robot
+from minexplore.sensing.lidar import Backend
+from minexplore.sensing.observation import observation_space
+from minexplore.task import TaskParams
+from minexplore.world import World
+
+
+def make_batch(
+    world: World,
+    task: TaskParams,
+    robot: Robot,
+    count: int,
+    threads: int = 1,
+    lidar: Backend = "auto",
+    whole: bool = False,
+    pose: str = "true",
+) -> RobotBatch:
+    """Return the batch that drives robots of a kind; see `RobotBatch`.
+
+    Raises
+    ------
+    ValueError
+        If the pose is none, or that of wheels of a robot that has none.
+    """
+    driving = batch_kind(pose)
+    if not isinstance(robot, QuadrotorParams):
+        return driving(world, task, robot, count, threads, lidar, whole)
+    if driving is not RobotBatch:
+        raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
+    return FlyerBatch(world, task, robot, count, threads, lidar, whole)
+
+
+def observations_of(task: TaskParams, robot: Robot) -> gymnasium.spaces.Box:
+    """Return the space of one robot's observation."""
+    return flyer_space(task, robot) if isinstance(robot, QuadrotorParams) else observation_space(task)
+
+
+def commands_of(robot: Robot) -> gymnasium.spaces.Box:
+    """Return the space of one robot's commands."""
+    return gymnasium.spaces.Box(-1.0, 1.0, (robot.COMMANDS,), np.float32)

@@ -1,0 +1,152 @@
+"""Many robots that fly, each alone in its own copy of one mine: beams all round, and cubes of the volume to see."""
+
+from __future__ import annotations
+
+import math
+
+import gymnasium
+import numpy as np
+
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.physics.flyer_models import FlyerModels
+from minexplore.physics.quadrotor import QuadrotorParams
+from minexplore.rotations import quaternion, rotate_inverse, rotation_matrices
+from minexplore.sensing.lidar import Backend
+from minexplore.sensing.volume import VolumeGrid
+from minexplore.task import TaskParams
+from minexplore.world import World
+
+_START_M = 1.2  # above the floor; half-way to a lower roof
+_INNER_S = 0.01  # of the controller: a twelfth of its fastest loop's time
+
+
+class FlyerBatch(RobotBatch):
+    """The state of n robots that fly, and their episodes.
+
+    Commands are speeds ahead, to the left (both level, together at most the task's speed) and up, and a turn rate.
+    Whatever touches the guard counts as a collision, the floor too. Floor zones have no effect.
+    """
+
+    robot: QuadrotorParams
+    grid: VolumeGrid  # type: ignore[assignment]
+
+    def __init__(
+        self,
+        world: World,
+        task: TaskParams,
+        robot: QuadrotorParams,
+        count: int,
+        threads: int = 1,
+        lidar: Backend = "auto",
+        whole: bool = False,
+    ) -> None:
+        """Take a world; `whole` steps every robot in the model of all rock, for comparison."""
+        super().__init__(world, task, robot, count, threads, lidar, whole)
+        self._beams = robot.beams(task.beams)
+        inner = max(1, round(_INNER_S / task.physics_s))
+        self._bursts = [min(inner, task.substeps - at) for at in range(0, task.substeps, inner)]
+        self._wanted = np.zeros((count, 4))
+
+    def _make_models(self, whole: bool) -> FlyerModels:
+        return FlyerModels(self.world, self.task, self.robot, whole)
+
+    def _make_grid(self, anchor_m: np.ndarray) -> VolumeGrid:  # type: ignore[override]
+        task, robot = self.task, self.robot
+        return VolumeGrid(self.world, task.cell_m, robot.radius_m, robot.half_height_m, anchor_m, task.region_m)
+
+    def _first_place(self, anchor_m: np.ndarray) -> np.ndarray:
+        return self.floor.fold(np.array([[*anchor_m, _START_M]]))[0]
+
+    def seen_from_above(self, robot: int) -> np.ndarray:
+        """Return which columns (rows, cols) hold cubes that a robot has seen."""
+        return self.grid.from_above(self.seen[robot])
+
+    def _forget(self, robots: np.ndarray) -> None:
+        self.seen[robots] = False
+
+    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Place a robot, at rest and level, over the floor at a pose of the plan."""
+        self.stepper.restart(robot)
+        height_m = float(self.world.record["height_m"])
+        roof_m = height_m + float(self.floor.lifts_at(np.array([[x_m, y_m]]), height_m)[0])
+        start = self.floor.fold(np.array([[x_m, y_m, min(_START_M, roof_m / 2)]]))
+        self.qpos[robot, :3] = rotate_inverse(start, self._R.T)[0] + self._t
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        ahead = rotate_inverse(np.array([[cos, sin, 0.0]]), self._R.T)[0]
+        flat = ahead[:2] / math.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
+        self.qpos[robot, 3:7] = quaternion(np.array([[flat[0], -flat[1], 0], [flat[1], flat[0], 0], [0, 0, 1.0]]))
+
+    def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
+        """Advance robots (k,) by one control step without casting beams; return which touched anything (k,) bool."""
+        task, wanted = self.task, command.copy()
+        level = np.sqrt(wanted[:, 0] ** 2 + wanted[:, 1] ** 2)
+        wanted[:, :2] *= (task.max_forward_mps / np.maximum(level, 1.0))[:, None]
+        wanted[:, 2] *= self.robot.climb_mps
+        wanted[:, 3] *= task.max_turn_radps
+        touched = np.zeros(len(robots), dtype=bool)
+        for steps in self._bursts:
+            state = self.qpos[robots, 3:7], self.qvel[robots, :3], self.qvel[robots, 3:6]
+            self.stepper.ctrl[robots] = self.robot.thrusts(*state, wanted)
+            touched |= self.stepper.advance(robots, self._places(robots), steps)
+        return touched
+
+    def _places(self, robots: np.ndarray) -> np.ndarray:
+        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
+
+    def plan_places(self, robots: np.ndarray) -> np.ndarray:
+        """Return the places (k, 2) m of robots in the mine frame seen from above; a robot in a shaft is on no sheet."""
+        return self._places(robots)[:, :2]
+
+    def heights(self, robots: np.ndarray) -> np.ndarray:
+        """Return how high robots (k,) are, m, mine frame."""
+        return self._places(robots)[:, 2]
+
+    def attitudes(self, robots: np.ndarray) -> np.ndarray:
+        """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots in the mine frame."""
+        axes = np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)
+        rise = np.stack([rotate_inverse(axis, self._R)[:, 2] for axis in axes[:2]], axis=1)
+        return np.arcsin(np.clip(rise, -1.0, 1.0))
+
+    def _fall(self, robots: np.ndarray) -> None:
+        """Robots that fly do not fall."""
+
+    def _speeds(self, robots: np.ndarray) -> np.ndarray:
+        v = self.qvel[robots, :3]
+        return np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2 + v[:, 2] ** 2)
+
+    def _asked_speeds(self, command: np.ndarray) -> np.ndarray:
+        level = np.minimum(np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2), 1.0) * self.task.max_forward_mps
+        return np.asarray(np.sqrt(level**2 + (self.robot.climb_mps * command[:, 2]) ** 2))
+
+    def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cast the beams and mark the cubes they cross; return true ranges (k, beams) m, and new cubes (k,)."""
+        origin, directions, ranges = self._cast(robots)
+        ends = origin[:, None] + directions * ranges[..., None]
+        ray, cube = self.grid.cubes_crossed(np.repeat(origin, len(self._beams), axis=0), ends.reshape(-1, 3))
+        new = self.grid.mark(self.seen, robots[ray // len(self._beams)], cube)
+        return ranges, new[robots]
+
+    def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
+        axes = [rotate_inverse(a, self._R) for a in np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)]
+        origin = self._places(robots)
+        ahead, left, up = (axis[:, None, :] for axis in axes)
+        directions = self._beams[:, :1] * ahead + self._beams[:, 1:2] * left + self._beams[:, 2:] * up
+        return origin, directions, self.lidar.cast(origin, directions)
+
+    def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
+        near, far = self.task.range_m
+        noise = np.stack([rngs[robot].standard_normal(len(self._beams)) for robot in robots.tolist()])
+        noisy = np.clip(ranges, near, far) + self.task.range_noise_m * noise
+        scaled = np.clip((noisy - near) / (far - near), 0.0, 1.0)
+        return np.hstack([scaled, self.previous[robots]]).astype(np.float32)
+
+    def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
+        return {key: value for key, value in super()._info(robots, collision).items() if key != "fell"}
+
+
+def flyer_space(task: TaskParams, robot: QuadrotorParams) -> gymnasium.spaces.Box:
+    """Return the space of one robot's observation, (beams + 4,) float32: ranges, then the previous command."""
+    beams = len(robot.beams(task.beams))
+    low = np.array([0.0] * beams + [-1.0] * robot.COMMANDS, dtype=np.float32)
+    return gymnasium.spaces.Box(low, np.ones_like(low), dtype=np.float32)

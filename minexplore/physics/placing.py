@@ -1,0 +1,216 @@
+"""Any MJCF robot in any world: rock round it, a place to stand or to hover, and contacts and options that agree."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import MINE_BODY
+from minexplore.limits import Span
+from minexplore.physics.local_models import Box, LocalModels
+from minexplore.physics.robot import ROCK_BODY, RobotParams
+from minexplore.physics.robot_file import RobotFile, RobotStance, read_robot
+from minexplore.rotations import quaternion
+from minexplore.task import TaskParams
+from minexplore.world import World, find_world, load_world
+
+SPAWN, REPORT = "spawn", "placement"  # the keyframe, and the text with what differs, of a placed robot's model
+_GAP_M = 0.005  # between a robot that stands and the floor; contacts begin below that
+_DEEP_M = 0.01  # a robot that reaches so far into rock does not fit
+_BESIDE_M = 1.0  # of the rock that a spawn is tried in
+_PATCH = 5  # places along either side of a robot's box at which the floor under it is looked up
+_REACH = Span(0.1, math.inf)
+
+
+class PlacementWarning(UserWarning):
+    """What differs between a robot in its own file and the same robot in a mine."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a robot is put: `x_m`, `y_m` and `yaw_rad` (0 east, counter-clockwise), and for a flyer `z_m`.
+
+    Without `z_m` the robot stands on the floor at a place of the plan, upright on its slope. With it the robot is level
+    in the world, whatever the mine's dip, and its lowest point is there in the mine frame.
+    """
+
+    x_m: float
+    y_m: float
+    yaw_rad: float = 0.0
+    z_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no finite number."""
+        for name, value in vars(self).items():
+            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            if not (number and math.isfinite(value)) and not (name == "z_m" and value is None):
+                raise ValueError(f"pose: {name} = {value!r}: want a finite number")
+
+
+def place(
+    world: World | str | Path,
+    robot: str | Path | mujoco.MjSpec,
+    pose: Pose | tuple[float, ...],
+    *,
+    keyframe: str | None = None,
+    reach_m: float = 25.0,
+    prefix: str = "robot/",
+) -> mujoco.MjSpec:
+    """Return the spec of a robot of any MJCF file in a world, to be changed or compiled.
+
+    Its keyframe `spawn` is the robot at the pose; its text `placement` holds what differs from the robot's own file,
+    which a `PlacementWarning` lists too.
+
+    Parameters
+    ----------
+    world : World, str or Path
+        As `minexplore.load` returns it; or a bundle's folder or the name of a world that ships with the package.
+    robot : str, Path or mujoco.MjSpec
+        An MJCF file, or `menagerie:NAME` for one of MuJoCo Menagerie. The file's own floor and lights are left out.
+    pose : Pose or tuple
+        `(x, y, yaw)`, m and rad, of the plan: the robot stands on the floor. `(x, y, yaw, z)`, mine frame: it hovers.
+    keyframe : str, optional
+        Of the robot's file: how it stands. Its first one by default, or where it has none its `qpos0`.
+    reach_m : float
+        How far from the pose the model holds rock, m; `math.inf` for the whole mine. Beyond it there is no floor.
+    prefix : str
+        Of all the robot's names.
+
+    Raises
+    ------
+    ValueError
+        If the robot cannot be read or does not fit at the pose, or a parameter is refused.
+    FileNotFoundError
+        If there is no such world or file.
+    BundleError
+        If the world is not what its hashes or tables say.
+    """
+    if not _REACH.accepts(reach_m):
+        raise ValueError(f"place: reach_m = {reach_m!r}: want {_REACH}")
+    if not isinstance(prefix, str) or not prefix:
+        raise ValueError(f"place: prefix = {prefix!r}: want a text that the robot's names begin with")
+    if not isinstance(pose, Pose):
+        pose = _pose_of(pose)
+    world = world if isinstance(world, World) else load_world(find_world(world))
+    file = read_robot(robot)
+    file.drop_scenery()
+    stance = file.stance(keyframe)
+    models = LocalModels(world, TaskParams(), RobotParams())
+    T_world_robot = models.T_world_mine @ _stand(world, stance, pose)
+    near = _compose(models, _copy(file), stance, T_world_robot, stance.radius_m + _BESIDE_M, prefix)
+    near.compiler.discardvisual = True  # its meshes take longest
+    _require_room(world, near, file, pose, stance)
+    spec = _compose(models, file, stance, T_world_robot, reach_m, prefix)
+    report = "; ".join(file.changes)
+    spec.add_text(name=REPORT, data=report)
+    warnings.warn(f"{file.name}: {report}", PlacementWarning, stacklevel=2)
+    return spec
+
+
+def _pose_of(pose: Any) -> Pose:
+    if not isinstance(pose, tuple | list | np.ndarray) or len(pose) not in (2, 3, 4):
+        raise ValueError(f"pose = {pose!r:.100}: want (x, y), (x, y, yaw) or (x, y, yaw, z), m and rad")
+    return Pose(*pose)
+
+
+def _copy(file: RobotFile) -> RobotFile:
+    return replace(file, spec=file.spec.copy(), changes=[])
+
+
+def _stand(world: World, stance: RobotStance, pose: Pose) -> np.ndarray:
+    """Return T_mine_robot (4, 4): from the frame of the robot's file into the mine frame."""
+    plan, ahead = np.array([pose.x_m, pose.y_m]), np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0])
+    if pose.z_m is None or world.floor.is_flat:
+        _require_floor(world, plan)
+    if pose.z_m is not None:
+        up = world.T_world_mine[2, :3]  # of the world, in the mine frame: a mine may dip
+        foot, turn, lift = np.array([*plan, pose.z_m]), _upright(up, ahead), 0.0
+    else:
+        axes = world.floor.frame_at(plan)
+        turn = _upright(axes[:, 2], axes @ ahead)
+        foot = world.floor.fold(np.array([[*plan, 0.0]]))[0]
+        lift = _GAP_M + _above_slope(world, stance, plan, foot, turn)
+    T_mine_robot = np.eye(4)
+    T_mine_robot[:3, :3] = turn
+    T_mine_robot[:3, 3] = foot + turn @ [-stance.origin_m[0], -stance.origin_m[1], lift - stance.low_m[2]]
+    return T_mine_robot
+
+
+def _upright(up: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """Return the axes (3, 3), as columns, of what stands along `up` and faces `ahead`, made square to it."""
+    level = ahead - (ahead @ up) * up
+    level = level / np.linalg.norm(level)
+    return np.column_stack([level, np.cross(up, level), up])
+
+
+def _above_slope(world: World, stance: RobotStance, plan: np.ndarray, foot: np.ndarray, turn: np.ndarray) -> float:
+    """Return how far (m) the floor under a robot's box rises over the plane that it stands on."""
+    if world.floor.is_flat:
+        return 0.0
+    x, y = (np.linspace(stance.low_m[k], stance.high_m[k], _PATCH) - stance.origin_m[k] for k in (0, 1))
+    own = np.column_stack([np.repeat(x, _PATCH), np.tile(y, _PATCH), np.zeros(_PATCH**2)])
+    under = foot + own @ turn.T
+    places = plan + (under - foot)[:, :2]
+    rise = world.floor.heights_at(places) - under[:, 2]
+    return float(max(0.0, (rise[world.floor.covers(places)] * turn[2, 2]).max(initial=0.0)))
+
+
+def _require_floor(world: World, plan: np.ndarray) -> None:
+    col, row = np.floor((plan - world.origin_m) / world.cell_m).astype(int)
+    rows, cols = world.clearance_m.shape
+    if not (0 <= row < rows and 0 <= col < cols) or world.clearance_m[row, col] <= 0:
+        raise ValueError(
+            f"pose: (x, y) = ({plan[0]:g}, {plan[1]:g}): in rock; want a place of the workings, such as one of "
+            "World.places_m(clearance_m)"
+        )
+
+
+def _compose(
+    models: LocalModels, file: RobotFile, stance: RobotStance, T_world_robot: np.ndarray, reach_m: float, prefix: str
+) -> mujoco.MjSpec:
+    """Return the spec of the rock within reach and the robot at a transform of its file's frame."""
+    root = T_world_robot @ [*stance.origin_m, stance.low_m[2], 1.0]
+    here = (root[:3] - models.T_world_mine[:3, 3]) @ models.T_world_mine[:3, :3]
+    box = None
+    if math.isfinite(reach_m):
+        up_m = np.inf if models.world.floor.is_flat else reach_m
+        reach = np.array([reach_m, reach_m, up_m])
+        low, high = here - reach, here + reach
+        box = Box(low[:2], high[:2], low[2], high[2], is_exact=True)
+    spec = models.rock_spec(box)
+    file.take_options(spec)
+    file.meet(spec.geoms)
+    file.prepare_to_join(spec)
+    quat = quaternion(T_world_robot[:3, :3])
+    frame = spec.worldbody.add_frame(pos=T_world_robot[:3, 3], quat=quat)
+    spec.attach(file.spec, prefix=prefix, frame=frame)
+    qpos = stance.qpos.copy()
+    for at in stance.free:
+        qpos[at : at + 3] = T_world_robot[:3, :3] @ qpos[at : at + 3] + T_world_robot[:3, 3]
+        mujoco.mju_mulQuat(qpos[at + 3 : at + 7], quat, stance.qpos[at + 3 : at + 7])
+    spec.add_key(name=SPAWN, qpos=qpos, ctrl=stance.ctrl, act=stance.act)
+    spec.modelname = f"{file.name} in {models.world.record['name']}"
+    return spec
+
+
+def _require_room(world: World, spec: mujoco.MjSpec, file: RobotFile, pose: Pose, stance: RobotStance) -> None:
+    """Refuse a pose at which the robot reaches into rock or floor."""
+    model = world.compile(spec)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(SPAWN).id)
+    mujoco.mj_forward(model, data)
+    mine = {model.body(MINE_BODY).id, model.body(ROCK_BODY).id}
+    for contact in data.contact[: data.ncon]:
+        rock = [model.geom(geom).name for geom in contact.geom if model.geom_bodyid[geom] in mine]
+        if len(rock) == 1 and contact.dist < -_DEEP_M:
+            place, radius = f"({pose.x_m:g}, {pose.y_m:g})", f"{stance.radius_m:.2f}"
+            raise ValueError(
+                f"pose: (x, y) = {place}: {file.name} reaches {-contact.dist:.2f} m into {rock[0]}; want a place with "
+                f"{radius} m round it, such as one of World.places_m({radius})"
+            )

@@ -1,0 +1,46 @@
+"""The robots that environments drive, by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from minexplore.physics.husky import HuskyParams
+from minexplore.physics.quadrotor import QuadrotorParams
+from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot_kind import Robot
+from minexplore.task import coerce_params
+
+ROBOTS: dict[str, type[Robot]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
+RobotChoice = str | Robot | dict[str, Any] | None  # what an environment takes as `robot`
+
+
+def find_robot(robot: RobotChoice) -> Robot:
+    """Return a robot given by its name, as parameters, or as a dict of fields of the default robot's.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these.
+    """
+    if isinstance(robot, str):
+        if robot not in ROBOTS:
+            raise ValueError(f"robot = {robot!r}: want {', '.join(ROBOTS)}, RobotParams(...) or a dict of its fields")
+        return ROBOTS[robot]()
+    if isinstance(robot, Robot):
+        return robot
+    return coerce_params(RobotParams, robot)
+
+
+def default_robot(robot: RobotChoice, where: str) -> RobotParams:
+    """Return the default robot's parameters for what drives no other one.
+
+    Raises
+    ------
+    ValueError
+        Naming the robot and `where` it cannot drive.
+    """
+    found = find_robot(robot)
+    if not isinstance(found, RobotParams):
+        want = "want RobotParams(...) or a dict of its fields"
+        raise ValueError(f"robot = {robot!r:.60}: {where} drives the default robot only; {want}")
+    return found
