@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import shapely
 from shapely.geometry.base import BaseGeometry
 
 # Of a drift of 15 x 1.6 m, whose world has 1.25 MB (0.48 MB of texture, 0.57 MB of preview, 0.05 MB of other files) and
@@ -41,5 +42,9 @@ def load_per_m2(load_s: float, load_memory_mb: float, rock_m2: float) -> dict[st
 
 
 def parts_per_wall_m(parts: int, free: BaseGeometry) -> float:
-    """Return collision parts per metre of wall, without the `FIXED_PARTS` that any mine may have."""
-    return round(max(parts - FIXED_PARTS, 0) / float(free.length), 4)
+    """Return collision parts per metre of wall, without those that no builder can do without.
+
+    These are the `FIXED_PARTS` that any mine may have, and one for each pillar.
+    """
+    pillars = int(shapely.get_num_interior_rings(shapely.get_parts(free)).sum())
+    return round(max(parts - FIXED_PARTS - pillars, 0) / float(free.length), 4)

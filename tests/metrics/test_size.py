@@ -24,3 +24,10 @@ def test_the_cost_of_loading_counts_by_area_and_parts_by_metres_of_wall():
     assert load_per_m2(0.01, 10, 2000)["load_s"] == 0
     assert parts_per_wall_m(FIXED_PARTS + 21, DRIFT) == 0.1
     assert parts_per_wall_m(4, DRIFT) == 0
+
+
+def test_a_pillar_has_one_part_that_no_builder_can_do_without_however_thin_it_is():
+    columns = [shapely.Point(k, 2.5).buffer(0.15) for k in range(5, 95, 2)]
+    hall = shapely.difference(DRIFT, shapely.union_all(columns))
+    assert parts_per_wall_m(FIXED_PARTS + len(columns), hall) == 0
+    assert parts_per_wall_m(FIXED_PARTS + 2 * len(columns), hall) == round(len(columns) / hall.length, 4)
