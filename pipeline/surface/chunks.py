@@ -105,10 +105,10 @@ def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.nda
         return sheets.along_m / sheets.length_m * times, times
     u, repeats = [], []
     for ring in lattice.walls.rings:
-        times = float(ring.count * ring.step_m / texture_m)
-        times = times if times < _ONE_REPEAT else max(1.0, float(round(times)))
-        u.append(np.arange(ring.count) / ring.count * times)
-        repeats.append(np.full(ring.count, times))
+        covered = ring.count * ring.step_m / texture_m
+        covered = covered if covered < _ONE_REPEAT else max(1.0, float(round(covered)))
+        u.append(np.arange(ring.count) / ring.count * covered)
+        repeats.append(np.full(ring.count, covered))
     return np.concatenate(u), np.concatenate(repeats)
 
 
