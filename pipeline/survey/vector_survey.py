@@ -179,8 +179,11 @@ def _read_levels(
             raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
         if left_out:
             names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
-            done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"
-            warn_user(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
+            done = "are read in plan with the others" if drawn is None else "are left out"
+            warn_user(
+                f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; "
+                "--elevation LAYER=M states one"
+            )
     if drawn is not None or not axes:
         levels = None if drawn is None else _Workings(drawn[0], georeference, drawn[1])
         return _LevelReading(levels, [True] * len(moved))

@@ -10,6 +10,7 @@ from shapely import LineString
 
 from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams, VectorSurveyParams
+from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_here
 from pipeline.survey.vector_survey import read_vector_survey
 
@@ -82,6 +83,16 @@ def test_areas_beside_each_other_are_joined_without_a_warning(tmp_path, capsys):
     pyogrio.raw.write(tmp_path / "a.gpkg", shapes, [], [], geometry_type="Polygon", crs="EPSG:32632")
     assert read(tmp_path / "a.gpkg", VectorSurveyParams).workings.area == pytest.approx(200, abs=0.1)
     assert "lie over" not in capsys.readouterr().err
+
+
+def test_of_the_units_that_are_tried_only_the_chosen_one_is_warned_about(tmp_path):
+    shapes = np.array([shapely.box(0, k * 2000, 60_000, k * 2000 + 4000).wkb for k in range(2)], object)
+    pyogrio.raw.write(tmp_path / "mm.gpkg", shapes, [], [], geometry_type="Polygon", crs=None)
+    with collect_remarks() as remarks:
+        assert detect_here(str(tmp_path / "mm.gpkg"), {}).values["values"]["unit"] == "mm"
+    assert [remark.what.partition(" of its")[0] for remark in remarks if "lie over" in remark.what] == [
+        "mm.gpkg: 120 m2"
+    ]
 
 
 @pytest.mark.parametrize(
