@@ -68,6 +68,12 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("first-touch", "setup", "benchmarks.first_touch", _PARTS + "first-touch.md", "10"),
     _python("simple-mines", "setup", "benchmarks.simple_mines", _PARTS + "simple-mines.md", "45"),
     _python("files", "setup", "benchmarks.files", "artifacts/bench/files.md"),
+    _python(
+        "therion-projects",
+        "setup",
+        "benchmarks.comparisons.therion_projects",
+        "artifacts/bench/therion-projects.md",
+    ),
     # Evidence
     _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", "6"),
     _python("mutants", "all", "benchmarks.mutants", "artifacts/proof/mutants.json"),

@@ -103,7 +103,7 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
             unread = {name: None for name in stated.values() if kind not in option(name).read_with}
             reading = dry_run(_SURVEY, path, stated.model_copy(update=unread), [])
             used = [str(file.resolve()) for file in reading.files]
-            verdict, why = "read", "; ".join(_fact(remark, path) for remark in remarks)[:_WHY]
+            verdict = "read"
         except UnexpectedError as error:
             why = error.detail
         except MineError as error:
@@ -112,6 +112,8 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
         except Exception as error:  # every other exception is a finding
             verdict = "refused" if lacks_memory(error) else "failed"
             why = "not enough memory" if lacks_memory(error) else f"{type(error).__name__}: {error}"
+    # What was remarked before a refusal may be its cause.
+    why = "; ".join([*filter(None, [why]), *(_fact(remark, path) for remark in remarks)])[:_WHY]
     why = why.removeprefix(f"{path}: ").replace(f"{path.parent}/", "").replace(f"data/mines/{_SURVEY}/", "")
     return Outcome(verdict, why, round(time.monotonic() - start, 1), _peak_bytes(), used)
 

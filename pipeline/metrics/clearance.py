@@ -22,7 +22,7 @@ class WallGaps:
     """Distances, m, between visible rock and collision wall at one height, and the clear widths of passages.
 
     `narrowest_kept` and `median_kept` are the shares of the plan's clear width that the visible rock leaves, in the
-    narrowest passage and at the median station.
+    narrowest passage and at the median station. Of a room without a passage they are 1, and the widths 0.
     """
 
     gap_median_m: float
@@ -54,8 +54,9 @@ def measure_walls(
     plan = np.where(inside, distances_to_walls(lines, places), 0.0)
     rock = np.where(inside, cKDTree(seen).query(places)[0], 0.0)
     plan, rock = (np.max(v.reshape(-1, len(nudge)), axis=1, initial=0.0) for v in (plan, rock))
+    kept = rock / np.maximum(plan, 1e-9)
     if not len(plan):
-        plan = rock = np.zeros(1)
+        plan, rock, kept = np.zeros(1), np.zeros(1), np.ones(1)
     narrow = int(plan.argmin())
     return WallGaps(
         gap_median_m=round(float(np.median(gap)), 4),
@@ -64,6 +65,6 @@ def measure_walls(
         into_workings_share=round(float(shapely.contains_xy(free, seen[:, 0], seen[:, 1]).mean()), 4),
         narrowest_plan_m=round(2 * float(plan[narrow]), 3),
         narrowest_seen_m=round(2 * float(rock[narrow]), 3),
-        narrowest_kept=round(float(rock[narrow] / max(plan[narrow], 1e-9)), 4),
-        median_kept=round(float(np.median(rock / np.maximum(plan, 1e-9))), 4),
+        narrowest_kept=round(float(kept[narrow]), 4),
+        median_kept=round(float(np.median(kept)), 4),
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import shapely
 from scipy.optimize import linear_sum_assignment
 from shapely import Polygon
 
@@ -80,7 +81,7 @@ def compare_topology(
 
 
 def _compare_sheet(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float) -> TopologyMatch:
-    outlines = [_without_specks(trace_outline(mask, frame)) for mask in (plan, world)]
+    outlines = _without_specks(trace_outline(plan, frame), trace_outline(world, frame))
     shortest_m = [min_leg_m, 1.25 * min_leg_m, 0.75 * min_leg_m]
     (one, sure_one, any_one), (two, sure_two, any_two) = trace_all_alike(outlines, cell_m, shortest_m, _STATIONS_M)
     return TopologyMatch(
@@ -98,9 +99,17 @@ def _compare_sheet(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg
     )
 
 
-def _without_specks(outline: Polygon) -> Polygon:
-    """Remove islands of a few pixels; they arise at pointed rock, where pixels touch by a corner only."""
-    return Polygon(outline.exterior, [ring for ring in outline.interiors if Polygon(ring).area > _SPECK_M2])
+def _without_specks(plan: Polygon, world: Polygon) -> list[Polygon]:
+    """Remove islands of a few pixels from both; they arise at pointed rock, where pixels touch by a corner only.
+
+    A small island stays where the other outline has a larger one.
+    """
+    islands = [[Polygon(ring) for ring in outline.interiors] for outline in (plan, world)]
+    large = [shapely.union_all([island for island in own if island.area > _SPECK_M2]) for own in islands]
+    return [
+        Polygon(outline.exterior, [one.exterior for one in own if one.area > _SPECK_M2 or one.intersects(of_other)])
+        for outline, own, of_other in zip((plan, world), islands, large[::-1], strict=True)
+    ]
 
 
 def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:

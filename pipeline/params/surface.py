@@ -208,6 +208,9 @@ class RoughParams(Params):
     roof_spacing_m: float = Field(
         ge=0.02, le=0.5, description="distance between the rough surface's points on the roof"
     )
+    thinnest_rock_m: float = Field(
+        ge=0, le=0.6, description="thinnest rock between workings whose two sides bound each other's displacement"
+    )
     most_faces: int | None = Field(ge=10_000, description="above this both spacings are widened; null: no bound")
     arch_half_span_m: float = Field(
         gt=0, description="the roof rises from the walls over this distance and is level beyond"

@@ -81,7 +81,7 @@ def lay_rough_lattice(
         walls = lay_sheet_walls(free, floor, rough.spacing_m, network)
         lattice = open_seams(lay_lattice(walls, profile, rough.spacing_m, rough.roof_spacing_m), profile)
     else:
-        walls = lay_walls(free, rough.spacing_m, network)
+        walls = lay_walls(free, rough.spacing_m, network, rough.thinnest_rock_m)
         lattice = lay_lattice(walls, profile, rough.spacing_m, rough.roof_spacing_m)
     return replace(lattice, floor=floor)
 

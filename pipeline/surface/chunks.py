@@ -17,6 +17,7 @@ from pipeline.surface.mesh.simplify import SurfaceMesh
 from pipeline.surface.texture.coordinates import relax_texture
 from pipeline.types import Mesh
 
+_ONE_REPEAT = 0.5  # of the texture, at least, are stretched to a whole one
 _CHUNKS = {WALL: bundle.WALLS, ROOF: bundle.ROOF}
 
 
@@ -94,16 +95,20 @@ def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
 
 
 def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return each column's texture coordinate along its wall, and its ring's number of repeats, a whole number."""
+    """Return each column's texture coordinate along its wall, and its ring's number of repeats.
+
+    It is a whole number, so that the texture has no seam, except round columns that it would stretch too much for.
+    """
     if lattice.walls.sheets:
         sheets = lattice.walls.sheets
         times = np.maximum(1, np.round(sheets.length_m / texture_m))
         return sheets.along_m / sheets.length_m * times, times
     u, repeats = [], []
     for ring in lattice.walls.rings:
-        whole = max(1, round(ring.count * ring.step_m / texture_m))
-        u.append(np.arange(ring.count) / ring.count * whole)
-        repeats.append(np.full(ring.count, float(whole)))
+        covered = ring.count * ring.step_m / texture_m
+        covered = covered if covered < _ONE_REPEAT else max(1.0, float(round(covered)))
+        u.append(np.arange(ring.count) / ring.count * covered)
+        repeats.append(np.full(ring.count, covered))
     return np.concatenate(u), np.concatenate(repeats)
 
 

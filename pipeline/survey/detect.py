@@ -20,6 +20,7 @@ from pipeline.params.survey import (
     Unit,
     VectorSurveyParams,
 )
+from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detect_picture import detect_picture
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
@@ -128,6 +129,7 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
 def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
     tried: dict[Unit | None, VectorReading] = {}
+    remarks_of: dict[Unit | None, list[Remark]] = {}
     units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
     problem: InputError | None = None
     content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
@@ -138,19 +140,21 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         require_walls_alone(path, content)
     for unit in units:
         params = _vector(path, unit, stated)
-        try:
-            read = read_vector_survey(params, content)
-            if not has_levels:
-                _require_walls(path, content, read)
-        except InputError as error:
-            problem = problem or error
-            continue
+        with collect_remarks() as remarks_of[unit]:
+            try:
+                read = read_vector_survey(params, content)
+                if not has_levels:
+                    _require_walls(path, content, read)
+            except InputError as error:
+                problem = problem or error
+                continue
         tried[unit] = read
         if unit is None and WIDTHS_M[0] <= read.width_m <= WIDTHS_M[1]:
             break
     plausible = any(WIDTHS_M[0] <= read.width_m <= WIDTHS_M[1] for read in tried.values())
     # In a unit small enough, every gap between walls is closed: such a reading must at least be plausible.
     if not tried or (None in units and None not in tried and not plausible):
+        hand_on(remarks_of[units[0]])
         lines = bool(content.shapes) and all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
         advice = "; --half-width M reads centrelines of drifts" if lines and "--half-width" not in str(problem) else ""
         raise InputError(f"{problem or f'{path}: has no workings'}{advice}")
@@ -159,6 +163,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     unit = None if keeps_unit else _likeliest_unit(content.unit, tried)
     if not keeps_unit and content.unit is not None and unit is not None:
         _warn_of_unit(path, content.unit, tried, unit)
+    hand_on(remarks_of[unit])
     read, place = tried[unit], tried[unit].georeference
     values = {
         "kind": "vector",

@@ -40,6 +40,7 @@ from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
+from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
@@ -131,7 +132,9 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
         warn_user(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
     heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None)
-    return _Workings(workings_of(path, shapes, params.snap_m, list(params.seeds_m)), georeference, heights)
+    workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
+    warn_of_overlaps(path, content, shapes, workings)
+    return _Workings(workings, georeference, heights)
 
 
 @dataclass(frozen=True)
@@ -176,8 +179,11 @@ def _read_levels(
             raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
         if left_out:
             names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
-            done = "are read in plan with the others; --elevation states one" if drawn is None else "are left out"
-            warn_user(f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}")
+            done = "are read in plan with the others" if drawn is None else "are left out"
+            warn_user(
+                f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; "
+                "--elevation LAYER=M states one"
+            )
     if drawn is not None or not axes:
         levels = None if drawn is None else _Workings(drawn[0], georeference, drawn[1])
         return _LevelReading(levels, [True] * len(moved))

@@ -4,6 +4,7 @@ import shapely
 
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.clearance import measure_walls
+from pipeline.types import DriftNetwork
 from tests.mines import STRAIGHT
 
 
@@ -30,6 +31,14 @@ def test_rock_inside_the_workings_gives_its_gap_and_reduces_the_width(network):
     assert gaps.gap_median_m == pytest.approx(0.25, abs=1e-3)
     assert gaps.into_workings_share == 1.0
     assert gaps.narrowest_kept == pytest.approx(0.9, abs=0.015)
+
+
+def test_a_room_without_a_passage_keeps_all_of_its_width():
+    room = shapely.box(0, 0, 5, 5)
+    gaps = measure_walls(
+        points_along_walls(room, 0.1), room, DriftNetwork({}, [], [], [], 0, 1, 0.0, [], [], 0.0, 0.25)
+    )
+    assert (gaps.narrowest_plan_m, gaps.narrowest_kept, gaps.median_kept) == (0.0, 1.0, 1.0)
 
 
 def test_a_boulder_in_a_drift_gives_a_large_gap(network):

@@ -84,6 +84,13 @@ def test_equal_networks_match_and_a_blocked_ring_has_no_loop():
     assert (found.loops_plan, found.loops_world, found.loops_difference) == (1, 0, 1)
 
 
+def test_a_pillar_whose_area_is_at_the_limit_of_specks_makes_the_same_loop_in_both():
+    hall = shapely.box(0, 0, 20, 12)
+    plan, world = (hall.difference(shapely.box(9, 6, 9 + side, 6 + side)) for side in (0.52, 0.48))
+    found = compare_topology(*masks(plan, world), 0.1, 2.0)
+    assert found.loops_plan == found.loops_world
+
+
 def test_a_lost_drift_and_an_added_drift_are_counted_separately():
     straight = shapely.box(0, 0, 80, 5)
     lost = compare_topology(*masks(TEE, straight), 0.25, 2.0)

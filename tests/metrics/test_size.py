@@ -22,5 +22,19 @@ def test_bytes_that_every_world_has_do_not_count_and_a_wide_room_has_more_rock_t
 def test_the_cost_of_loading_counts_by_area_and_parts_by_metres_of_wall():
     assert load_per_m2(0.25, 115, 2000) == {"load_s": 0.0001, "load_memory_mb": 0.05}
     assert load_per_m2(0.01, 10, 2000)["load_s"] == 0
-    assert parts_per_wall_m(FIXED_PARTS + 21, DRIFT) == 0.1
+    assert parts_per_wall_m(FIXED_PARTS + 4 + 21, DRIFT) == 0.1
     assert parts_per_wall_m(4, DRIFT) == 0
+
+
+def test_a_pillar_has_one_part_that_no_builder_can_do_without_however_thin_it_is():
+    columns = [shapely.Point(k, 2.5).buffer(0.15) for k in range(5, 95, 2)]
+    hall = shapely.difference(DRIFT, shapely.union_all(columns))
+    assert parts_per_wall_m(FIXED_PARTS + len(columns), hall) == 0
+    assert parts_per_wall_m(FIXED_PARTS + 2 * len(columns) + 4, hall) == round(len(columns) / hall.length, 4)
+
+
+def test_a_corner_of_a_room_has_one_part_and_a_bend_of_a_drift_none():
+    rooms = shapely.union_all([shapely.box(0, 0, 4, 5), shapely.box(4, 2, 8, 3), shapely.box(8, 0, 12, 5)])
+    assert parts_per_wall_m(FIXED_PARTS + 8 + 2, rooms) == round(2 / rooms.length, 4)
+    bends = shapely.LineString([(0, 0), (20, 0), (40, 14), (60, 14)]).buffer(2, quad_segs=1, cap_style="flat")
+    assert parts_per_wall_m(FIXED_PARTS + 4 + 2, bends) == round(2 / bends.length, 4)

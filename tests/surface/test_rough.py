@@ -100,6 +100,25 @@ def test_a_narrow_passage_keeps_its_width_and_a_thin_pillar_does_not_intersect_i
     check_mesh(*closed_mesh(rough_of(pillar, rms_m=0.2, spacing=0.1)))
 
 
+def test_the_rock_on_both_sides_of_a_wall_as_thick_as_a_wheel_does_not_meet():
+    rock = shapely.union_all([shapely.box(4, 5.85, 30, 6.15), shapely.box(10, 2, 10.3, 2.3)])
+    halls = shapely.box(0, 0, 30, 12).difference(rock)
+    walls = lay_walls(halls, 0.1, thinnest_rock_m=0.0)
+    inner = (walls.xy[:, 0] > 5) & (walls.xy[:, 0] < 28) & (np.abs(walls.xy[:, 1] - 6) < 0.2)
+    assert walls.rock_m[inner] == pytest.approx(0.15, abs=0.01)
+    column = shapely.distance(shapely.points(walls.xy), shapely.Point(10.15, 2.15)) < 0.3
+    assert walls.rock_m[column].max() < 0.2
+    assert lay_walls(halls, 0.1).rock_m[inner].min() > 0.4  # of mines, whose pillars are thicker
+    lattice = lay_lattice(walls, PROFILE, 0.1, 0.2)
+    bands = flat_bands(0.2)
+    wanted = relief_of_noise(lattice, bands, bands, STEADY, np.random.default_rng(0))
+    rough = displace_lattice(Mesher(lattice, None), wanted, BOUNDS)
+    check_mesh(*closed_mesh(rough))
+    column = lattice.column[: lattice.wall_vertices]
+    north, y = walls.inward[column, 1] > 0, rough.vertices[: lattice.wall_vertices, 1]
+    assert y[inner[column] & north].min() - y[inner[column] & ~north].max() > 0.1
+
+
 def test_the_recess_keeps_a_narrow_mine_wide_and_rough():
     def walls_of(bounds):
         rough = rough_of(drift, rms_m=0.12, spacing=0.1, bounds=bounds)
@@ -200,6 +219,17 @@ def test_the_texture_continues_across_the_seam_of_a_ring():
     for name, mesh in cut_chunks(rough_of(RING, spacing=0.25), 20.0, 4.0).items():
         corner = mesh.texcoords[mesh.faces]
         assert np.ptp(corner[..., 0], axis=1).max() < 0.5, name
+
+
+def test_the_texture_is_not_stretched_round_a_thin_column():
+    hall = shapely.box(0, 0, 12, 8).difference(shapely.Point(6, 4).buffer(0.15))
+    for mesh in cut_chunks(rough_of(hall, rms_m=1e-9, spacing=0.1), 50.0, 4.0).values():
+        corner = mesh.vertices[mesh.faces]
+        near = np.linalg.norm(corner[..., :2] - [6, 4], axis=2) < 0.3
+        upright = (near & (corner[..., 2] > 0.5) & (corner[..., 2] < 2.5)).all(axis=1)
+        along_m = np.ptp(mesh.texcoords[mesh.faces][upright][..., 0], axis=1) * 4.0
+        wide_m = np.linalg.norm(np.ptp(corner[upright][..., :2], axis=1), axis=1)
+        assert (along_m <= 1.1 * wide_m).all()
 
 
 def test_the_built_wall_has_the_roughness_that_its_spectrum_predicts():

@@ -193,10 +193,12 @@ def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, r
     woven = (
         np.linalg.norm(mesh.texcoords[mesh.faces] - np.roll(mesh.texcoords[mesh.faces], 1, axis=1), axis=2) * repeat_m
     )
-    stretched = (woven - _STRETCHED * side).max()
-    if not stretched <= _FROM_WALL_M:
+    stretched = woven - _STRETCHED * side
+    if not stretched.max() <= _FROM_WALL_M:
+        worst = int(stretched.argmax())
         raise ArtifactError(
-            f"{path}: an edge of {side.flat[int(woven.argmax())]:.3f} m has {woven.max():.3f} m of texture"
+            f"{path}: an edge of {side.flat[worst]:.3f} m has {woven.flat[worst]:.3f} m of texture, want at most "
+            f"{_STRETCHED * side.flat[worst] + _FROM_WALL_M:.3f} m"
         )
     if mesh.normals is not None:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

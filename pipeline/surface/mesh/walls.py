@@ -20,7 +20,8 @@ _BLUNT_M, _LEAST_FILLET_M = 0.3, 0.02  # a nose of rock that would lose more tha
 _SPECK_M2 = 1e-6  # of a nose: smaller pieces come from rounding
 TURN_M = 0.4  # s.d. of the smoothing along a wall that turns its direction gradually at corners
 _REACH_M = 9.0  # walls farther apart than this do not limit each other's displacement
-_OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall
+_OWN_WALL_M = 0.6  # points nearer than this belong to the same piece of wall, unless they face apart
+_APART = -0.5  # cosine of the angle between the directions of points that face apart
 EVEN_M = 1.0
 _PAIRS = 65536  # at a time, so that intermediate arrays stay in the cache
 _BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widths + 0.3 m of its middle
@@ -94,10 +95,12 @@ class WallColumns:
         return found
 
 
-def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = None) -> WallColumns:
+def lay_walls(
+    free: Polygon, spacing_m: float, network: DriftNetwork | None = None, thinnest_rock_m: float = _OWN_WALL_M
+) -> WallColumns:
     """Place columns along the walls, at most `spacing_m` apart, and measure the space around each.
 
-    Without a drift network, `passage_m` is `free_m`.
+    Without a drift network, `passage_m` is `free_m`. `thinnest_rock_m` is as for `largest_discs`.
     """
     free = fillet(free)
     rings: list[Ring] = []
@@ -108,7 +111,7 @@ def lay_walls(free: Polygon, spacing_m: float, network: DriftNetwork | None = No
         rings.append(Ring(sum(r.count for r in rings), count, line.length / count))
     xy = np.concatenate(points)
     inward = np.concatenate([_inward(xy[r.first : r.first + r.count], r.step_m) for r in rings])
-    free_m, rock_m = largest_discs(xy, inward)
+    free_m, rock_m = largest_discs(xy, inward, thinnest_rock_m)
     passage_m = free_m if network is None else passages(xy, free_m, network)
     free_m, rock_m, passage_m = (_smoothed(radius, rings) for radius in (free_m, rock_m, passage_m))
     return WallColumns(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
@@ -192,8 +195,14 @@ def _inward(ring: np.ndarray, step_m: float) -> np.ndarray:
     return smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
 
 
-def largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the radii (n,) m of the largest discs in workings and rock that touch the wall at each column."""
+def largest_discs(
+    xy: np.ndarray, inward: np.ndarray, thinnest_rock_m: float = _OWN_WALL_M
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radii (n,) m of the largest discs in workings and rock that touch the wall at each column.
+
+    Of points nearer to each other than 0.6 m, those that face apart count, from `thinnest_rock_m`: the two sides of a
+    thin wall, or of a column.
+    """
     all_pairs = cKDTree(xy).query_pairs(_REACH_M, output_type="ndarray")
     free, rock = np.full(len(xy), _REACH_M / 2), np.full(len(xy), _REACH_M / 2)
     (x, y), (ahead_x, ahead_y) = xy.T, inward.T
@@ -201,7 +210,8 @@ def largest_discs(xy: np.ndarray, inward: np.ndarray) -> tuple[np.ndarray, np.nd
         first, second = all_pairs[at : at + _PAIRS].T
         dx, dy = x[second] - x[first], y[second] - y[first]
         squared = dx**2 + dy**2
-        other_wall = squared > _OWN_WALL_M**2
+        faces_apart = ahead_x[first] * ahead_x[second] + ahead_y[first] * ahead_y[second] < _APART
+        other_wall = (squared > _OWN_WALL_M**2) | (faces_apart & (squared >= thinnest_rock_m**2))
         first, second, dx, dy, squared = (v[other_wall] for v in (first, second, dx, dy, squared))
         for one, sign in ((first, 1.0), (second, -1.0)):
             ahead = sign * dx * ahead_x[one] + sign * dy * ahead_y[one]

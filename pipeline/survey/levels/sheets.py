@@ -133,7 +133,8 @@ def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None 
     if others:
         warn_user(
             f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; kept is the one of "
-            f"{size(chosen):.0f} m2 about {about(chosen)}, left out are {sum(map(size, others)):.0f} m2"
+            f"{size(chosen):.0f} m2 about {about(chosen)}, left out are {sum(map(size, others)):.0f} m2; "
+            "--piece builds another"
         )
         list_others(path, [(f"{size(names):.0f} m2", about(names)) for names in others])
     kept: nx.Graph = nx.Graph()  # in the order of the file; a subgraph has that of a set of texts
@@ -170,7 +171,7 @@ def _warn_of_near_areas(path: Path, areas: list[Area], joins: nx.Graph) -> None:
         gap, low, high, x, y = near[0]
         warn_user(
             f"{path.name}: {len(near)} pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at "
-            f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; survey.snap_m says what meets in plan, "
+            f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; --snap M says what meets in plan, "
             f"survey.flat_step_m in height"
         )
 

@@ -83,7 +83,8 @@ def choose_piece(path: Path, cells: dict[str, Cell], graph: nx.Graph, station: s
     if others:
         warn_user(
             f"{path.name}: {len(pieces)} pieces are not joined by drivable legs; kept is the one of {length[kept]:.0f} "
-            f"m about {_about(kept, cells, named)}, left out are {sum(map(length.__getitem__, others)):.0f} m"
+            f"m about {_about(kept, cells, named)}, left out are {sum(map(length.__getitem__, others)):.0f} m; "
+            "--piece builds another"
         )
         list_others(path, [(f"{length[nodes]:.0f} m", _about(nodes, cells, named)) for nodes in others])
     # A subgraph of few nodes has the order of a set of texts, another one in each process.

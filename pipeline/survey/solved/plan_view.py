@@ -116,7 +116,10 @@ class _StationPlan:
         if len(pieces) > 1:
             longest = sorted(pieces, reverse=True)[:_MOST_PIECES]
             text = ", ".join(f"{length:.0f} m about {self.names[node]}" for length, node in longest)
-            warn_user(f"{path.name}: the survey is in {len(pieces)} pieces that share no station, the longest {text}")
+            warn_user(
+                f"{path.name}: the survey is in {len(pieces)} pieces that share no station, the longest {text}; "
+                "--piece STATION builds one"
+            )
 
     def joints(self, rows: list[tuple[Nodes, np.ndarray]]) -> list[tuple[Nodes, np.ndarray]]:
         """Return the legs between cross-sections that are no neighbours in a passage."""
@@ -167,9 +170,7 @@ def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
         filled.append((nodes, sides))
     if count:
         total = sum(len(nodes) for nodes, _ in rows)
-        source = (
-            "as stated" if half_width_m else "half the median width of the others; survey.half_width_m states another"
-        )
+        source = "as stated" if half_width_m else "half the median width of the others; --half-width M states another"
         warn_user(
             f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; "
             f"{usual:.2f} m is taken on each side without one, {source}"

@@ -79,11 +79,14 @@ class SurvexText:
     def names(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Return the names of stations as the user wrote them, empty for stations without one.
 
-        Two names that would become one stay as Survex has them.
+        Of stations whose names would become one, all but the first have a number after it, as in a `.3d` file.
         """
-        read = [_read_name(name) for name in names]
-        counts = Counter(read)
-        return tuple(new if counts[new] == 1 or not new else old for old, new in zip(names, read, strict=True))
+        counts: Counter[str] = Counter()
+        read = []
+        for name in map(_read_name, names):
+            counts[name] += 1
+            read.append(f"{name} ({counts[name]})" if name and counts[name] > 1 else name)
+        return tuple(read)
 
 
 def written_name(name: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_survey
-from pipeline.survey.therion.imported import Imports, add_imported
+from pipeline.survey.therion.imported import Imports, add_imported, declared_surveys
 from pipeline.survey.therion.lines import TherionLine, therion_lines
 from pipeline.survey.therion.place import Place, cs_for_survex, date_for_survex, place_of
 from pipeline.survey.therion.shots import Shots
@@ -64,7 +64,9 @@ def to_survex(path: Path) -> SurvexText:
     """
     made = SurvexText()
     lines = list(therion_lines(path, []))
-    converter = _Converter(made, place_of(lines), path.parent.resolve())
+    place = place_of(lines)
+    imports = Imports(made, path.parent.resolve(), place is not None, declared_surveys(lines))
+    converter = _Converter(made, place, imports)
     for line in lines:
         converter.read(line)
     converter.end(path)
@@ -74,9 +76,8 @@ def to_survex(path: Path) -> SurvexText:
 class _Converter:
     """Where the reading stands: open surveys, the open centreline, and a block that is left out."""
 
-    def __init__(self, made: SurvexText, place: Place | None, folder: Path) -> None:
-        self.made, self.place = made, place
-        self.imports = Imports(made, folder, place is not None)
+    def __init__(self, made: SurvexText, place: Place | None, imports: Imports) -> None:
+        self.made, self.place, self.imports = made, place, imports
         self.is_latitude_first = False  # of the coordinates in the open centreline
         self.surveys: list[tuple[str, bool]] = []  # name, and whether it is part of its stations' names
         self.shots: Shots | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,13 +34,28 @@ class _Options:
 class Imports:
     """Where imported files are added: the project's folder, and the stations that were imported before.
 
-    `has_place` is whether the project has a coordinate system; a file's own is named then.
+    `has_place` is whether the project has a coordinate system; a file's own is named then. `surveys` are the project's
+    surveys, those of files with `-surveys create` among them, as Survex reads them, each with a point at its end.
     """
 
     made: SurvexText
     folder: Path
     has_place: bool
+    surveys: set[str]
     fixed: set[str] = field(default_factory=set)
+
+
+def declared_surveys(lines: list[TherionLine]) -> set[str]:
+    """Return the surveys that a project's lines declare, as Survex reads them, each with a point at its end."""
+    open_surveys, found = [""], set()
+    for line in lines:
+        if line.words[0] == "survey" and len(line.words) > 1:
+            is_named = ("-namespace", "off") not in pairwise(line.words)
+            open_surveys.append(open_surveys[-1] + (f"{written_survey(line.words[1])}." if is_named else ""))
+            found.add(open_surveys[-1])
+        elif line.words[0] == "endsurvey" and len(open_surveys) > 1:
+            open_surveys.pop()
+    return found
 
 
 def add_imported(imports: Imports, line: TherionLine, prefix: str) -> None:
@@ -68,7 +84,7 @@ def add_imported(imports: Imports, line: TherionLine, prefix: str) -> None:
     if file.suffix.lower() != ".3d":
         raise InputError(f"{line.where}: import {file.name!r}: only .3d files are imported")
     survey = read_3d(file)
-    names = _names(survey, options)
+    names = _names(survey, options, prefix, imports.surveys)
     made.add(line, "*begin")
     cs = options.cs or survey.crs
     if imports.has_place and cs:
@@ -109,16 +125,25 @@ def _options_of(line: TherionLine) -> _Options:
     return _Options(surveys, stated.get("-filter", ""), (x, y, z), stated.get("-cs", ""))
 
 
-def _names(survey: SolvedSurvey, options: _Options) -> list[str]:
+def _names(survey: SolvedSurvey, options: _Options, prefix: str, surveys: set[str]) -> list[str]:
     """Return the stations' names as Survex reads them; nothing for stations that are not taken."""
-    return ["" if not name.startswith(options.filter) else _written(name, options) for name in survey.names]
+    taken = (name if name.startswith(options.filter) else "" for name in survey.names)
+    return [name and _written(name, options, prefix, surveys) for name in taken]
 
 
-def _written(name: str, options: _Options) -> str:
+def _written(name: str, options: _Options, prefix: str, known: set[str]) -> str:
+    """Return the name of a station.
+
+    Surveys that are not created are part of its own name: with `use` those that the project does not have, with
+    `ignore` all.
+    """
     *surveys, station = name[len(options.filter) :].lstrip(".").split(".")
-    if options.surveys == "ignore":
-        return "~".join(written_name(part) for part in [*surveys, station])
-    return ".".join([*(written_survey(part) for part in surveys), written_name(station)])
+    within = list(accumulate((f"{written_survey(part)}." for part in surveys), initial=""))
+    if options.surveys == "create":
+        known.update(prefix + place for place in within[1:])
+    missing = (k for k, place in enumerate(within[1:]) if options.surveys == "ignore" or prefix + place not in known)
+    count = next(missing, len(surveys))
+    return within[count] + written_name(".".join([*surveys[count:], station]))
 
 
 def _add_legs(made: SurvexText, line: TherionLine, survey: SolvedSurvey, names: list[str]) -> None:

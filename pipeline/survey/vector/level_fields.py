@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
@@ -13,6 +17,7 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.vector.shapes import REACH_M, Shapes
 
 _APART_M = 4.0  # between two floors: 3.5 m of drift and 0.5 m of rock; nearer numbers count levels
+_OVERLAP_M2, _OVERLAP_SHARE = 1.0, 0.001  # of the areas: smaller overlaps come from drawing one area beside another
 _NAMED = 12  # levels or fields that a message names
 
 
@@ -79,3 +84,29 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
         "--elevation VALUE=M states others"
     )
     return elevations
+
+
+def warn_of_overlaps(path: Path, content: Shapes, moved: Sequence[BaseGeometry], joined: BaseGeometry) -> None:
+    """Warn that areas which lie over each other are joined, as they may be those of several levels.
+
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        Its layers and the names of its properties say how levels are kept apart.
+    moved : sequence of shapely geometry, m
+        Its shapes.
+    joined : shapely geometry, m
+        What was made of them.
+    """
+    if not len(moved) or shapely.get_dimensions(moved).min() < 2:
+        return  # lines enclose areas, whatever crosses them
+    over_m2 = float(shapely.area([shapely.make_valid(shape) for shape in moved]).sum()) - joined.area
+    if over_m2 < max(_OVERLAP_M2, _OVERLAP_SHARE * joined.area):
+        return
+    has_layers = len(set(content.layer_of)) > 1
+    by_layer = "--elevation LAYER=M keeps layers apart, " if has_layers else ""
+    warn_user(
+        f"{path.name}: {over_m2:.0f} m2 of its areas lie over others and are joined with them as one level; {by_layer}"
+        f"--level-by FIELD keeps levels apart, {listed_fields(content.fields)}"
+    )

@@ -38,6 +38,15 @@ def test_the_mean_wall_error_is_reached_and_not_exceeded(rough, error_m):
     assert largest_error_m(rough, simple) <= 8.5 * error_m
 
 
+def test_ninety_nine_per_cent_of_a_wall_with_furniture_lie_within_five_times_the_mean_error():
+    room = shapely.box(0, 0, 40, 6)
+    for x in range(2, 38, 4):
+        room = room.difference(shapely.box(x, -1, x + 0.5, 0.19)).difference(shapely.box(x + 1, 5.81, x + 1.6, 7))
+    distance = np.abs(signed_distances(room, simplify_to_error(room, 0.03)))
+    assert np.percentile(distance, 99) <= 5.3 * 0.03
+    assert distance.mean() <= 0.03
+
+
 @pytest.mark.parametrize("gap_m", [0.004, 0.002])
 def test_walls_nearer_to_each_other_than_their_error_keep_their_topology(gap_m):
     turn, other = (

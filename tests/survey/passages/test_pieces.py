@@ -65,7 +65,7 @@ def test_the_others_are_listed_by_length_and_station_with_the_option_that_builds
     assert said[
         0
     ] == "a.csv: 14 pieces are not joined by drivable legs; kept is the one of 60 m about s0, left out " + (
-        f"are {sum(60 - 2 * k for k in range(1, 14))} m"
+        f"are {sum(60 - 2 * k for k in range(1, 14))} m; --piece builds another"
     )
     listed = ", ".join(f"{60 - 2 * k} m about s{k}" for k in range(1, 11))
     assert said[1] == f"a.csv: --piece (survey.piece) builds another piece: {listed}, and 3 more"

@@ -2,6 +2,7 @@
 
 import itertools
 import shutil
+import subprocess
 from datetime import date
 from pathlib import Path
 
@@ -117,7 +118,7 @@ IMPORTED = "import solved.3d -surveys create"
     ("line", "names"),
     [
         (IMPORTED, {"m.mine.0", "m.mine.1", "m.mine.2", "m.mine.3"}),
-        ("import solved.3d -surveys ignore", {f"m.mine~{k}" for k in range(4)}),
+        ("import solved.3d -surveys ignore", {f"m.mine.{k}" for k in range(4)}),
         ("import solved -format 3d -filter mine.", {f"m.{k}" for k in range(4)}),
     ],
 )
@@ -148,6 +149,26 @@ def test_a_station_of_two_imported_files_stays_where_the_first_has_it(tmp_path):
     text = f"survey m\n{IMPORTED}\nimport other.3d\nendsurvey\n"
     path = write(tmp_path, {"m.th": text, "solved.3d": ring_3d(), "other.3d": other})
     np.testing.assert_array_equal(position_of(solve_file(path))["m.mine.0"], (0, 0, 0))
+
+
+@needs_cavern
+def test_an_imported_station_is_in_the_survey_that_the_project_has_and_else_keeps_the_prefix_in_its_name(tmp_path):
+    """As in Therion's sample of large projects, whose survey `create` is made by an import after the first one."""
+    files = {
+        "m.th": "import whole.3d -surveys use\nsurvey cave\nsurvey west\nendsurvey\n"
+        "import whole.3d -filter cave. -surveys create -calibrate [0 0 0 7 0 0]\nendsurvey\n",
+        "whole.3d": b"",
+    }
+    shots = "*data cartesian from to dx dy dz\n1 2 3 0 0\n"
+    wings = "".join(f"*begin {wing}\n{shots}*end {wing}\n" for wing in ("west", "east"))
+    source = f"*begin cave\n*fix west.1 0 0 0\n*fix east.1 0 50 0\n{wings}*end cave\n"
+    path = write(tmp_path, {**files, "whole.svx": source})
+    subprocess.run(["cavern", "-q", "-s", "-o", "whole.3d", "whole.svx"], cwd=tmp_path, check=True)
+    at = position_of(solve_file(path))
+    assert [name for name in at if "west" in name] == ["cave.west.1", "cave.west.2"]
+    np.testing.assert_allclose(at["cave.west.2"], (3, 0, 0))  # the first file has it, not the moved one
+    east = sorted(at[name][0] for name in at if name.startswith("cave.east.2"))
+    assert east == [3.0, 10.0]  # the station east.2 of `cave`, and the station 2 of `cave.east`
 
 
 @needs_cavern

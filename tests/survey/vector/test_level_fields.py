@@ -10,6 +10,7 @@ from shapely import LineString
 
 from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams, VectorSurveyParams
+from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_here
 from pipeline.survey.vector_survey import read_vector_survey
 
@@ -63,6 +64,35 @@ def test_seams_in_one_plane_are_merged_where_they_cross_and_the_warning_names_th
     told = capsys.readouterr().err
     assert "places without a common point" in told
     assert "--level-by FIELD keeps levels apart, there are seam, number, floor" in told
+
+
+def test_areas_of_seams_that_lie_over_each_other_are_joined_with_a_warning_of_their_size_and_the_option(
+    tmp_path, capsys
+):
+    path = coal_mine(tmp_path / "coal.geojson", as_areas=True)
+    found = read(path, VectorSurveyParams)
+    areas = [shape for seam in range(3) for shape in roadways(seam) if shape.length > 0]
+    over_m2 = sum(line.buffer(HALF_M, cap_style="square").area for line in areas) - found.workings.area
+    told = capsys.readouterr().err
+    assert f"{over_m2:.0f} m2 of its areas lie over others and are joined with them as one level" in told
+    assert "--level-by FIELD keeps levels apart, there are seam, number, floor" in told
+
+
+def test_areas_beside_each_other_are_joined_without_a_warning(tmp_path, capsys):
+    shapes = np.array([shapely.box(k * 10, 0, k * 10 + 10.01, 5).wkb for k in range(4)], object)
+    pyogrio.raw.write(tmp_path / "a.gpkg", shapes, [], [], geometry_type="Polygon", crs="EPSG:32632")
+    assert read(tmp_path / "a.gpkg", VectorSurveyParams).workings.area == pytest.approx(200, abs=0.1)
+    assert "lie over" not in capsys.readouterr().err
+
+
+def test_of_the_units_that_are_tried_only_the_chosen_one_is_warned_about(tmp_path):
+    shapes = np.array([shapely.box(0, k * 2000, 60_000, k * 2000 + 4000).wkb for k in range(2)], object)
+    pyogrio.raw.write(tmp_path / "mm.gpkg", shapes, [], [], geometry_type="Polygon", crs=None)
+    with collect_remarks() as remarks:
+        assert detect_here(str(tmp_path / "mm.gpkg"), {}).values["values"]["unit"] == "mm"
+    assert [remark.what.partition(" of its")[0] for remark in remarks if "lie over" in remark.what] == [
+        "mm.gpkg: 120 m2"
+    ]
 
 
 @pytest.mark.parametrize(
