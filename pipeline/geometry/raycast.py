@@ -29,10 +29,12 @@ class RayCaster:
         tensor: Any = open3d.core.Tensor
         self._tensor = tensor
         self._middle = triangles.reshape(-1, 3).mean(axis=0)
-        self._planes = face_planes(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+        self._triangles = triangles
+        about_middle = np.empty(triangles.shape, np.float32)
+        np.subtract(triangles, self._middle, out=about_middle, casting="same_kind")
         self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
-            self._tensor((triangles - self._middle).reshape(-1, 3).astype(np.float32)),
+            self._tensor(about_middle.reshape(-1, 3)),
             self._tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
         )
 
@@ -42,7 +44,8 @@ class RayCaster:
         rays[:, :3], rays[:, 3:] = origins - self._middle, directions
         hit = self._scene.cast_rays(self._tensor(rays))
         face = hit["primitive_ids"].numpy().astype(np.int32)  # -1 where nothing is hit
-        return plane_distances(self._planes, face, origins, directions, hit["t_hit"].numpy())
+        planes = face_planes(self._triangles[face].reshape(-1, 3), np.arange(3 * len(face)).reshape(-1, 3))
+        return plane_distances(planes, np.arange(len(face)), origins, directions, hit["t_hit"].numpy())
 
     def fan(self, places: np.ndarray, bearings: np.ndarray, height_m: float) -> np.ndarray:
         """Return ranges (n, k) m of level rays at bearings (n, k) rad from places (n, 2) m at one height."""
