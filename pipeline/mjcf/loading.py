@@ -8,6 +8,7 @@ import mujoco
 
 from minexplore.bundle import line_of
 from pipeline.errors import ArtifactError
+from pipeline.memory import give_back
 
 
 def load_model(path: Path) -> mujoco.MjModel:
@@ -21,7 +22,9 @@ def load_model(path: Path) -> mujoco.MjModel:
     ArtifactError
         If MuJoCo refuses the model; the message is MuJoCo's, on one line.
     """
-    return compile_spec(read_spec(path), path)
+    model = compile_spec(read_spec(path), path)
+    give_back()  # 0.35 GB of the default mine's
+    return model
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:
