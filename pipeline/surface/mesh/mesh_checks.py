@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.ray_scene import ray_scene
@@ -34,6 +33,8 @@ class MeshReport:
 
 def join_meshes(pieces: dict[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """Join meshes at equal vertices; return vertices (n, 3) m and faces (m, 3)."""
+    import trimesh  # takes half a second to load, and light worlds do without
+
     mesh = trimesh.util.concatenate([trimesh.Trimesh(m.vertices, m.faces, process=False) for m in pieces.values()])
     mesh.merge_vertices()
     return np.array(mesh.vertices), np.array(mesh.faces)
@@ -49,6 +50,8 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None 
     GeometryError
         If the mesh has a crack or a flipped face, intersects itself (the message gives the place), or faces outwards.
     """
+    import trimesh
+
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     crossings = find_crossings(vertices, faces, cast)
     report = MeshReport(
