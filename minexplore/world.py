@@ -99,8 +99,11 @@ class World:
 
     def zones_at(self, east_m: np.ndarray) -> np.ndarray:
         """Return the numbers of the zones at eastings (n,) m of the mine frame; beyond the ends, the nearest."""
-        edges = [zone.east_m for zone in self.floor_zones[:-1]]
-        return np.searchsorted(edges, east_m, side="right")
+        return self._zone_edges.searchsorted(east_m, side="right")
+
+    @functools.cached_property
+    def _zone_edges(self) -> np.ndarray:
+        return np.array([zone.east_m for zone in self.floor_zones[:-1]])
 
     @functools.cached_property
     def open_shafts(self) -> OpenShafts:

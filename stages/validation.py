@@ -11,6 +11,7 @@ from typing import Any
 
 from minexplore.bundle import MODEL
 from pipeline.geometry.floor.sheets import whole_of
+from pipeline.memory import give_back
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.bundle import read_floor
@@ -45,6 +46,7 @@ def validate_world(
     with ThreadPoolExecutor(2) as pool:  # long measures run in parallel: they mostly run outside the interpreter
         for measured in [pool.submit(getattr, validator, name) for name in slow]:
             measured.result()
+        give_back()  # the points of the texture
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
         evidence = _evidence(params, validator)
         metrics = {group: validator.measure(group) for group in groups}

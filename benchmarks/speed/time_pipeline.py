@@ -1,14 +1,14 @@
-"""Time `dvc repro` on a clean copy of the project and again without changes, and each stage alone."""
+"""Time `dvc repro` on a clean copy of the project and again without changes, and each stage alone, and their memory."""
 
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.base.markdown import markdown_table, write_table
@@ -18,6 +18,15 @@ from stages.__main__ import STAGES
 
 TABLE = Path("docs/evidence/parts/timings.md")
 _LIMITS = {"compile3d": 5.0, "surface": 25.0, "validation": 90.0}
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a command took: seconds, processor seconds with those of its children, and its largest process, MB."""
+
+    seconds: float
+    processor_s: float
+    peak_mb: float
 
 
 def main() -> int:
@@ -31,47 +40,49 @@ def main() -> int:
             if Path(name).is_file() and name != "dvc.lock":
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(name, target)
-        timed: list[tuple[str, float, float | None]] = [
-            ("whole pipeline, clean", _seconds(folder, "dvc", "repro"), 90.0)
-        ]
-        again = [_times(folder, "dvc", "repro") for _ in range(3)]
-        timed += [("again, without changes", again[0][0], 3.0)]
-        timed += [("again, processor time, best of three", min(cpu for _, cpu in again), 3.0)]
+        subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+        timed: list[tuple[str, float, Run | None, float | None]] = []
+        whole = _run(folder, "dvc", "repro")
+        timed.append(("whole pipeline, clean", whole.seconds, whole, 90.0))
+        again = [_run(folder, "dvc", "repro") for _ in range(3)]
+        timed.append(("again, without changes", again[0].seconds, again[0], 3.0))
+        best_s = min(run.processor_s for run in again)
+        timed.append(("again, processor time, best of three", best_s, None, 3.0))
         loads = read_metrics(Path(folder) / "artifacts" / "validation")
         limit = compose([]).validation.limits["world.load_s"].max
-        timed += [("model load, the first in a process", loads["world.first_load_s"], None)]
-        timed += [("model load, again", loads["world.load_s"], limit)]
+        timed.append(("model load, the first in a process", loads["world.first_load_s"], None, None))
+        timed.append(("model load, again", loads["world.load_s"], None, limit))
         for stage in STAGES:
-            timed += [(f"stage {stage}", _seconds(folder, sys.executable, "-m", f"stages.{stage}"), _LIMITS.get(stage))]
-    rows = ((title, f"{seconds:.1f}", "" if limit is None else f"{limit:g}") for title, seconds, limit in timed)
-    text = markdown_table(("run", "seconds", "limit"), rows)
+            run = _run(folder, sys.executable, "-m", f"stages.{stage}")
+            timed.append((f"stage {stage}", run.seconds, run, _LIMITS.get(stage)))
+    text = markdown_table(("run", "seconds", "processor s", "peak MB", "limit, s"), map(_row, timed))
     write_table(TABLE, f"Measured on {os.cpu_count()} cores.\n\n{text}")
     print(text, end="")
-    slow = [title for title, seconds, limit in timed if limit is not None and seconds > limit]
+    slow = [title for title, seconds, _, limit in timed if limit is not None and seconds > limit]
     if slow:
         print(f"bench-pipeline: over the limit: {', '.join(slow)}", file=sys.stderr)
     return 2 if slow else 0
 
 
-def _seconds(folder: str, *command: str) -> float:
-    return _times(folder, *command)[0]
+def _row(timed: tuple[str, float, Run | None, float | None]) -> tuple[str, ...]:
+    title, seconds, run, limit = timed
+    cost = (f"{run.processor_s:.1f}", f"{run.peak_mb:,.0f}") if run else ("", "")
+    return title, f"{seconds:.1f}", *cost, "" if limit is None else f"{limit:g}"
 
 
-def _times(folder: str, *command: str) -> tuple[float, float]:
-    """Run a command in the project; return its wall time and its processor time, s."""
+def _run(folder: str, *command: str) -> Run:
+    """Run a command in the project; exit with its error if it fails."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
-    start, before = time.perf_counter(), _children_cpu_s()
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(f"{' '.join(command)}: {done.stderr}")
-    return time.perf_counter() - start, _children_cpu_s() - before
-
-
-def _children_cpu_s() -> float:
-    """Return the processor time, s, of all finished child processes."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+    start = time.perf_counter()
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=errors)
+        _, status, usage = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - start
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            errors.seek(0)
+            sys.exit(f"{' '.join(command)}: {errors.read().decode(errors='replace')}")
+    return Run(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6)
 
 
 if __name__ == "__main__":

@@ -163,13 +163,13 @@ class RobotBatch(RobotPlaces):
         command, wanted = np.asarray(actions, dtype=np.float64), (self.count, self.robot.COMMANDS)
         if command.shape != wanted:
             raise ValueError(f"actions of shape {command.shape}: want {wanted}")
-        bad = ~np.isfinite(command).all(axis=1)
-        if bad.any():
-            i = int(bad.argmax())
+        finite = np.isfinite(command)
+        if not finite.all():
+            i = int((~finite).any(axis=1).argmax())
             several = f"{_COUNTED[self.robot.COMMANDS]} finite numbers in [-1, 1]"
             raise ValueError(f"action of robot {i} = {command[i].tolist()}: want {several}")
         # The action space's 32 bits: what a policy computes may differ between processors in the last of 64.
-        return np.clip(command[robots], -1.0, 1.0).astype(np.float32).astype(np.float64)
+        return np.minimum(np.maximum(command[robots], -1.0), 1.0).astype(np.float32).astype(np.float64)
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots (k,) by one control step without casting beams.

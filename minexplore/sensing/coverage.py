@@ -118,10 +118,14 @@ class CoverageGrid:
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""
-        useful = self.reachable[row, col]
-        flat = np.ravel_multi_index((observer[useful], row[useful], col[useful]), seen.shape)
+        cell = row * self.reachable.shape[1] + col
+        useful = self.reachable.reshape(-1)[cell]
+        flat = observer[useful] * self.reachable.size + cell[useful]
         view = seen.reshape(-1)
-        new = np.unique(flat[~view[flat]])
+        unseen = flat[~view[flat]]
+        if not len(unseen):
+            return np.zeros(len(seen), np.int64)
+        new = np.unique(unseen)
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
 

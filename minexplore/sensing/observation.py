@@ -31,8 +31,9 @@ def observe(
         Each draws the noise of one robot's beams, in the order of the beams.
     """
     near, far = task.range_m
-    noise = np.stack([rng.standard_normal(task.beams) for rng in rngs])
-    noisy = np.clip(ranges_m, near, far) + task.range_noise_m * noise
-    scaled = np.clip((noisy - near) / (far - near), 0.0, 1.0)
-    zero = np.zeros((len(ranges_m), 1))
-    return np.hstack([scaled, previous[:, :1], zero, previous[:, 1:]]).astype(np.float32)
+    noise = np.array([rng.standard_normal(task.beams) for rng in rngs])
+    noisy = np.minimum(np.maximum(ranges_m, near), far) + task.range_noise_m * noise
+    observed = np.zeros((len(ranges_m), task.beams + COMMANDS), np.float32)
+    observed[:, : task.beams] = np.minimum(np.maximum((noisy - near) / (far - near), 0.0), 1.0)
+    observed[:, task.beams :: 2] = previous
+    return observed

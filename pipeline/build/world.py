@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from pipeline.errors import MemoryShortageError, describe_shortage, lacks_memory
+from pipeline.memory import give_back
 from pipeline.params.config import Config
 from pipeline.stage import Stage, check_again, is_fresh, make_artifacts
 from pipeline.store.files import recover_folder, write_atomically
@@ -51,6 +52,7 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
                 check_again(stage, params, root)
             else:
                 make_artifacts(stage, params, root)
+                give_back()
                 ran.append(stage.name)
         except Exception as error:
             if not lacks_memory(error):

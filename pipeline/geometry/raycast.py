@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from shapely import Polygon
 
 from minexplore.sensing.planes import face_planes, plane_distances
 from pipeline.errors import GeometryError
+from pipeline.geometry.ray_scene import ray_scene
 
 
 class RayCaster:
@@ -24,25 +23,20 @@ class RayCaster:
         """
         if not len(triangles):
             raise GeometryError("rays: there are no triangles to cast rays against")
-        import open3d  # takes a second to load, and few surveys need it
-
-        tensor: Any = open3d.core.Tensor
-        self._tensor = tensor
         self._middle = triangles.reshape(-1, 3).mean(axis=0)
-        self._planes = face_planes(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._tensor((triangles - self._middle).reshape(-1, 3).astype(np.float32)),
-            self._tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
-        )
+        self._triangles = triangles
+        about_middle = np.empty(triangles.shape, np.float32)
+        np.subtract(triangles, self._middle, out=about_middle, casting="same_kind")
+        self._scene = ray_scene(about_middle.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return distances (n,) m along unit directions (n, 3) from origins (n, 3) m; inf where a ray hits nothing."""
         rays = np.empty((len(origins), 6), np.float32)
         rays[:, :3], rays[:, 3:] = origins - self._middle, directions
-        hit = self._scene.cast_rays(self._tensor(rays))
+        hit = self._scene.cast_rays(rays)
         face = hit["primitive_ids"].numpy().astype(np.int32)  # -1 where nothing is hit
-        return plane_distances(self._planes, face, origins, directions, hit["t_hit"].numpy())
+        planes = face_planes(self._triangles[face].reshape(-1, 3), np.arange(3 * len(face)).reshape(-1, 3))
+        return plane_distances(planes, np.arange(len(face)), origins, directions, hit["t_hit"].numpy())
 
     def fan(self, places: np.ndarray, bearings: np.ndarray, height_m: float) -> np.ndarray:
         """Return ranges (n, k) m of level rays at bearings (n, k) rad from places (n, 2) m at one height."""

@@ -17,7 +17,6 @@ from minexplore.bundle import (
     FRAMES,
     FREE_SPACE,
     GEOM_GROUPS,
-    MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
     NO_OVERLAY,
@@ -36,6 +35,7 @@ from pipeline.geometry.maps.occupancy import sheet_nav2_maps
 from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.geometry.openings.shaft_parts import fence_parts, roof_slabs
 from pipeline.geometry.rock.extrude import collect_parts
+from pipeline.memory import give_back
 from pipeline.mjcf.bundle import HeightFigures, WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
@@ -112,9 +112,11 @@ def assemble_world(
         floor=floor,
         openings=openings,
     )
-    files = compile_bundle(scene)
-    if scene.has_visible_rock:
-        files[PREVIEW] = encode(Path(PREVIEW), _preview(files, params.preview_width_px))
+    give_back()  # of the fittings' making: compiling is what takes most
+    files, model = compile_bundle(scene)
+    give_back()
+    if model is not None:
+        files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
     if not floor.is_flat:
@@ -250,10 +252,8 @@ def _heights(scene: MineScene) -> HeightFigures:
     )
 
 
-def _preview(files: Bundle, width_px: int) -> Image:
+def _preview(model: mujoco.MjModel, width_px: int) -> Image:
     """Return two views, one below the other: the mine from above, and the view from the entrance."""
-    assets = {name: data for name, data in files.items() if name != MODEL}
-    model = mujoco.MjModel.from_xml_string(files[MODEL].decode(), assets)
     solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
     overview = render_camera(model, OVERVIEW_CAMERA, width_px, width_px * 9 // 16, solid, spots=False)
     rows = np.flatnonzero((overview != overview[0, 0]).any(axis=(1, 2)))

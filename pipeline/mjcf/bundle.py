@@ -41,7 +41,7 @@ from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.geometry.openings.fit import filled_floor
 from pipeline.geometry.openings.shaft_parts import OVER_ROOF, sheets_of_parts
-from pipeline.mjcf.compiled import compile_world
+from pipeline.mjcf.compiled import text_of
 from pipeline.mjcf.loading import compile_spec, load_model, read_spec
 from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.world import build_spec
@@ -133,8 +133,10 @@ class OpenedBundle:
     bytes: int
 
 
-def compile_bundle(scene: MineScene) -> dict[str, bytes]:
+def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjModel | None]:
     """Return `mine.xml` and the meshes and textures that it names, after a check that MuJoCo compiles them.
+
+    With visible rock, the compiled model is returned for pictures.
 
     Raises
     ------
@@ -142,8 +144,11 @@ def compile_bundle(scene: MineScene) -> dict[str, bytes]:
         If MuJoCo refuses the world; the message is MuJoCo's.
     """
     spec = build_spec(scene)
-    compile_world(spec, Path(MODEL))
-    return {MODEL: spec.to_xml().encode(), **{name: bytes(data) for name, data in spec.assets.items()}}
+    assets = {name: bytes(data) for name, data in spec.assets.items()}
+    text = text_of(spec, Path(MODEL))
+    del spec
+    model = compile_spec(mujoco.MjSpec.from_string(text, assets=assets), Path(MODEL)) if assets else None
+    return {MODEL: text.encode(), **assets}, model
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord, made_by: MadeBy) -> dict[str, bytes]:

@@ -7,10 +7,35 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from minexplore.bundle import INERTIAL_QUAT, MINE_BODY
+from minexplore.bundle import INERTIAL_QUAT, MINE_BODY, TriangleMesh, encode_msh
 from pipeline.mjcf.loading import compile_spec
 
 _MOST_MOVED_M = 1e-5
+_STAND_IN = TriangleMesh(
+    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
+    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
+    np.zeros((4, 2)),
+    np.zeros((0, 3)),
+)
+
+
+def text_of(spec: mujoco.MjSpec, path: Path) -> str:
+    """Return the text of a model file's specification, which may be changed as `compile_world` does.
+
+    MuJoCo writes a text only after it compiles, and the text does not depend on what mesh files hold: meanwhile all
+    hold a tetrahedron, because MuJoCo copies a whole compiled world to write its text.
+
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the specification; the message is MuJoCo's, on one line.
+    """
+    assets, stand_in = dict(spec.assets), encode_msh(_STAND_IN)
+    spec.assets = {name: stand_in if name.endswith(".msh") else data for name, data in assets.items()}
+    compile_world(spec, path)
+    text = str(spec.to_xml())
+    spec.assets = assets
+    return text
 
 
 def compile_world(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import fast_simplification
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter
@@ -22,6 +21,7 @@ from pipeline.geometry.floor.seams import behind_seam, seam_lines
 from pipeline.geometry.floor.subdivide import split_edges
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.scene import ZoneStrip
+from pipeline.mjcf.simplify import simplify_mesh
 from pipeline.params.fittings import FloorParams
 from pipeline.remarks import warn_user
 from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings
@@ -139,9 +139,8 @@ def _simplified(params: FloorParams, corner: np.ndarray, faces: np.ndarray) -> t
     apart_m = _EXAGGERATED * np.cumsum([0.0, *(_STRETCHED * np.diff(true_m))])
     drawn = np.column_stack([corner[:, :2], np.interp(corner[:, 2], true_m, apart_m)])
     origin = np.array([*corner[:, :2].mean(axis=0).round(), 0.0])  # 32 bits have few digits far from it
-    vertices, faces = fast_simplification.simplify(
-        (drawn - origin).astype(np.float32), faces.astype(np.int32), target_reduction=1 - params.kept_share
-    )
+    lowered = (drawn - origin).astype(np.float32)
+    vertices, faces = simplify_mesh(lowered, faces.astype(np.int32), 1 - params.kept_share)
     vertices = vertices.astype(np.float64) + origin
     vertices[:, 2] = np.clip(np.interp(vertices[:, 2], apart_m, true_m), _LOWEST_M, COVER_M)
     return np.round(vertices, 4), faces

@@ -73,9 +73,10 @@ def hang_furniture(
         warn_user(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
         return {}
     folding = Folding(floor or Floor())
-    meshes = [decode_msh(data) for data in rough.values()]
+    meshes = map(decode_msh, rough.values())
     placed = [folding.unfold(mesh.vertices, height_m)[mesh.faces] for mesh in meshes]
-    rock = RayCaster(np.concatenate(placed).astype(np.float64))
+    rock = RayCaster(np.concatenate(placed, dtype=np.float64))
+    del placed
     parts: list[tuple[str, np.ndarray, np.ndarray]] = []
     for leg in network.legs:
         line, half = np.array(leg.stations_m), float(np.median(leg.half_width_m))

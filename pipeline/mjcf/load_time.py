@@ -13,7 +13,7 @@ import mujoco
 
 from pipeline.errors import ArtifactError
 
-_LOADS, _ENOUGH_S = 12, 8.0  # at least two loads, then more within so many seconds: other work only adds time
+_LOADS, _ENOUGH_S = 4, 2.0  # at least two loads, then more within so many seconds: other work only adds time
 _KIB_PER_MB = 1e6 / 1024
 
 

@@ -22,6 +22,7 @@ from pipeline.geometry.openings.fit import without_openings
 from pipeline.geometry.outline.binarize import left_out
 from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.memory import give_back
 from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.rock.relief import Relief
@@ -86,6 +87,7 @@ class Validator:
             self.free_space: FreeSpace = require_built(bundle, self.world.record, params)
             _require_survey(bundle, self.world, survey)
             _require_plan(bundle, self.free_space, cleaned, raw)
+            give_back()  # what the world was made again with
         else:
             self.free_space = decode(bundle / FREE_SPACE, FreeSpace)
         self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)

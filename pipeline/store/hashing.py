@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import re
 from pathlib import Path
 
 from pipeline.errors import ArtifactError
@@ -89,32 +90,48 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
     list of Path
         Relative to `root`, sorted.
     """
-    closure: set[Path] = set()
-    found: set[str] = set()
-    queue = [module_file.relative_to(root)]
+    closure: set[str] = set()
+    queue = [module_file.relative_to(root).as_posix()]
     while queue:
         source = queue.pop()
-        if source in closure:
-            continue
-        closure.add(source)
-        queue += [p / "__init__.py" for p in source.parents if (root / p / "__init__.py").is_file()]
-        names = _imported_names((root / source).read_text()) - found
-        found |= names
-        for name in names:
-            parts = name.split(".")
-            for depth in range(1, len(parts) + 1):
-                stem = Path(*parts[:depth])
-                queue += [p for p in (stem.with_suffix(".py"), stem / "__init__.py") if (root / p).is_file()]
-    return sorted(closure)
+        if source not in closure:
+            closure.add(source)
+            queue += _imported_files(source, (root / source).read_text(), root)
+    return sorted(map(Path, closure))
 
 
 @functools.cache  # stages share most of their modules
+def _imported_files(module: str, source: str, root: Path) -> list[str]:
+    """Return the files below `root` that a module with a source imports, and the `__init__.py` of all packages."""
+    found: dict[str, None] = {}
+    packages = module.split("/")[:-1]
+    for name in [*_imported_names(source), ".".join(packages)]:
+        stem = ""
+        for part in name.split("."):
+            stem = f"{stem}/{part}" if stem else part
+            found |= {file: None for file in (f"{stem}.py", f"{stem}/__init__.py")}
+    return [file for file in found if (root / file).is_file()]
+
+
+# A statement from its line on: up to the end of the line, or of the parentheses.
+_IMPORT = re.compile(r"^[ \t]*((?:import|from)[ \t](?:[^(\n]*\([^)]*\)|(?:\\\n|[^\n])*))", re.MULTILINE)
+
+
 def _imported_names(source: str) -> frozenset[str]:
+    """Return the names that a source imports; only its import statements are parsed, which takes a tenth of the time.
+
+    A line of a text that begins as an import does counts as one if it is Python.
+    """
     names: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names.add(node.module)
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    for match in _IMPORT.finditer(source):
+        try:
+            statements = ast.parse(match[1]).body
+        except SyntaxError:  # prose
+            continue
+        for node in statements:
+            if isinstance(node, ast.Import):
+                names.update(alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+                names.add(node.module)
+                names.update(f"{node.module}.{alias.name}" for alias in node.names)
     return frozenset(names)

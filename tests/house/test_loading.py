@@ -3,6 +3,7 @@
 import ast
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,11 @@ import pytest
 from tests.project import ROOT
 
 # Libraries that one kind of world or survey needs, and the seconds that they took to load, measured with process time.
-DEAR_S = {"mujoco": 0.2, "matplotlib": 0.4, "open3d": 0.6, "scipy.signal": 0.4, "ezdxf": 0.27, "torch": 2.0}
+DEAR_S = {"mujoco": 0.2, "matplotlib": 0.4, "open3d": 0.6, "trimesh": 0.5, "ezdxf": 0.27, "torch": 2.0}
 NEEDED = {  # by every world
     "stages.realism": {"mujoco"},
     "stages.validation": {"mujoco"},
-    "pipeline.report.page": {"mujoco", "matplotlib"},
+    "pipeline.report.page": {"mujoco", "matplotlib", "trimesh"},
     "pipeline.compose": {"mujoco"},  # the robot's measures
 }
 STARTS = [f"stages.{name}" for name in ("survey", "contours", "compile3d", "surface", "realism", "validation")]
@@ -72,3 +73,13 @@ def test_make_lets_python_keep_what_it_has_compiled():
     command = ["make", "-s", "--eval", probe, "probe"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_scenes_for_rays_load_no_web_server():
+    code = (
+        "import sys, numpy as np; from pipeline.geometry.raycast import RayCaster; "
+        "caster = RayCaster(np.array([[[0.0, 0, 2], [4, 0, 2], [0, 4, 2]]])); "
+        "assert caster.cast(np.ones((1, 3)), np.array([[0.0, 0, 1]]))[0] == 1; "
+        "assert 'open3d' in sys.modules and not {'dash', 'plotly'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -1,3 +1,4 @@
+import ast
 import dataclasses
 import io
 import json
@@ -13,7 +14,7 @@ from pipeline.errors import ArtifactError, InputError
 from pipeline.report.results import read_metrics
 from pipeline.store.codecs import Meshes, decode, encode
 from pipeline.store.files import recover_folder, replace_folder, write_atomically
-from pipeline.store.hashing import import_closure, sha256_bytes, sha256_file, sha256_named
+from pipeline.store.hashing import _imported_names, import_closure, sha256_bytes, sha256_file, sha256_named
 from pipeline.store.manifest import read_manifest
 from pipeline.store.registry import read_registry, register, verify_input
 from pipeline.store.verify import verify_certificate, verify_chain
@@ -148,6 +149,25 @@ def test_the_import_closure_follows_imports_inside_functions_and_packages():
     closure = {p.as_posix() for p in import_closure(ROOT / "stages/compile3d.py", ROOT)}
     assert {"stages/__init__.py", "pipeline/geometry/rock/decompose.py", "pipeline/types.py"} <= closure
     assert "pipeline/mjcf/world.py" not in closure
+
+
+def test_imports_are_those_that_pythons_parser_finds_in_every_module_of_the_stages():
+    for path in import_closure(ROOT / "stages/validation.py", ROOT):
+        source = (ROOT / path).read_text()
+        wanted = set()
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                wanted |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        assert _imported_names(source) == wanted, path
+
+
+def test_an_import_over_several_lines_counts_and_prose_does_not():
+    source = "import a.b, c  # one\nif x:\n    from d import (\n        e,\n        f,\n    )\n"
+    source += "from g import \\\n    h; import i\n"
+    prose = '"""Read\nfrom the file of the user\nimport of mines\n"""\n'
+    assert _imported_names(source + prose) == {"a.b", "c", "d", "d.e", "d.f", "g", "g.h", "i"}
 
 
 @pytest.fixture

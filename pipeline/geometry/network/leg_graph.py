@@ -61,7 +61,8 @@ def contract_pixels(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:
         Nodes are junctions and ends with `xy` (2,) m, mine frame. Edges are legs with `path` (n, 2) m, from the node of
         lower number to the other, and `length` m.
     """
-    junctions = pixels.subgraph([p for p, degree in pixels.degree if degree > 2])
+    # Copies: a view of a part asks of every neighbour again whether it belongs to the part.
+    junctions = pixels.subgraph([p for p, degree in pixels.degree if degree > 2]).copy()
     node_of: dict[Pixel, int] = {}
     graph: nx.MultiGraph = nx.MultiGraph()
 
@@ -82,11 +83,10 @@ def contract_pixels(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:
         if not any(pixel in node_of for pixel in component):  # a ring without a junction needs one node
             add_node([min(component)])
 
-    chains = pixels.subgraph([p for p in pixels if p not in node_of])
+    chains = pixels.subgraph([p for p in pixels if p not in node_of]).copy()
     for chain in sorted(nx.connected_components(chains), key=min):
-        piece = pixels.subgraph(chain)
-        ends = [p for p in sorted(chain) if piece.degree(p) < 2]
-        order = list(nx.dfs_preorder_nodes(piece, ends[0])) if ends else []
+        ends = [p for p in sorted(chain) if chains.degree(p) < 2]
+        order = list(nx.dfs_preorder_nodes(chains, ends[0])) if ends else []
         nodes = [sorted(node_of[q] for q in pixels[p] if q in node_of) for p in (order[0], order[-1])]
         first, last = (nodes[0][0], nodes[0][-1]) if len(order) == 1 else (nodes[0][0], nodes[1][0])
         points = frame.to_mine(np.array(order, dtype=float)[:, ::-1] + 0.5)

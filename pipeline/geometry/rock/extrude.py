@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import shapely
-import trimesh
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.rock.partition import triangulate
 from pipeline.types import ConvexParts, Points2, Points3
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 def prism(part: Points2, height_m: float) -> Points3:
@@ -25,6 +29,8 @@ def collect_parts(parts: list[Points3]) -> ConvexParts:
 
 def extrude_polygon(polygon: BaseGeometry, height_m: float) -> trimesh.Trimesh:
     """Extrude a polygon or multipolygon with holes into a closed mesh from the floor to `height_m`."""
+    import trimesh  # takes half a second to load, and exact parts need none
+
     points, faces = triangulate(polygon)
     return trimesh.creation.extrude_triangulation(points, faces, height=height_m)
 

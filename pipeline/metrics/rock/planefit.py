@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.geometry.sorting import stable_order
+
 
 @dataclass(frozen=True)
 class VoxelPlanes:
@@ -48,31 +50,44 @@ def fit_voxel_planes(points: np.ndarray, size_m: float | tuple[float, float, flo
     min_points : int
         Voxels with fewer points are left out.
     """
-    cells = np.floor(points / np.asarray(size_m)).astype(np.int64)
-    low = cells.min(axis=0) if len(cells) else np.zeros(3, np.int64)
-    spans = (cells.max(axis=0) - low + 1) if len(cells) else np.ones(3, np.int64)
-    key = ((cells[:, 0] - low[0]) * spans[1] + cells[:, 1] - low[1]) * spans[2] + cells[:, 2] - low[2]
-    order = np.argsort(key, kind="stable")
-    _, start, count = np.unique(key[order], return_index=True, return_counts=True)
-    full = np.repeat(count >= min_points, count)
-    order, start, count = order[full], start[count >= min_points], count[count >= min_points]
+    size = np.broadcast_to(np.asarray(size_m, float), 3)
+    # Axis by axis: arrays of one number a point pass through the processor's cache several times faster.
+    cells = [np.floor(at / edge).astype(np.int64) for at, edge in zip(points.T, size.tolist(), strict=True)]
+    order, key = _in_order(cells)
+    start = np.flatnonzero(np.diff(key, prepend=-1))
+    count = np.diff(start, append=len(key))
+    kept = count >= min_points
+    order, start, count = order[np.repeat(kept, count)], start[kept], count[kept]
     if not len(order):
         empty = np.zeros((0, 3))
         return VoxelPlanes(empty.astype(int), empty, empty, np.zeros(0), np.zeros(0), count, count)
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
-    middle = (cells[order[first]] + 0.5) * np.asarray(size_m)
-    local = points[order] - np.repeat(middle, count, axis=0)
-    mean = np.add.reduceat(local, first) / count[:, None]
-    local -= np.repeat(mean, count, axis=0)
+    cell = np.column_stack([of[order[first]] for of in cells])
+    middle = (cell + 0.5) * size
+    local, mean = [], np.empty_like(middle)
+    for axis in range(3):
+        from_middle = points[:, axis][order] - np.repeat(middle[:, axis], count)
+        mean[:, axis] = np.add.reduceat(from_middle, first) / count
+        from_middle -= np.repeat(mean[:, axis], count)
+        local.append(from_middle)
     spread = np.empty((len(count), 3, 3))
     for i in range(3):
         for j in range(i, 3):
-            spread[:, i, j] = spread[:, j, i] = np.add.reduceat(local[:, i] * local[:, j], first) / count
+            spread[:, i, j] = spread[:, j, i] = np.add.reduceat(local[i] * local[j], first) / count
     values, vectors = np.linalg.eigh(spread)
     normal = vectors[:, :, 0]
-    residual = np.einsum("ij,ij->i", local, np.repeat(normal, count, axis=0))
+    x, y, z = (of * np.repeat(normal[:, axis], count) for axis, of in enumerate(local))
+    residual = x + z + y
     sigma = np.sqrt(np.maximum(values[:, 0], 0.0))
-    return VoxelPlanes(cells[order[first]], middle + mean, normal, sigma, residual, first, count)
+    return VoxelPlanes(cell, middle + mean, normal, sigma, residual, first, count)
+
+
+def _in_order(cells: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the order of points by their cells (x, y, z), equal ones as they were, and the cells' sorted numbers."""
+    x, y, z = (of - of.min() if len(of) else of for of in cells)
+    number = (x * (y.max(initial=0) + 1) + y) * (z.max(initial=0) + 1) + z
+    order = stable_order(number)
+    return order, number[order]
 
 
 def sweep_residuals(points: np.ndarray, windows_m: tuple[float, ...], min_points: int) -> list[Residuals]:

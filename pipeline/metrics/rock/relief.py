@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-import trimesh
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -102,6 +101,8 @@ def cut_walls(walls: np.ndarray, free: Polygon, height_m: float, lines: BaseGeom
     These are `lines`, by default the boundary of the free space.
     """
     lines = lines or free.boundary
+    import trimesh  # takes half a second to load, and light worlds do without
+
     mesh = trimesh.Trimesh(walls.reshape(-1, 3), np.arange(3 * len(walls)).reshape(-1, 3), process=False)
     segments = trimesh.intersections.mesh_plane(mesh, [0, 0, 1], [0, 0, height_m])[:, :, :2]
     length = float(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum())
@@ -176,6 +177,8 @@ def flat_face_share(triangles: np.ndarray) -> float:
 def _neighbours(faces: np.ndarray) -> list[list[int]]:
     """Return the faces that share an edge with each face (m, 3)."""
     beside: list[list[int]] = [[] for _ in faces]
+    import trimesh
+
     for one, two in trimesh.graph.face_adjacency(faces).tolist():
         beside[one].append(two)
         beside[two].append(one)

@@ -14,6 +14,7 @@ import shapely
 from shapely import Polygon
 
 from pipeline.geometry.polyline import rings_of
+from pipeline.geometry.sorting import stable_order
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
 from pipeline.metrics.rock.profile import arc_windows, project_on_rings, tapered
 
@@ -104,17 +105,21 @@ def roughness_integral_m2(sweep: list[Residuals]) -> float | None:
 
 def roof_irregularity_m(roof: np.ndarray) -> float | None:
     """Return the RMS residual of roof points to a quadratic fitted in each 0.5 m cell of the plan; None without."""
-    cell = np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64)
-    order = np.lexsort(cell.T)
-    _, start, count = np.unique(cell[order], axis=0, return_index=True, return_counts=True)
+    if not len(roof):
+        return None
+    col, row = (np.floor(at / _ROOF_CELL_M).astype(np.int64) for at in roof.T[:2])
+    number = (row - row.min()) * (np.ptp(col) + 1) + col - col.min()
+    order = stable_order(number)
+    start = np.flatnonzero(np.diff(number[order], prepend=-1))
+    count = np.diff(start, append=len(order))
     squares, used = 0.0, 0
-    for first, n in zip(start[count >= _ROOF_POINTS], count[count >= _ROOF_POINTS], strict=True):
-        x, y, z = roof[order[first : first + n]].T
-        x, y = x - x.mean(), y - y.mean()
-        terms = np.column_stack([np.ones(n), x, y, x * x, x * y, y * y])
-        q, _ = np.linalg.qr(terms)
-        squares += float(((z - q @ (q.T @ z)) ** 2).sum())
-        used += int(n)
+    for n in np.unique(count[count >= _ROOF_POINTS]).tolist():  # cells of as many points, at once
+        x, y, z = roof[order[start[count == n, None] + np.arange(n)]].transpose(2, 0, 1)
+        x, y = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
+        q, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=2))
+        fitted = q @ (q.transpose(0, 2, 1) @ z[:, :, None])
+        squares += float(((z - fitted[:, :, 0]) ** 2).sum())
+        used += z.size
     return math.sqrt(squares / used) if used else None
 
 

@@ -31,25 +31,19 @@ from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord, read_floor
-from pipeline.mjcf.compiled import compile_world
+from pipeline.mjcf.compiled import text_of
 from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.prisms import require_prisms, require_walls
-from pipeline.store.codecs import decode, encode
+from pipeline.store.codecs import decode
 from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, Openings, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
 _PLACE_M = 2e-4  # centres have four decimals
 # Where files lie, a checksum of the sources, and the trees that speed up collisions, which follow from the rest.
 _UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
-
-_TETRAHEDRON = Mesh(
-    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
-    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
-    np.zeros((4, 2)),
-)
 
 
 def require_same_model(
@@ -76,14 +70,10 @@ def require_same_model(
         require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith(MESHES) or name == ROCK_TEXTURE}
-    # MuJoCo writes a text only after it compiles, and the text does not depend on what the mesh files hold.
-    stand_in = encode(Path("tetrahedron.msh"), _TETRAHEDRON)
-    spec.assets = {name: data if name == ROCK_TEXTURE else stand_in for name, data in assets.items()}
+    text = text_of(spec, folder / MODEL)
+    if text.encode() == files[MODEL]:  # then the compiled models are equal too
+        return
     try:
-        compile_world(spec, folder / MODEL)
-        text = spec.to_xml()
-        if text.encode() == files[MODEL]:  # then the compiled models are equal too
-            return
         made, own = (mujoco.MjModel.from_xml_string(t, assets) for t in (text, files[MODEL].decode()))
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not compile it: {line_of(error)}") from error

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.spatial import cKDTree
-from trimesh.triangles import closest_point
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.types import Mesh
 
 _CORNER_M = 0.01  # far from the origin a vertex has millimetres
@@ -66,7 +64,14 @@ def _faces_alike(face: np.ndarray, wanted: np.ndarray) -> bool:
     if not len(alike):
         return False
     centre = np.broadcast_to(centre, (len(alike), 3))
-    return bool(np.linalg.norm(closest_point(alike, centre) - centre, axis=1).min() <= _CORNER_M)
+    return bool(_distances(alike, centre).min() <= _CORNER_M)
+
+
+def _distances(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the distance (n,) m of each point (n, 3) m from its triangle (n, 3, 3) m."""
+    from trimesh.triangles import closest_point  # takes half a second to load, and light worlds do without
+
+    return np.asarray(np.linalg.norm(closest_point(triangles, points) - points, axis=1))
 
 
 class NearestFace:
@@ -74,25 +79,17 @@ class NearestFace:
 
     def __init__(self, triangles: np.ndarray) -> None:
         """Index the triangles, long ones in pieces."""
-        import open3d  # takes 0.6 s to load, and worlds without visible rock do without
-
-        tensor: Any = open3d.core.Tensor
-        self._tensor = tensor
         triangles, self._owner = _halved(triangles)
         self._pieces = triangles
         self._middle = triangles.reshape(-1, 3).mean(axis=0)
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._tensor((triangles - self._middle).reshape(-1, 3).astype(np.float32)),
-            self._tensor(np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)),
-        )
+        about_middle = (triangles - self._middle).reshape(-1, 3)
+        self._scene = ray_scene(about_middle, np.arange(3 * len(triangles)).reshape(-1, 3))
 
     def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the distance (n,) m of points (n, 3) m to the triangles, and the nearest triangle (n,)."""
-        near = self._scene.compute_closest_points(self._tensor((points - self._middle).astype(np.float32)))
+        near = self._scene.compute_closest_points((points - self._middle).astype(np.float32))
         piece = near["primitive_ids"].numpy().astype(np.int64)
-        apart = np.linalg.norm(closest_point(self._pieces[piece], points) - points, axis=1)
-        return apart, self._owner[piece]
+        return _distances(self._pieces[piece], points), self._owner[piece]
 
 
 def _halved(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

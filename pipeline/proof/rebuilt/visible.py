@@ -245,12 +245,13 @@ def _require_closed(
     _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
     corners, faces = points[first], index.ravel()[numbers]
     ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    order, back = (np.sort(ahead[:, i] * len(corners) + ahead[:, 1 - i]) for i in (0, 1))
+    edge = ahead[:, 0] * len(corners) + ahead[:, 1]
+    order, back = np.sort(edge), np.sort(ahead[:, 1] * len(corners) + ahead[:, 0])
     double = order[:-1][np.diff(order) == 0]
     if len(double):
         at = corners[int(double[0] // len(corners))]
         raise ArtifactError(f"{folder / RECORD}: visible rock: two faces on one side of an edge at {at.tolist()} m")
-    alone = ~np.isin(ahead[:, 0] * len(corners) + ahead[:, 1], back)
+    alone = _is_in(edge, order[~_is_in(order, back)])  # sorted numbers are searched for in sorted ones: `isin` is slow
     rim = np.concatenate([numbers[:, [0, 1]], numbers[:, [1, 2]], numbers[:, [2, 0]]])[alone]
     lifted = np.abs(places[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
     lifted[lifted] = ~_round_shafts(places[rim[lifted]], holes)
@@ -271,6 +272,14 @@ def _require_closed(
             f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "
             f"{_VOLUME[1]}; a surface inside out encloses less than 0"
         )
+
+
+def _is_in(numbers: np.ndarray, ordered: np.ndarray) -> np.ndarray:
+    """Return which numbers (n,) are among ordered ones (k,)."""
+    if not len(ordered):
+        return np.zeros(len(numbers), bool)
+    at = np.minimum(np.searchsorted(ordered, numbers), len(ordered) - 1)
+    return np.asarray(ordered[at] == numbers)
 
 
 def _round_shafts(rim: np.ndarray, holes: list[np.ndarray]) -> np.ndarray:

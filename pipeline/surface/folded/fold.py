@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from minexplore.floors.folding import Folding
 from pipeline.errors import GeometryError
@@ -71,6 +70,8 @@ def check_folded(rough: RoughSurface, folded: FoldedSurface, faces: np.ndarray) 
     """
     if rough.lattice.floor.is_flat:
         return check_mesh(folded.vertices, faces, faces[folded.vertices[faces, 2].min(axis=1) <= 0])
+    import trimesh  # takes half a second to load, and light worlds do without
+
     mesh = trimesh.Trimesh(folded.vertices, folded.number[faces], process=False)
     crossings = find_crossings(folded.vertices, folded.number[rough.mesh.faces])
     report = MeshReport(

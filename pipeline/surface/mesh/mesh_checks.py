@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.types import Mesh
 
 _TOUCH_M = 1e-9  # faces that overlap by no more than this only touch, as neighbours do
@@ -33,6 +33,8 @@ class MeshReport:
 
 def join_meshes(pieces: dict[str, Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """Join meshes at equal vertices; return vertices (n, 3) m and faces (m, 3)."""
+    import trimesh  # takes half a second to load, and light worlds do without
+
     mesh = trimesh.util.concatenate([trimesh.Trimesh(m.vertices, m.faces, process=False) for m in pieces.values()])
     mesh.merge_vertices()
     return np.array(mesh.vertices), np.array(mesh.faces)
@@ -48,6 +50,8 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None 
     GeometryError
         If the mesh has a crack or a flipped face, intersects itself (the message gives the place), or faces outwards.
     """
+    import trimesh
+
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     crossings = find_crossings(vertices, faces, cast)
     report = MeshReport(
@@ -82,11 +86,8 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | N
     If two faces of a mesh intersect, an edge of one crosses the other. Every edge is cast as a ray in 32 bits, and each
     hit is tested again in 64 bits; if the test fails, the ray continues behind the face.
     """
-    import open3d  # takes a second to load: stage 4 does so in a thread, beside other work
-
-    scene, origin = open3d.t.geometry.RaycastingScene(), vertices.mean(axis=0)
-    tensor: Any = open3d.core.Tensor
-    scene.add_triangles(tensor((vertices - origin).astype(np.float32)), tensor(faces.astype(np.uint32)))
+    origin = vertices.mean(axis=0)
+    scene = ray_scene(vertices - origin, faces)
     edges = _edges(faces if cast is None else cast)
     parts = [edges[i : i + _AT_ONCE] for i in range(0, len(edges), _AT_ONCE)]
     with ThreadPoolExecutor(2) as pool:

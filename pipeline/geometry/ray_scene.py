@@ -1,0 +1,30 @@
+"""Open3D's scenes of triangles for rays, without what Open3D loads beside them."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+# Open3D loads Plotly and Dash, a web server, for three functions that draw; they take longer to load than all else.
+_DRAWING = "open3d.visualization.draw_plotly"
+_DRAWS = ("get_plotly_fig", "draw_plotly", "draw_plotly_server")
+
+
+def ray_scene(vertices: np.ndarray, faces: np.ndarray) -> Any:
+    """Return an `open3d.t.geometry.RaycastingScene` of faces (m, 3) between vertices (n, 3), in 32 bits.
+
+    It takes rays and points as float32 arrays. Open3D takes a second to load: what needs no scene does without it.
+    """
+    if "open3d" not in sys.modules and _DRAWING not in sys.modules:
+        stand_in = ModuleType(_DRAWING)
+        for name in _DRAWS:
+            setattr(stand_in, name, None)
+        sys.modules[_DRAWING] = stand_in
+    import open3d
+
+    tensor, scene = open3d.core.Tensor, open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(tensor(vertices.astype(np.float32, copy=False)), tensor(faces.astype(np.uint32, copy=False)))
+    return scene
