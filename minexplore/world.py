@@ -175,6 +175,5 @@ def _read(folder: Path, checked: CheckedWorld) -> World:
     record, grid = checked.record, checked.grid
     zones = read_zones(folder / RECORD, record.get("zones"))
     transform = np.array(record["T_world_mine"])
-    return World(
-        folder, record, transform, grid["clearance_m"], grid["origin_m"], float(grid["cell_m"]), zones, checked.floor
-    )
+    origin, cell = grid["origin_m"], float(grid["cell_m"])
+    return World(folder, record, transform, grid["clearance_m"], origin, cell, zones, checked.floor, checked.volume)

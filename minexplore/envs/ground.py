@@ -10,31 +10,10 @@ import numpy as np
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import FASTEST_FALL_MPS, RobotParams, free_joint_qpos
 from minexplore.physics.stepper import PhysicsStepper
-from minexplore.sensing.coverage import CoverageGrid
+from minexplore.sensing.coverage import CellGrid, CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.volume.ground import VolumeGround
 from minexplore.world import World
-
-
-class CellGrid(Protocol):
-    """Cells that robots can see. `reachable` is a mask of them; a row of what a robot has seen has its shape."""
-
-    cell_m: float
-    origin_m: np.ndarray
-    reachable: np.ndarray
-    total: int
-
-    def cells_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float) -> tuple[np.ndarray, ...]:
-        """Return ray numbers of segments (n, 3) to (n, 3) m, and the indices in `reachable` of cells they cross."""
-
-    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
-        """Mark cells as seen by their observers; return how many are new to each."""
-
-    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
-        """Clear what one observer has seen in a box, seen from above."""
-
-    def in_plan(self, cells: np.ndarray) -> np.ndarray:
-        """Return the squares (rows, cols), seen from above, in which any of some cells lies."""
 
 
 class Ground(Protocol):
@@ -67,7 +46,9 @@ class Ground(Protocol):
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Prepare a control step of robots (k,); return the places (k, 2) that `PhysicsStepper.advance` takes."""
 
-    def prepare_team(self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray) -> None:
+    def prepare_team(
+        self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
+    ) -> None:
         """Prepare a control step of robots (n,) that are in one model."""
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
@@ -123,7 +104,9 @@ class PlanGround:
         """Return the places in the plan; see `Ground`."""
         return self.plan_places(robots, places_m)
 
-    def prepare_team(self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray) -> None:
+    def prepare_team(
+        self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
+    ) -> None:
         """Do nothing: floor zones have geoms of their own."""
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:

@@ -119,7 +119,8 @@ class RobotBatch:
         command = self._commands(actions, robots)
         collision = self.drive(command, rngs, robots)
         self.collisions[robots] += collision
-        self.fell[robots] |= self.ground.fallen(self._mine_places(robots))
+        if self.ground.can_fall:
+            self.fell[robots] |= self.ground.fallen(self._mine_places(robots))
         self.previous[robots] = command
         ranges, new = self._look(robots)
         reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
@@ -231,9 +232,7 @@ class RobotBatch:
         directions = self._beams[:, :1] * ahead + self._beams[:, 1:] * left
         return origin, directions, self.lidar.cast(origin, directions)
 
-    def _crossed(
-        self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
+    def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return ray numbers, and the indices of the cells that the beams pass through."""
         ends = origin[:, None] + directions * ranges[..., None]
         starts = np.repeat(origin, self.task.beams, axis=0)

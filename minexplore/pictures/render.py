@@ -14,7 +14,7 @@ from minexplore.physics.robot import RobotParams, qpos_address, separate_contact
 from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
 from minexplore.rotations import quaternion
-from minexplore.sensing.coverage import CoverageGrid
+from minexplore.sensing.coverage import CellGrid
 from minexplore.world import World
 
 CAMERAS = ("chase", "top", "front")
@@ -60,7 +60,7 @@ class Renderer:
         self,
         world: World,
         T_world_mine: np.ndarray,
-        grid: CoverageGrid,
+        grid: CellGrid,
         robot: RobotParams,
         robots: int,
         size_px: tuple[int, int] = (640, 480),

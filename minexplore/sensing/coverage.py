@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +13,27 @@ from minexplore.world import World
 _BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
 _SHARE = 1e-9  # of a cell: sheets so nearly whole cells apart are
 _SEAM_M = 1.5  # between the middle of a seam and a place to stand
+
+
+class CellGrid(Protocol):
+    """Cells that robots can see. `reachable` is a mask of them; a row of what a robot has seen has its shape."""
+
+    cell_m: float
+    origin_m: np.ndarray
+    reachable: np.ndarray
+    total: int
+
+    def cells_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float) -> tuple[np.ndarray, ...]:
+        """Return ray numbers of segments (n, 3) to (n, 3) m, and the indices in `reachable` of cells they cross."""
+
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
+        """Mark cells as seen by their observers; return how many are new to each."""
+
+    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
+        """Clear what one observer has seen in a box, seen from above."""
+
+    def in_plan(self, cells: np.ndarray) -> np.ndarray:
+        """Return the squares (rows, cols), seen from above, in which any of some cells lies."""
 
 
 @dataclass(frozen=True)

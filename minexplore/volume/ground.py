@@ -40,6 +40,8 @@ class VolumeGround:
             self._standing = standing_spans(spans, robot, self.anchor_m)
         except ValueError as error:
             raise ValueError(f"{world.folder}: {error}") from error
+        self._usable = np.flatnonzero(spans.storey >= 0)
+        self._on_floors = spans.places_m[self._usable]
         near = np.hypot(*(spans.places_m[:, :2] - self.anchor_m[:2]).T) <= task.region_m
         self.grid = VolumeGrid(spans, self._standing & near, task.cell_m)
         self.models = VolumeModels(world, task, robot, whole)
@@ -122,7 +124,9 @@ class VolumeGround:
         east = np.stack([places_m[:, 0] + left, places_m[:, 0] - left], axis=1)
         return self.world.zones_at(east.ravel()).reshape(-1, len(WHEELS))
 
-    def prepare_team(self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray) -> None:
+    def prepare_team(
+        self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
+    ) -> None:
         """Give the wheels of a team's robots at places (n, 3) m the friction of their zones."""
         for name, zones in zip(names, self._wheel_zones(places_m, quat).tolist(), strict=True):
             for wheel, zone in zip(WHEELS, zones, strict=True):
@@ -138,7 +142,7 @@ class VolumeGround:
         spans = self.world.volume.spans  # type: ignore[union-attr]
         for facet in np.unique(facets[self._storey[facets] < 0]).tolist():
             middle = self._facets.vertices[self._facets.faces[facet]].mean(axis=0)
-            self._storey[facet] = spans.storey[np.square(spans.places_m - middle).sum(axis=1).argmin()]
+            self._storey[facet] = spans.storey[self._usable[np.square(self._on_floors - middle).sum(axis=1).argmin()]]
         return self._storey[facets]
 
     def _follow(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
@@ -153,3 +157,9 @@ class VolumeGround:
             facet[lost] = np.where(found < 0, np.maximum(facet[lost], 0), found)
             self._under[robots] = facet
         return facet
+
+
+def _leg_names(world: World) -> list[str]:
+    """Return the stations at both ends of each leg, by its number."""
+    legs = json.loads(world.read(TOPOLOGY))["legs"]
+    return [f"{leg['start']} to {leg['end']}" for leg in legs]

@@ -49,9 +49,7 @@ class FootPlanes:
     def heights(self, feet_m: np.ndarray) -> np.ndarray:
         """Return the height (n, k) m of the planes at places (n, k, 2) m."""
         away = feet_m - self.nodes_m
-        found: np.ndarray = (
-            away[..., 0] * self.plane[..., 0] + away[..., 1] * self.plane[..., 1] + self.plane[..., 2]
-        )
+        found: np.ndarray = away[..., 0] * self.plane[..., 0] + away[..., 1] * self.plane[..., 1] + self.plane[..., 2]
         return found
 
 
