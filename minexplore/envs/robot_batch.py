@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 
+from minexplore.envs.ground import ground_of
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.reward import step_reward
-from minexplore.floors.open_shafts import FASTEST_FALL_MPS
-from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import RobotParams, free_joint_qpos
+from minexplore.physics.robot import RobotParams
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotate_inverse, rotation_matrices
-from minexplore.sensing.coverage import CoverageGrid
 from minexplore.sensing.lidar import Backend, shared_lidar
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
@@ -41,32 +39,30 @@ class RobotBatch:
             raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
         self.floor = world.floor
-        self.local_models = LocalModels(world, task, robot, whole)
-        self.T_world_mine = self.local_models.T_world_mine
+        self.ground = ground_of(world, task, robot, count, whole)
+        self.local_models, self.T_world_mine = self.ground.models, self.ground.T_world_mine
         self._R, self._t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
         self.lidar = shared_lidar(world.folder, world.record["world_sha256"], task.range_m[1], lidar)
-        anchor_m = np.array(world.record["spawn"]["anchor_m"])
-        self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, anchor_m, task.region_m)
+        self.grid = self.ground.grid
         angles = [math.tau * k / task.beams for k in range(task.beams)]
         self._beams = np.array([(math.cos(angle), math.sin(angle)) for angle in angles])
         zones = world.active_zones(task.terrain)
         self._scale = np.array([zone.command_scale for zone in zones])
         self._noise = np.array([zone.speed_noise_mps for zone in zones])
-        self.stepper = PhysicsStepper(self.local_models, count, threads, anchor_m)
+        self.stepper = PhysicsStepper(self.local_models, count, threads, self.ground.start_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
         self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, 2))
-        self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
         self.fell = np.zeros(count, dtype=bool)
 
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
         for i in robots.tolist():
-            x, y = self._sample_place(rngs[i])
-            self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
+            x, y, *z = self._sample_place(rngs[i])
+            self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi), *z)
         self._forget(robots)
         self.previous[robots], self.fell[robots] = 0.0, False
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
@@ -80,27 +76,25 @@ class RobotBatch:
         """Clear the cells that robots (k,) have seen, in the box that their beams can have crossed."""
         for i in robots.tolist():
             if np.isfinite(self.seen_m[i]).all():
-                low, high = np.floor((self.seen_m[i] - self.grid.origin_m) / self.grid.cell_m).astype(int)
-                (west, south), (east, north) = np.maximum(low, 0), np.maximum(high + 1, 0)
-                self.seen[i, south:north, west:east] = False
+                self.grid.forget(self.seen[i], *self.seen_m[i])
         self.seen_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
 
-    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Place a robot, at rest, on the floor at a pose of the plan."""
+    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
+        """Place a robot, at rest, on the floor at a pose of the plan; in a volume on the next floor under a height."""
         self.stepper.restart(robot)
-        self.qpos[robot, :7] = free_joint_qpos(self.T_world_mine, self.robot, x_m, y_m, yaw_rad, self.floor)
+        place = np.array([x_m, y_m] if z_m is None else [x_m, y_m, z_m])
+        self.qpos[robot, :7] = self.ground.pose(place, yaw_rad)
 
-    def _sample_place(self, rng: np.random.Generator) -> tuple[float, float]:
-        """Return the anchor, or where that is too narrow a random place (m, mine frame) of the entrance region."""
-        spawn, world = self.world.record["spawn"], self.world
+    def _sample_place(self, rng: np.random.Generator) -> list[float]:
+        """Return the anchor, or where that is too narrow a random place (m) of the entrance region."""
+        spawn = self.world.record["spawn"]
         if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= self.robot.radius_m:
-            return spawn["anchor_m"][0], spawn["anchor_m"][1]
-        places = world.places_m(self.robot.radius_m)
-        near = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
+            return list(spawn["anchor_m"])
+        near = self.ground.entrance_places(self.robot.radius_m)
         if not len(near):
-            raise ValueError(f"{world.folder}: the robot ({self.robot.radius_m} m) fits nowhere near the entrance")
-        x, y = near[rng.integers(len(near))]
-        return float(x), float(y)
+            raise ValueError(f"{self.world.folder}: the robot ({self.robot.radius_m} m) fits nowhere near the entrance")
+        found: list[float] = near[rng.integers(len(near))].tolist()
+        return found
 
     def step(
         self, actions: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray | None = None
@@ -125,7 +119,8 @@ class RobotBatch:
         command = self._commands(actions, robots)
         collision = self.drive(command, rngs, robots)
         self.collisions[robots] += collision
-        self._fall(robots)
+        if self.ground.can_fall:
+            self.fell[robots] |= self.ground.fallen(self._mine_places(robots))
         self.previous[robots] = command
         ranges, new = self._look(robots)
         reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
@@ -165,68 +160,50 @@ class RobotBatch:
         (k,) bool
             Whether the chassis touched rock in any physics step.
         """
-        task = self.task
-        places = self.plan_places(robots)
-        zone = self.zones_under(robots)
+        task, places = self.task, self._mine_places(robots)
+        zone = self.world.zones_at(places[:, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
-        self._brake(robots)
+        self.ground.brake(robots, places, self.qvel)
         return self._advance(robots, places)
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Step the physics of robots (k,) at places (k, 2) m, plan, for one control step; return which touched rock.
+        """Step the physics of robots (k,) at places (k, 3) m for one control step; return which touched rock.
 
         A team steps its robots together.
         """
-        return self.stepper.advance(robots, places_m, self.task.substeps)
+        return self.stepper.advance(robots, self.ground.prepare(self.stepper, robots, places_m), self.task.substeps)
+
+    def _mine_places(self, robots: np.ndarray) -> np.ndarray:
+        """Return the places (k, 3) m of robots' axles in the mine frame."""
+        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
-        place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-        if len(self.floor.offset_m) == 1:
-            return place[:, :2]
-        faces = self._faces[robots]
-        places = self.floor.follow(place, faces, self.robot.wheel_radius_m)
-        self._faces[robots] = faces
-        if len(self.world.open_shafts):
-            self.world.open_shafts.move(places, place)
-        return places
+        return self.ground.plan_places(robots, self._mine_places(robots))
 
     def zones_under(self, robots: np.ndarray) -> np.ndarray:
         """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""
-        return self.world.zones_at(rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 0])
+        return self.world.zones_at(self._mine_places(robots)[:, 0])
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
-        place = rotate_inverse(self.qpos[:, :3] - self._t, self._R)
+        place = self._mine_places(np.arange(self.count))
         heading = rotate_inverse(rotation_matrices(self.qpos[:, 3:7])[:, :, 0], self._R)
         yaw = [math.atan2(y, x) for x, y in heading[:, :2].tolist()]  # NumPy's differs between processors
         return np.column_stack([place[:, :2], yaw])
 
     def heights(self, robots: np.ndarray) -> np.ndarray:
         """Return how high the floor is under robots (k,) m, by the height of their axles in the mine frame."""
-        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 2] - self.robot.wheel_radius_m
+        return self._mine_places(robots)[:, 2] - self.robot.wheel_radius_m
 
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
         axes = rotation_matrices(self.qpos[robots, 3:7])
         return np.arcsin(np.clip(axes[:, 2, :2], -1.0, 1.0))
-
-    def _brake(self, robots: np.ndarray) -> None:
-        """Slow the robots (k,) that fall down a shaft."""
-        if len(self.world.open_shafts):
-            place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-            falling = robots[self.world.open_shafts.inside(place) >= 0]
-            self.qvel[falling, 2] = np.maximum(self.qvel[falling, 2], -FASTEST_FALL_MPS)
-
-    def _fall(self, robots: np.ndarray) -> None:
-        """Remember which robots (k,) have fallen into a shaft."""
-        if len(self.world.open_shafts):
-            place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-            self.fell[robots] |= self.world.open_shafts.fallen(place)
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         along = rotate_inverse(self.qvel[robots, :3], self._R)
@@ -239,8 +216,8 @@ class RobotBatch:
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cast the beams and mark the cells they cross; return true ranges (k, beams) m, and new cells (k,)."""
         origin, directions, ranges = self._cast(robots)
-        ray, row, col = self._crossed(origin, directions, ranges)
-        new = self.grid.mark(self.seen, robots[ray // self.task.beams], row, col)
+        ray, *cell = self._crossed(origin, directions, ranges)
+        new = self.grid.mark(self.seen, robots[ray // self.task.beams], *cell)
         farthest = self.task.range_m[1] + self.task.cell_m
         self.seen_m[robots, 0] = np.fmin(self.seen_m[robots, 0], origin[:, :2] - farthest)
         self.seen_m[robots, 1] = np.fmax(self.seen_m[robots, 1], origin[:, :2] + farthest)
@@ -250,15 +227,13 @@ class RobotBatch:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
         axes = [rotate_inverse(a, self._R) for a in np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)]
         lift = self.robot.sensor_height_m - self.robot.wheel_radius_m
-        origin = rotate_inverse(self.qpos[robots, :3] - self._t, self._R) + lift * axes[2]
+        origin = self._mine_places(robots) + lift * axes[2]
         ahead, left = (axis[:, None, :] for axis in axes[:2])
         directions = self._beams[:, :1] * ahead + self._beams[:, 1:] * left
         return origin, directions, self.lidar.cast(origin, directions)
 
-    def _crossed(
-        self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows and columns of the cells that the beams pass through."""
+    def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return ray numbers, and the indices of the cells that the beams pass through."""
         ends = origin[:, None] + directions * ranges[..., None]
         starts = np.repeat(origin, self.task.beams, axis=0)
         return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
@@ -279,7 +254,8 @@ class RobotBatch:
             "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
-            **({"fell": self.fell[robots]} if len(self.world.open_shafts) else {}),
+            **({"fell": self.fell[robots]} if self.ground.can_fall else {}),
+            **self.ground.info(robots, self._mine_places(robots)),
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

@@ -11,7 +11,6 @@ from minexplore.bundle import COLLAR_CORNERS
 from minexplore.floors.floor import Floor
 from minexplore.floors.shaft_axis import has_fence
 
-FASTEST_FALL_MPS = 3.0  # MuJoCo's contacts are soft: after 20 m of free fall a robot passes through a floor of 0.25 m
 _LANDED_M = 1.0  # over the floor below: there the floor itself gives the sheet of a place
 _SUNK_M = 0.1  # into a blind end, at most, when a robot lands
 _OVER_M = 1.0  # over a collar, a robot at its edge is still about it
