@@ -31,7 +31,7 @@ from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, require_connected, require_no_crossing
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
@@ -42,7 +42,8 @@ from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
-from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
+from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, surveyed_legs
+from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -54,6 +55,7 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and the plan drawn of them with its frame.
 
+    `legs` are those of a survey that is built as one volume; its workings are their view from above.
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
     """
 
@@ -62,6 +64,7 @@ class VectorReading:
     heights: Heights | None
     plan: Image
     frame: Frame
+    legs: SurveyedLegs = NO_LEGS
 
     @property
     def width_m(self) -> float:
@@ -76,6 +79,7 @@ class _Workings:
     polygons: MultiPolygon
     georeference: Georeference
     heights: Heights | None = None
+    legs: SurveyedLegs = NO_LEGS
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -95,7 +99,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(_name(params), workings, params)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, plan, frame)
+        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs)
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
@@ -192,6 +196,12 @@ def _read_levels(
 
 def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
+    if params.volume:
+        whole = read_whole(path, params)
+        _require_short(path, whole.legs)
+        _, georeference = locate(path, Shapes([footprint(path, whole.legs)], "m"), "m", params.origin)
+        place = Georeference("m", 1.0, georeference.origin, whole.crs)
+        return _whole(path, whole, params, place, georeference.origin)
     reader = leg_reader(path)
     if isinstance(params.grade, dict):  # of the legs of a station table
         legs, crs = read_station_legs(path, params.grade), None
@@ -212,8 +222,24 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None
     )
+    if params.volume:
+        whole = WholeSurvey(plan_legs(path, survey, params.half_width_m), [], None)
+        _require_short(path, whole.legs)
+        return _whole(path, whole, params, georeference, (0.0, 0.0))
     built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
     return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
+
+
+def _whole(
+    path: Path,
+    whole: WholeSurvey,
+    params: PassageSurveyParams | CentrelineSurveyParams,
+    place: Georeference,
+    origin: tuple[float, float],
+) -> _Workings:
+    """Return a survey that is built as one volume, with its view from above; `origin` is that of the mine frame."""
+    surveyed = surveyed_legs(path, whole, params, origin)
+    return _Workings(as_polygons(footprint(path, legs_of(surveyed))), place, legs=surveyed)
 
 
 def _build(

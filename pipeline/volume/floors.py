@@ -19,10 +19,12 @@ _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
-_FADE_M = 1.0  # over the floor: the walls' vertices move less with height
+_FADE_M = 1.0  # over the floor, and beside it: the walls' vertices move less with distance
+_STEEPEST_FADE = 2.0  # heights that a rise fades over, at least: else walls turn over
 _PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
 _LEAST_M2 = 1e-6  # of a triangle in plan
 _LEAST_M = 0.02  # of an edge in plan
+_OWN_FLOOR_M = 0.01  # of a steep leg: a floor that is deeper is that of another
 
 
 def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
@@ -57,6 +59,9 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     local[used] = np.arange(len(used))
     places = volume.vertices[used]
     stiff = _stiffness(places, faces)
+    sloping = volume.faces[folded.is_floor & ~folded.is_ledge]
+    bends = _stiffness(volume.vertices, sloping) @ (volume.vertices[:, 2] - volume.vertices[:, 2].mean())
+    slopes = _sums(local[first], bends, len(used))
     hit, weights, target = _along_legs(volume, network, folded.is_floor)
     corners = local[first[volume.faces[hit]]]
     rows = np.repeat(np.arange(len(target)), 3)
@@ -64,11 +69,16 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     pull = csr_matrix((np.full(len(used), _PULL), (range(len(used)), range(len(used)))), shape=stiff.shape)
     level = float(places[:, 2].mean())
     heights = spsolve(
-        (stiff + pull + _FIX * B.T @ B).tocsc(), _PULL * (places[:, 2] - level) + _FIX * B.T @ (target - level)
+        (stiff + pull + _FIX * B.T @ B).tocsc(), slopes + _PULL * (places[:, 2] - level) + _FIX * B.T @ (target - level)
     )
     solved = local[first] >= 0
     rise[solved] = heights[local[first[solved]]] + level - volume.vertices[solved, 2]
     return _fade(volume.vertices, np.flatnonzero(solved), rise)
+
+
+def _sums(number: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    found: np.ndarray = np.bincount(number[number >= 0], values[number >= 0], count)
+    return found
 
 
 def _stiffness(places: np.ndarray, faces: np.ndarray) -> csr_matrix:
@@ -138,21 +148,29 @@ def _along_legs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
 
-    A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor.
+    A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor. A place of a leg
+    that is too steep to drive counts where the union has its floor: the floor of a flat leg does not rise to a steep
+    one that climbs out of it.
     """
-    shots = np.flatnonzero(np.isin(np.arange(len(network.shots)), [p.shot for p in volume.pieces if p.is_drivable]))
-    places, _ = leg_floor_samples(network, shots, _SAMPLE_M)
+    shots = np.unique([piece.shot for piece in volume.pieces if not piece.is_plumb])
+    drivable = np.zeros(len(network.shots), bool)
+    drivable[[piece.shot for piece in volume.pieces if piece.is_drivable]] = True
+    places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
     hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))
-    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < DEEPEST_M)
+    deepest = np.where(drivable[owner], DEEPEST_M, _OWN_FLOOR_M)
+    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < deepest)
     return hit[good], plan_weights(volume.vertices, volume.faces[hit[good]], places[good]), places[good, 2]
 
 
 def _fade(vertices: np.ndarray, used: np.ndarray, rise: np.ndarray) -> np.ndarray:
     """Let vertices over the floor's rim move with it, less with height, so that walls keep their order."""
-    near, at = cKDTree(vertices[used]).query(vertices, distance_upper_bound=_FADE_M)
+    reach = max(_FADE_M, _STEEPEST_FADE * float(np.abs(rise[used]).max(initial=0.0)))
+    near, at = cKDTree(vertices[used]).query(vertices, distance_upper_bound=np.hypot(_FADE_M, reach))
     moving = np.isfinite(near)
     moving[used] = False
     number = used[at[moving]]
-    share = np.clip(1 - np.abs(vertices[moving, 2] - vertices[number, 2]) / _FADE_M, 0, 1)
-    rise[moving] = share * rise[number] * np.clip(1 - near[moving] / _FADE_M, 0, 1)
+    apart = np.abs(vertices[moving] - vertices[number])
+    beside = np.linalg.norm(apart[:, :2], axis=1)
+    over = np.maximum(_FADE_M, _STEEPEST_FADE * np.abs(rise[number]))
+    rise[moving] = rise[number] * np.clip(1 - apart[:, 2] / over, 0, 1) * np.clip(1 - beside / _FADE_M, 0, 1)
     return rise

@@ -100,6 +100,7 @@ class FoldedLedges:
 
     volume: Volume
     is_floor: np.ndarray
+    is_ledge: np.ndarray
     first: np.ndarray
 
 
@@ -121,7 +122,7 @@ def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray) -> F
     n = len(vertices)
     _, group = connected_components(coo_matrix((np.ones(over.sum()), (a[over], b[over])), (n, n)), directed=False)
     _, first = np.unique(group, return_index=True)
-    return FoldedLedges(cut, is_floor[parent], first[group])
+    return FoldedLedges(cut, is_floor[parent], is_ledge[parent], first[group])
 
 
 class _Cuts:

@@ -16,11 +16,11 @@ from benchmarks.comparisons.volume.local.planes import (
     FootPlanes,
     fit_planes,
 )
-from benchmarks.comparisons.volume.physics import without_refused
 from minexplore.physics.robot import RobotParams
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.world.parts import without_refused
 from tests.heights import HEADER
 
 RAMP = "A,1,0,0,1,1,0,3,0\nA,2,20,0,1,1,2,3,0\n"

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
 from pipeline.errors import GeometryError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
-from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.types import SurveyedLegs, lines_of
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.network import SurveyNetwork, network_of
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.built import built_length_m
@@ -24,7 +20,7 @@ from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
-from pipeline.volume.world.topology import LegNetwork, leg_network, start_of
+from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
 
@@ -32,24 +28,6 @@ SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has
 def robot_size(params: VolumeParams) -> RobotSize:
     """Return the robot that storeys and reach are of."""
     return RobotSize(params.steepest, params.step_m, params.robot_height_m, params.robot_radius_m)
-
-
-def survey_legs(surveyed: SurveyedLegs) -> list[SurveyLeg]:
-    """Return the legs as readers have them."""
-    names = lines_of(surveyed.names)
-    legs = []
-    for number, (begin, end) in enumerate(zip(surveyed.first[:-1].tolist(), surveyed.first[1:].tolist(), strict=True)):
-        places, lrud = surveyed.positions_m[begin:end], surveyed.lrud_m[begin:end]
-        heights = np.column_stack([places[:, 2], lrud[:, 2:]])
-        legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights))
-    return legs
-
-
-def mine_network(params: Compile3dParams, surveyed: SurveyedLegs) -> tuple[SurveyNetwork, np.ndarray]:
-    """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin."""
-    legs = survey_legs(surveyed)
-    network = network_of(legs, params.height_m, params.volume.half_width_m)
-    return network, (surveyed.positions_m[0] - network.places_m[0]).round(6)
 
 
 def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
@@ -60,7 +38,7 @@ def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
     GeometryError
         If the legs make no closed volume, or robots find no room.
     """
-    network, offset = mine_network(params, surveyed)
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     robot = robot_size(params.volume)
     try:
         solved = solve_floors(unite(network, pieces_of(network)), network)
@@ -103,9 +81,10 @@ def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: in
 
 def _warn(built: BuiltVolume) -> None:
     """Print what of the survey is built, and where the volume is closed."""
+    share = 100 * built.built_m / max(built.piece_m, 1e-9)
     warn_user(
-        f"compile3d: {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed are built as one volume "
-        f"({100 * built.built_m / max(built.piece_m, 1e-9):.1f} % of this piece's {built.piece_m:.0f} m)"
+        f"compile3d: built as one volume are {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed, {share:.1f} % "
+        f"of this piece of {built.piece_m:.0f} m"
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:

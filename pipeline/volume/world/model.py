@@ -69,8 +69,8 @@ def model_xml(scene: VolumeScene) -> bytes:
     """Return `mine.xml`. It is written as text: MuJoCo's specs take minutes for 100,000 meshes."""
     look = LOOKS[scene.look]
     root = ElementTree.Element("mujoco", model=scene.name)
-    middle = np.array(scene.anchor_m) + scene.offset_m
-    ElementTree.SubElement(root, "statistic", extent=f"{EXTENT_M:g}", center=_text((middle + [0, 0, 0.5]).round(3)))
+    centre = np.array(scene.anchor_m) + scene.offset_m + np.array([0.0, 0.0, 0.5])
+    ElementTree.SubElement(root, "statistic", extent=f"{EXTENT_M:g}", center=_text(centre.round(3)))
     visual = ElementTree.SubElement(root, "visual")
     ElementTree.SubElement(
         visual,

@@ -10,7 +10,9 @@ import networkx as nx
 import numpy as np
 
 from pipeline.errors import GeometryError
-from pipeline.volume.network import SurveyNetwork
+from pipeline.survey.passages.legs import legs_of
+from pipeline.types import SurveyedLegs
+from pipeline.volume.network import SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
 from pipeline.volume.world.content import Cells
 from pipeline.volume.world.reach import components_of
@@ -51,6 +53,15 @@ class LegNetwork:
     total_length_m: float
 
 
+def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
+    """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin.
+
+    Heights and widths that nobody measured are `up_m` and `half_m`.
+    """
+    network = network_of(legs_of(surveyed), up_m, half_m)
+    return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
+
+
 def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
     """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
     graph = nx.MultiGraph(network.shots.tolist())
@@ -84,7 +95,7 @@ def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequenc
 
 @dataclass(frozen=True)
 class Start:
-    """Where robots start, m, mine frame: the anchor on a floor, its clearance, and the middle of the region round it."""
+    """Where robots start, m, mine frame: the anchor on a floor, its clearance, and the middle of its region."""
 
     anchor_m: Place
     anchor_clearance_m: float

@@ -11,12 +11,12 @@ import numpy as np
 
 from benchmarks.comparisons.volume.local.choice import PlaneChooser
 from benchmarks.comparisons.volume.local.models import FEET, VolumeModels
-from benchmarks.comparisons.volume.physics import places_for_robots, stand
 from benchmarks.speed.time_env import start_spread
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.stepper import PhysicsStepper
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Volume
+from pipeline.volume.world.physics import places_for_robots, stand
 
 ROBOTS, STEPS = 32, 30
 _THROWN_STEPS = 8

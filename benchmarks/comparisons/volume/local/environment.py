@@ -19,11 +19,11 @@ from benchmarks.comparisons.volume.cases import CASES
 from benchmarks.comparisons.volume.gate import LEVEL
 from benchmarks.comparisons.volume.local.drives import LevelDrive, StepCost, VolumeDrive, hard_driving
 from benchmarks.comparisons.volume.local.models import VolumeModels
-from benchmarks.comparisons.volume.physics import without_refused
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import ShellPart, build_shell
 from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.world.parts import without_refused
 
 _RUNS = 3
 _ALL_PARTS = -1.0  # a tolerance that no plane meets
