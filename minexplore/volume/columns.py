@@ -69,7 +69,8 @@ class FloorColumns:
         for k in range(3):
             away, edge = places_m - self._start[near, k], self._edge[near, k]
             inside &= away[..., 0] * edge[:, 0] + away[..., 1] * edge[:, 1] >= slack
-        return np.nonzero(inside)
+        place, facet = np.nonzero(inside)
+        return place, facet
 
     def _height(self, places_m: np.ndarray, facet: np.ndarray) -> np.ndarray:
         """Return the height (n,) m of the planes of facets (n,) at places (n, 2) m."""

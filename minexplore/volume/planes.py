@@ -149,7 +149,7 @@ class FloorPlanes:
         return self._grids[tile]
 
     def _make(self, slot: int, nodes: np.ndarray, reach: int) -> None:
-        """Make the planes of nodes (m, 2), column and row, of the tile in a slot, and of those in one block with them."""
+        """Make the planes of nodes (m, 2), column and row, of the tile in a slot, and of all in their blocks."""
         tile = next(tile for other, tile in self._tiles.values() if other == slot)
         blocks = np.array(sorted({(x, y) for x, y in (nodes // _BLOCK * _BLOCK).tolist()}))
         within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
