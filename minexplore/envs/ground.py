@@ -20,9 +20,12 @@ class Ground(Protocol):
     """What robots of a batch drive on. Places are of the mine frame; (k, 3) m are those of their axles."""
 
     models: Any
-    grid: CellGrid
     T_world_mine: np.ndarray
     can_fall: bool  # into shafts, which `info` then says
+
+    @property
+    def grid(self) -> CellGrid:
+        """Return the cells that count."""
 
     @property
     def start_m(self) -> np.ndarray:
@@ -116,5 +119,6 @@ class PlanGround:
 
 def ground_of(world: World, task: TaskParams, robot: RobotParams, count: int, whole: bool) -> Ground:
     """Return what so many robots drive on in a world."""
-    kind = PlanGround if world.volume is None else VolumeGround
-    return kind(world, task, robot, count, whole)
+    if world.volume is None:
+        return PlanGround(world, task, robot, count, whole)
+    return VolumeGround(world, task, robot, count, whole)

@@ -1,4 +1,4 @@
-"""The arrays of a world that is one closed volume of free space: its facets, the rock's parts, and floors by columns."""
+"""The arrays of a world that is one closed volume of free space: its facets, parts of rock, and floors by columns."""
 
 from __future__ import annotations
 

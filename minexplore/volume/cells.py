@@ -62,9 +62,10 @@ class VolumeGrid:
         found = np.flatnonzero((cell >= 0) & (z < self.high_m[cell]))
         return ray[found], cell[found]
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, cells) by their observers; return how many are new to each (m,)."""
-        flat = observer * self.total + cell
+        (number,) = cell
+        flat = observer * self.total + number
         view = seen.reshape(-1)
         new = np.unique(flat[~view[flat]])
         view[new] = True

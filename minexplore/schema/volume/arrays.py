@@ -144,7 +144,7 @@ def _read_spans(data: bytes, facets: Facets) -> Spans:
         k = int(bad.argmax())
         found = ", ".join(f"{name} = {arrays[name][k]}" for name in ("floor_m", "headroom_m", "clearance_m"))
         raise BundleError(f"{CELLS}: span {k}: {found}: want finite numbers, floor and roof within the free space")
-    return Spans(**{**arrays, "cell_m": cell})
+    return Spans(*(arrays[name] for name in _SPANS if name != "cell_m"), cell)  # type: ignore[call-arg, arg-type]
 
 
 def _require_within(file: str, name: str, values: np.ndarray, most: float) -> None:

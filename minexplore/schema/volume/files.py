@@ -94,8 +94,8 @@ def _check_map(storey: int, name: str, data: bytes, spans: Spans) -> None:
     numbers = [value for value in (low, high, *values) if value is not None]
     if image != sheet_map(storey)[1] or number != str(storey) or any(numbers_in(value) is None for value in numbers):
         raise BundleError(
-            f"{name}: want a remark on storey {storey}, image: {sheet_map(storey)[1]}, mode, resolution, origin, negate "
-            "and the two thresholds only"
+            f"{name}: want a remark on storey {storey}, image: {sheet_map(storey)[1]}, mode, resolution, origin, "
+            "negate and the two thresholds only"
         )
     if not (spans.storey == storey).any():
         raise BundleError(f"{name}: a map of storey {storey}, which has no floor")
