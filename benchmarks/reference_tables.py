@@ -72,7 +72,7 @@ TABLES = {
     "reference/formats.md": options_table,
     "reference/configuration.md": configuration_table,
     "reference/metrics.md": limits_table,
-    "reference/volume.md": volume_limits_table,
+    "reference/heights.md": volume_limits_table,
     "security.md": defence_table,
 }
 
