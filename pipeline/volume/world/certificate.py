@@ -126,9 +126,7 @@ def validate_volume(params: VolumeProofParams, world: VolumeBundle, surveyed: Su
     return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate)
 
 
-def _survey(
-    params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume
-) -> dict[str, Any]:
+def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:
     """Return how much of the survey is built: of the file's legs, not of those that the bundle says it has."""
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     piece_m = float(network.lengths_m.sum())

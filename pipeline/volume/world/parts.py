@@ -57,8 +57,8 @@ def _halves(corners: np.ndarray, border_m: float) -> list[np.ndarray]:
     west, east = corners[x < -_ON_BORDER_M], corners[x > _ON_BORDER_M]
     if not len(west) or not len(east):
         return [corners]
-    a, b = np.meshgrid(np.flatnonzero(x < -_ON_BORDER_M), np.flatnonzero(x > _ON_BORDER_M), indexing="ij")
-    a, b = a.ravel(), b.ravel()
+    at = np.meshgrid(np.flatnonzero(x < -_ON_BORDER_M), np.flatnonzero(x > _ON_BORDER_M), indexing="ij")
+    a, b = (side.ravel() for side in at)
     share = x[a] / (x[a] - x[b])
     cut = corners[a] + share[:, None] * (corners[b] - corners[a])
     cut[:, 0] = border_m

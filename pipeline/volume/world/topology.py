@@ -64,7 +64,7 @@ def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[Su
 
 def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
     """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
-    graph = nx.MultiGraph(network.shots.tolist())
+    graph: nx.MultiGraph = nx.MultiGraph(network.shots.tolist())
     places = (network.places_m + offset_m).round(_DIGITS)
     lengths, grades = network.lengths_m, network.grades
     names = network.names

@@ -9,7 +9,7 @@ import pytest
 from pipeline.errors import GeometryError
 from pipeline.volume.union import Label
 from pipeline.volume.world.parts import collect_labelled
-from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, legs_of_table, validated
+from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, validated
 
 # A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
 WINZE = RAMP + "B,2,30,0,0,1,1,3,0\nB,4,30,0,-12,1,1,2,0\nC,4,30,0,-12,2,2,2.5,0\nC,5,30,9,-12,2,2,2.5,0\n"
@@ -54,7 +54,7 @@ def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
 
 def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
     floor = int(np.flatnonzero(opened.parts.label == Label.FLOOR)[0])
-    mutant = with_parts(opened, lambda k, corners: corners + [0, 0, 0.02] if k == floor else corners)
+    mutant = with_parts(opened, lambda k, corners: corners + np.array([0, 0, 0.02]) if k == floor else corners)
     assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_um", "enclosure.unlike"}
 
 
