@@ -31,6 +31,7 @@ _SPANS = {
 }
 _LEAST_M = 1e-6  # MuJoCo refuses a part that is thinner
 _BESIDE_M = 1.0  # parts of 0.3 m reach so far beyond the free space, where its walls turn
+_MOST_FLOORS = 1000  # in one column
 _OFF_FLOOR_M = 1e-3  # spans have six decimals
 
 
@@ -144,7 +145,24 @@ def _read_spans(data: bytes, facets: Facets) -> Spans:
         k = int(bad.argmax())
         found = ", ".join(f"{name} = {arrays[name][k]}" for name in ("floor_m", "headroom_m", "clearance_m"))
         raise BundleError(f"{CELLS}: span {k}: {found}: want finite numbers, floor and roof within the free space")
+    _require_apart(arrays)
     return Spans(*(arrays[name] for name in _SPANS if name != "cell_m"), cell)  # type: ignore[call-arg, arg-type]
+
+
+def _require_apart(arrays: dict[str, np.ndarray]) -> None:
+    """Refuse floors of one column that are not over each other's roofs, or more than `_MOST_FLOORS` of them."""
+    column, row, floor = (arrays[name] for name in ("column", "row", "floor_m"))
+    order = np.lexsort([floor, row, column])
+    same = (np.diff(column[order]) == 0) & (np.diff(row[order]) == 0)
+    roof = (floor + arrays["headroom_m"])[order]
+    bad = np.flatnonzero(same & (floor[order][1:] < roof[:-1] - _OFF_FLOOR_M))
+    if len(bad):
+        one, other = order[bad[0] : bad[0] + 2]
+        raise BundleError(f"{CELLS}: spans {one} and {other} are in one column and overlap")
+    starts = np.append(np.flatnonzero(np.append(True, ~same)), len(order))
+    most = int(np.diff(starts).max())
+    if most > _MOST_FLOORS:
+        raise BundleError(f"{CELLS}: {most} floors over each other in one column, want at most {_MOST_FLOORS}")
 
 
 def _require_within(file: str, name: str, values: np.ndarray, most: float) -> None:
