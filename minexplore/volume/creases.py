@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 
 _STEP_M = 0.05  # between places of a crease
 _MOST = 5_000_000  # places of all creases; a larger mine has them farther apart
@@ -15,7 +15,7 @@ _LIES = 0.05  # of a normal's length: steeper facets are walls
 class Creases:
     """Places along the edges between two facets of the floor that differ in slope."""
 
-    def __init__(self, facets: Facets) -> None:
+    def __init__(self, facets: VolumeFacets) -> None:
         """Find the edges and cut them into pieces."""
         normal = facets.normals
         size = np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
