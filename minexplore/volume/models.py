@@ -10,7 +10,7 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY
 from minexplore.floors.volume_arrays import FacetLabel
-from minexplore.physics.local_models import MARGIN_M, physics_spec
+from minexplore.physics.local_models import MARGIN_M, physics_spec, with_little_memory
 from minexplore.physics.robot import (
     FASTEST_FALL_MPS,
     FLOOR_BIT,
@@ -106,7 +106,7 @@ class VolumeModels:
         BundleError
             If MuJoCo refuses a part; the message is MuJoCo's.
         """
-        return self.world.compile(self.spec(tile))
+        return self.world.compile(with_little_memory(self.spec(tile)))
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a model's spec; without a tile it holds all parts, and robots whose feet touch them."""

@@ -74,7 +74,8 @@ class FloorPlanes:
     def __init__(self, columns: FloorColumns, creases: Creases) -> None:
         """Take what finds the floors, and the lines at which they turn."""
         self._columns, self._creases = columns, creases
-        self._tiles: OrderedDict[tuple[int, int, int], tuple[int, _Tile]] = OrderedDict()  # oldest use first
+        self._tiles: OrderedDict[tuple[int, int, int], int] = OrderedDict()  # slots; oldest use first
+        self._in_slot: dict[int, _Tile] = {}
         self._grids: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
         self._table = np.zeros((0, _NODES, _NODES, len(REACHES_M), 4), np.float32)  # NaN where none was made yet
 
@@ -124,10 +125,10 @@ class FloorPlanes:
                 if slot == len(self._table):
                     self._table = np.concatenate([self._table, np.zeros((max(slot, 4), *self._table.shape[1:]), "f4")])
             else:
-                slot = self._tiles.popitem(last=False)[1][0]
+                slot = self._tiles.popitem(last=False)[1]
             self._table[slot] = np.nan
-            self._tiles[row] = slot, self._tile(row)
-        return np.array([self._tiles[row][0] for row in rows], dtype=int)
+            self._tiles[row], self._in_slot[slot] = slot, self._tile(row)
+        return np.array([self._tiles[row] for row in rows], dtype=int)
 
     def _tile(self, row: tuple[int, int, int]) -> _Tile:
         first, bottom = np.array(row[:2]) * TILE_M - _AROUND_M, row[2] * _SLAB_M
@@ -150,12 +151,11 @@ class FloorPlanes:
 
     def _make(self, slot: int, nodes: np.ndarray, reach: int) -> None:
         """Make the planes of nodes (m, 2), column and row, of the tile in a slot, and of all in their blocks."""
-        tile = next(tile for other, tile in self._tiles.values() if other == slot)
         blocks = np.array(sorted({(x, y) for x, y in (nodes // _BLOCK * _BLOCK).tolist()}))
         within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
         nodes = (blocks[:, None] + within).reshape(-1, 2)
         nodes = nodes[(nodes < _NODES).all(axis=1)]
-        made = _fit(tile, nodes, REACHES_M[reach])
+        made = _fit(self._in_slot[slot], nodes, REACHES_M[reach])
         self._table[slot, nodes[:, 1], nodes[:, 0], reach] = made
 
 
