@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from minexplore.bundle import CELLS, MODEL, PARTS, TOPOLOGY, VOLUME
-from pipeline.errors import GeometryError
+from pipeline.errors import ArtifactError, GeometryError
+from pipeline.mjcf.bundle import read_record
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import compile_volume
 from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
@@ -53,9 +54,7 @@ def test_robots_start_at_the_highest_end_or_where_the_user_states(world, tmp_pat
 
 def test_a_start_far_from_all_floors_is_refused_with_file_place_limit_and_option(tmp_path):
     legs = legs_of_table(ADIT, tmp_path, entrance_m=(500.0, 0.0, 895.0))
-    with pytest.raises(
-        GeometryError, match=r"a\.csv: survey\.entrance_m = \[500\.0, 0\.0, 895\.0\]: within 15 m"
-    ):
+    with pytest.raises(GeometryError, match=r"a\.csv: survey\.entrance_m = \[500\.0, 0\.0, 895\.0\]: within 15 m"):
         compile_volume(CONFIG.compile3d, legs, "a.csv")
 
 
@@ -79,3 +78,8 @@ def test_cells_cover_the_floors_area_and_state_their_height(world):
     level = cells.places_m[:, 0] < 29
     assert np.allclose(cells.floor_m[level], 6, atol=0.01)
     assert cells.headroom_m.max() == pytest.approx(3, abs=1e-3)
+
+
+def test_a_command_that_reads_no_volumes_refuses_one_in_one_line(world):
+    with pytest.raises(ArtifactError, match=r"a world of one volume \(minexplore-world/3\), which this"):
+        read_record(world.bundle, checked=False)
