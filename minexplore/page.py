@@ -58,7 +58,8 @@ Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random
 `numpy.random.Generator(numpy.random.PCG64(seed))`; robot i of a vector or a team has the seed `seed + i`.
 
 - `reset` draws, in this order: where the anchor is too narrow, `integers(n)` over the n free cells of the entrance
-  region, row by row, in a volume in the order of `cells.npz`; the yaw, `uniform(-pi, pi)`; the beams' noise, `standard_normal(beams)`.
+  region, row by row, in a volume in the order of `cells.npz`; the yaw, `uniform(-pi, pi)`; the beams' noise,
+  `standard_normal(beams)`.
 - `step` draws, in this order: in a zone with noise, `normal(0, speed_noise_mps)` for the forward speed; the beams'
   noise, `standard_normal(beams)`.
 """

@@ -17,7 +17,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_rock, stops_beams
 from minexplore.floors.floor import Floor
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tiles_at
@@ -82,7 +82,7 @@ def floor_meshes(world: World) -> Meshes:
     return meshes
 
 
-def facet_meshes(facets: Facets) -> Meshes:
+def facet_meshes(facets: VolumeFacets) -> Meshes:
     """Return the boundary of a volume, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
     middles = facets.vertices[facets.faces].mean(axis=1)[:, :2]
     meshes: Meshes = {}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 
 _TILE_M = 2.0  # facets are looked up by square tiles seen from above
@@ -27,7 +27,7 @@ class Hits:
 class FloorColumns:
     """The facets of a volume, looked up from above."""
 
-    def __init__(self, facets: Facets) -> None:
+    def __init__(self, facets: VolumeFacets) -> None:
         """Index the facets that are not plumb."""
         normal = facets.normals
         self.normals = normal

@@ -26,7 +26,7 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class VolumeGround:
-    """A volume as `RobotBatch` needs it; see `minexplore.envs.ground.Ground`."""
+    """A volume as `RobotBatch` needs it; see `minexplore.envs.ground.RobotGround`."""
 
     can_fall = False
 

@@ -70,7 +70,7 @@ def test_gymnasiums_checker_accepts_an_environment_in_a_volume(over):
 
 
 def test_many_robots_step_as_one_does_bit_for_bit(ramp):
-    many, rng = MineVectorEnv(3, ramp), np.random.default_rng(0)
+    many, rng = MineVectorEnv(3, ramp, threads=2), np.random.default_rng(0)
     alone = [MineEnv(ramp) for _ in range(3)]
     observation, _ = many.reset(seed=5)
     for k, env in enumerate(alone):
@@ -208,6 +208,18 @@ def test_a_team_shares_cells_and_touches_rock_in_a_volume(over):
     assert {one["leg"] for one in info.values()} == {"a to b"}
     assert all(np.isfinite(row).all() for row in observation.values())
     assert env.team.collisions.sum() > 0
+
+
+def test_pictures_show_the_plan_with_what_was_seen_and_the_robot_in_the_model(box):
+    for camera, colour in (("top", (92, 168, 96)), ("chase", None)):
+        env = MineEnv(box, render_mode="rgb_array", camera=camera)
+        env.reset(seed=0)
+        picture = env.render()
+        assert picture.shape == (480, 640, 3)
+        if colour is not None:
+            assert (picture == colour).all(axis=2).mean() > 0.02
+        assert picture.std() > 10
+        env.close()
 
 
 @pytest.mark.parametrize("mine", ["ramp", pytest.param("tee", marks=pytest.mark.slow)])

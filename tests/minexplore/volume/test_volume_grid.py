@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from minexplore.floors.volume_arrays import Spans
+from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.physics.robot import RobotParams
 from minexplore.volume.cells import VolumeGrid
 from minexplore.volume.standing import standing_spans
@@ -17,7 +17,7 @@ def spans(rows):
     column, row, floor, headroom = np.array(rows, float).T
     whole = np.int32
     wide, storey = np.full(len(floor), 1.0), np.zeros(len(floor), whole)
-    return Spans(column.astype(whole), row.astype(whole), floor, headroom, wide, storey, np.zeros(2), CELL_M)
+    return FloorSpans(column.astype(whole), row.astype(whole), floor, headroom, wide, storey, np.zeros(2), CELL_M)
 
 
 def strip(floors, headroom=3.0, first=0):

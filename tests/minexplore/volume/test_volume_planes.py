@@ -8,7 +8,7 @@ import pytest
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.local.drives import VolumeDrive
 from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.volume import planes as planes_module
@@ -115,7 +115,7 @@ def bent_floor():
     mesh = manifold3d.Manifold.hull_points(np.array(floor + roof, float)).to_mesh64()
     faces = np.asarray(mesh.tri_verts).astype(int)
     nothing = np.zeros(len(faces), int)
-    return Facets(np.array(mesh.vert_properties)[:, :3], faces, nothing, nothing)
+    return VolumeFacets(np.array(mesh.vert_properties)[:, :3], faces, nothing, nothing)
 
 
 def test_a_plane_knows_how_far_it_is_from_a_floor_that_turns_between_two_samples():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.floors.floor_zones import FloorZone
-from minexplore.floors.volume_arrays import Facets, Parts, Spans, VolumeArrays
+from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeArrays, VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.volume.choice import PlaneChooser
@@ -20,7 +20,7 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 _DRY = FloorZone("dry", -np.inf, np.inf, 1.0, 1.0, 0.0)
-_NO_SPANS = Spans(*(np.zeros(0, np.int32),) * 2, *(np.zeros(0),) * 3, np.zeros(0, np.int32), np.zeros(2), 0.25)
+_NO_SPANS = FloorSpans(*(np.zeros(0, np.int32),) * 2, *(np.zeros(0),) * 3, np.zeros(0, np.int32), np.zeros(2), 0.25)
 
 
 def world_of(volume: Volume, parts: list[ShellPart]) -> World:
@@ -30,7 +30,7 @@ def world_of(volume: Volume, parts: list[ShellPart]) -> World:
     label = volume.label[[max(part.facets, key=lambda k: float(size[k])) for part in parts]]
     rock = Parts(np.concatenate([part.corners for part in parts]), first, label.astype(np.int32))
     faces = volume.faces.astype(np.int32)
-    facets = Facets(volume.vertices, faces, volume.label.astype(np.int32), np.zeros(len(faces), np.int32))
+    facets = VolumeFacets(volume.vertices, faces, volume.label.astype(np.int32), np.zeros(len(faces), np.int32))
     arrays = VolumeArrays(facets, rock, _NO_SPANS)
     record = {"rock_friction": 1.0}
     return World(Path(), record, np.eye(4), np.zeros((1, 1)), np.zeros(2), 0.25, [_DRY], volume=arrays)
