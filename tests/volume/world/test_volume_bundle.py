@@ -70,6 +70,7 @@ def test_floor_parts_are_cut_at_the_borders_and_keep_their_volume():
     spans = [(cut[k][:, 0].min(), cut[k][:, 0].max()) for k in range(len(cut))]
     assert spans == [(0, 4), (4, 7), (7, 10), (20, 30)]
     assert cut.label.tolist() == [0, 0, 0, 1]
+    assert [len(cut[k]) for k in range(4)] == [8, 8, 8, 8]
 
 
 def test_cells_cover_the_floors_area_and_state_their_height(world):
