@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from baselines.base.markdown import markdown_table
-from benchmarks.comparisons.volume import physics
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.resume import resume, run_benchmark
@@ -28,6 +27,7 @@ from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.world.parts import without_refused
 from tests.heights import table
 
 RESULTS = Path("artifacts/bench/volume-random.jsonl")
@@ -79,7 +79,7 @@ def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
         "missing": found.missing_m2 / found.measured_m2,
         "thin_m2": found.thin_m2,
         "crossings": len(crossing_facets(volume.vertices, volume.faces, _CROSSING_M)),
-        "refused": physics.without_refused(parts)[1],
+        "refused": without_refused(parts)[1],
     }
 
 
