@@ -201,8 +201,8 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
         _require_short(path, whole.legs)
         _, georeference = locate(path, Shapes([footprint(path, whole.legs)], "m"), "m", params.origin)
         place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        legs, seen = whole_in_frame(path, whole, params, georeference.origin)
-        return _Workings(seen, place, legs=legs)
+        surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
+        return _Workings(seen, place, legs=surveyed)
     reader = leg_reader(path)
     if isinstance(params.grade, dict):  # of the legs of a station table
         legs, crs = read_station_legs(path, params.grade), None

@@ -15,7 +15,7 @@ DEEPEST_M = 0.6  # of a ledge between two floors that overlap; deeper ones are a
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
 _PLUMB = 0.02  # of a facet's normal: so steep a ledge has no area seen from above
-_ONE_PLACE_M = 1e-6  # seen from above
+_ONE_PLACE_M = 1e-3  # seen from above: corners that are nearer get one height
 _ENDS = 4  # facets beside each other at the end of a ledge, at most
 _ROUNDING_M = 1e-6
 
@@ -162,7 +162,7 @@ class _Cuts:
             i = int(np.argmax(length))
             a, b, c = face[i], face[i - 2], face[i - 1]
             share = float((places[i - 1] - places[i])[:2] @ sides[i]) / length[i] ** 2
-            if not 0 < share < 1:
+            if not _ONE_PLACE_M < share * length[i] < length[i] - _ONE_PLACE_M:
                 continue
             height = (1 - share) * places[i][2] + share * places[i - 2][2]
             self._added.append(np.array([*self._place(c)[:2], height]))

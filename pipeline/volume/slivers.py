@@ -7,6 +7,7 @@ from dataclasses import replace
 import manifold3d
 import numpy as np
 
+from pipeline.volume.keyed import keyed, volume_of
 from pipeline.volume.union import Volume
 
 _SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey
@@ -28,17 +29,11 @@ def without_slivers(volume: Volume) -> Volume:
     number = np.full(len(mesh.vertices), -1)
     number[used] = np.arange(len(used))
     vertices, faces = mesh.vertices[used], number[mesh.faces[mesh.alive]]
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
-    if solid.status() != manifold3d.Error.NoError or solid.num_tri() != len(faces):
-        raise ValueError(f"volume: the mesh without slivers is not closed ({solid.status()})")
-    return replace(
-        volume,
-        solid=solid,
-        vertices=vertices,
-        faces=faces,
-        source=mesh.source[mesh.alive],
-        label=mesh.label[mesh.alive],
+    found = replace(
+        volume, vertices=vertices, faces=faces, source=mesh.source[mesh.alive], label=mesh.label[mesh.alive]
     )
+    one = keyed(found, found.vertices, found.label)
+    return volume_of(one, volume) if one.solid.status() == manifold3d.Error.NoError else volume
 
 
 class _Mesh:

@@ -10,24 +10,23 @@ from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Label, Volume
 
-_HALF_M = 0.02  # of the rock that is put behind a facet: a part of 2 cm fits into it
-_ROUNDS = 4
+_HALF_M = (0.027, 0.04, 0.06, 0.08)  # of the rock that is put behind a facet in each round: parts of 2 cm fit into it
 _ROOF_NZ = 0.7  # of a facet's normal
 
 
 def without_thin_rock(volume: Volume) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
-    Behind each facet where no part of 2 cm is in the rock, 4 cm become rock: two passages with less between them stay
+    Behind each facet where no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less between them stay
     two, and folds of rock without a thickness get one. Where the other side is a floor, the rock is put under the floor
     instead, so that floors keep their heights.
     """
-    for _ in range(_ROUNDS):
+    for half_m in _HALF_M:
         thin = facets_without_part(volume)
         facets = np.unique([k for facet, others in thin.items() for k in _sides(volume, facet, others)])
         if not len(facets):
             break
-        volume = without_slivers(_thickened(volume, facets.astype(int)))
+        volume = without_slivers(_thickened(volume, facets.astype(int), half_m))
     return volume
 
 
@@ -37,15 +36,19 @@ def _sides(volume: Volume, facet: int, others: list[int]) -> list[int]:
     return floors if floors and volume.label[facet] != Label.FLOOR else [facet]
 
 
-def _thickened(volume: Volume, facets: np.ndarray) -> Volume:
-    """Return the volume without what is up to 4 cm behind some of its facets."""
+def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
+    """Return the volume without what is behind some of its facets: prisms with bevelled edges, wider than the facet.
+
+    They are twice as deep as `half_m`, and so much wider on each side.
+    """
     one = keyed(volume, volume.vertices, volume.label)
     corners, normal = volume.vertices[volume.faces[facets]], -volume.normals[facets]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
     along /= np.linalg.norm(along, axis=1, keepdims=True).clip(1e-30)
-    axes = np.stack([normal, along, np.cross(normal, along)], axis=1)
-    ball = _HALF_M * np.concatenate([axes, -axes], axis=1) - _HALF_M * normal[:, None]
+    across = np.cross(normal, along)
+    ring = np.stack([along + across, across - along, -along - across, along - across], axis=1)
+    ball = half_m * np.concatenate([0 * ring[:, :1], ring + normal[:, None], ring + 2 * normal[:, None]], axis=1)
     keys, bodies = dict(one.keys), []
     for k, points, spread in zip(facets.tolist(), corners, ball, strict=True):
         body = manifold3d.Manifold.hull_points((points[:, None] + spread).reshape(-1, 3)).as_original()

@@ -30,27 +30,32 @@ def robot_size(params: VolumeParams) -> RobotSize:
     return RobotSize(params.steepest, params.step_m, params.robot_height_m, params.robot_radius_m)
 
 
-def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
+def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs, subject: str = "survey") -> Bundle:
     """Return the files of a volume by name: what the bundle copies, `spawn.json` and `built.json`.
 
     Raises
     ------
     GeometryError
-        If the legs make no closed volume, or robots find no room.
+        If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
+    try:
+        return _compiled(params, surveyed)
+    except (ValueError, GeometryError) as error:
+        raise GeometryError(f"{subject}: {error}") from error
+
+
+def _compiled(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     robot = robot_size(params.volume)
-    try:
-        solved = solve_floors(unite(network, pieces_of(network)), network)
-    except ValueError as error:
-        raise GeometryError(f"compile3d: {error}") from error
+    solved = solve_floors(unite(network, pieces_of(network)), network)
     volume = in_mine_frame(solved, offset)
     parts, refused = without_refused(build_shell(solved))
     cells = cells_of(volume, params.grid_cell_m, robot)
     legs = leg_network(network, offset, lines_of(surveyed.entrances))
     stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
     spawn = params.spawn
-    start = start_of(cells, neighbours_of(cells, robot), legs, stated, spawn.radius_m, spawn.clearance_m)
+    pairs = neighbours_of(cells, robot)
+    start = start_of(cells, pairs, legs, stated, spawn.radius_m, spawn.clearance_m, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(volume.measured(), legs), refused)
     _warn(built)
     return {
