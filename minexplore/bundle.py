@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 FORMAT = "minexplore-world/2"
+VOLUME_FORMAT = "minexplore-world/3"  # of a world that is one closed volume of free space
 
 # Files of a bundle, relative to its folder.
 RECORD = "world.json"
@@ -28,6 +29,7 @@ OCTREE = "free_space.bt"
 NAV2_MAP, NAV2_PICTURE = "map.yaml", "map.png"
 PREVIEW = "preview.png"
 FLOOR = "floor.npz"  # only of a mine with heights
+VOLUME, PARTS, CELLS = "volume.npz", "parts.npz", "cells.npz"  # only of a world that is one volume
 ROCK_TEXTURE = "textures/rock.png"
 MADE_BY = "made_by.json"  # what the bundle states to be made by; no part of the world, and not in its hash
 UNSEALED = (RECORD, MADE_BY)  # every other file has its hash in the record
@@ -153,6 +155,11 @@ def spot_light(number: int) -> str:
 def has_heights(record: Mapping[str, Any]) -> bool:
     """Return whether a world's floor has heights, by its record; without them it is one level plane."""
     return "heights" in record
+
+
+def is_volume(record: Mapping[str, Any]) -> bool:
+    """Return whether a world is one closed volume of free space, by its record."""
+    return record.get("format") == VOLUME_FORMAT
 
 
 def sheet_map(sheet: int) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from minexplore.bundle import MODEL, RECORD, BundleError, line_of
 from minexplore.floors.floor import Floor
 from minexplore.floors.floor_zones import FloorZone, read_zones
 from minexplore.floors.open_shafts import OpenShafts
+from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
 
 DEFAULT_WORLD = "chilean_mine"
@@ -32,7 +33,8 @@ class World:
     """A bundle that was checked and read.
 
     `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, plan). The plan is
-    the mine frame seen from above, but for workings that pass over others: `floor` folds it into the mine frame.
+    the mine frame seen from above, but for workings that pass over others: `floor` folds it into the mine frame. In a
+    world that is one `volume` the plan is the mine frame, and a cell has the largest clearance of the floors in it.
     """
 
     folder: Path
@@ -43,6 +45,12 @@ class World:
     cell_m: float
     floor_zones: list[FloorZone]
     floor: Floor = field(default_factory=Floor)
+    volume: VolumeArrays | None = None
+
+    @property
+    def has_heights(self) -> bool:
+        """Return whether the floor is not one level plane."""
+        return self.volume is not None or not self.floor.is_flat
 
     def spec(self) -> mujoco.MjSpec:
         """Return the world's MJCF to attach robots to.
@@ -170,6 +178,5 @@ def _read(folder: Path, checked: CheckedWorld) -> World:
     record, grid = checked.record, checked.grid
     zones = read_zones(folder / RECORD, record.get("zones"))
     transform = np.array(record["T_world_mine"])
-    return World(
-        folder, record, transform, grid["clearance_m"], grid["origin_m"], float(grid["cell_m"]), zones, checked.floor
-    )
+    origin, cell = grid["origin_m"], float(grid["cell_m"])
+    return World(folder, record, transform, grid["clearance_m"], origin, cell, zones, checked.floor, checked.volume)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -217,6 +218,58 @@ class Survey:
     georeference: Georeference = METRIC
     licences: dict[str, str] = field(default_factory=dict)
     heights: Heights | None = None
+
+
+@dataclass(frozen=True)
+class SurveyedLegs:
+    """The legs of a survey that is built as one volume; none of a survey that is built otherwise.
+
+    Leg i has the stations `first[i]` to `first[i + 1]`: `positions_m` in the mine frame (z less `datum_m`), and
+    `lrud_m`, the distances left, right, up and down, nan if not measured. `names` is UTF-8 text with a line for each
+    station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are to
+    start, empty if nobody says.
+
+    `surveyed_m` is the length of all legs of the file. `pieces` and `pieces_m` are a station and the length of each
+    piece that shares no station with this one.
+    """
+
+    positions_m: Float64[np.ndarray, "n 3"]
+    lrud_m: Float64[np.ndarray, "n 4"]
+    first: Int32[np.ndarray, " legs_plus_one"]
+    names: UInt8[np.ndarray, " bytes"]
+    entrances: UInt8[np.ndarray, " entrance_bytes"]
+    start_m: Float64[np.ndarray, " coordinates"]
+    pieces: UInt8[np.ndarray, " piece_bytes"]
+    pieces_m: Float64[np.ndarray, " pieces"]
+    surveyed_m: float
+    datum_m: float
+
+    def __len__(self) -> int:
+        """Return the number of legs."""
+        return len(self.first) - 1
+
+
+def text_array(lines: Sequence[str]) -> np.ndarray:
+    """Return lines of text as bytes; an archive of arrays holds no texts."""
+    return np.frombuffer("\n".join(lines).encode(), np.uint8)
+
+
+def lines_of(text: np.ndarray) -> list[str]:
+    """Return the lines that `text_array` wrote."""
+    return text.tobytes().decode().split("\n") if len(text) else []
+
+
+NO_LEGS = SurveyedLegs(
+    np.zeros((0, 3)),
+    np.zeros((0, 4)),
+    np.zeros(1, np.int32),
+    *(np.zeros(0, np.uint8),) * 2,
+    np.zeros(0),
+    np.zeros(0, np.uint8),
+    np.zeros(0),
+    0.0,
+    0.0,
+)
 
 
 @dataclass(frozen=True)

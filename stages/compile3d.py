@@ -6,6 +6,7 @@ import sys
 from functools import partial
 from typing import Any
 
+import numpy as np
 from shapely import Polygon
 from tqdm import tqdm
 
@@ -26,8 +27,11 @@ from pipeline.geometry.rock.partition import Box, rock_around, tiled_rock, world
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
+from pipeline.store.codecs import Bundle
 from pipeline.types import (
+    NO_LEGS,
     NO_OPENINGS,
+    NO_PICTURE,
     ConvexParts,
     DriftNetwork,
     FreeSpace,
@@ -37,6 +41,7 @@ from pipeline.types import (
     SolidExtent,
     Spawn,
     Survey,
+    SurveyedLegs,
 )
 
 
@@ -46,11 +51,17 @@ def compile_rock(
     topology: DriftNetwork,
     survey: Survey,
     openings: Openings = NO_OPENINGS,
+    network: SurveyedLegs = NO_LEGS,
 ) -> dict[str, Any]:
     """Return collision parts, occupancy (grid, octree and Nav2 map), extent, the spawn region, and the openings.
 
-    Raises that do not reach over the roof are left out, and it is printed where.
+    Raises that do not reach over the roof are left out, and it is printed where. Of a survey that is built as one
+    volume the files of `volume` hold all, and the others hold nothing.
     """
+    if len(network):
+        from pipeline.volume.world.compile import compile_volume  # open3d takes a second to load
+
+        return {**_nothing(params), "volume": compile_volume(params, network, (survey.sources or [survey.name])[0])}
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
@@ -82,6 +93,23 @@ def compile_rock(
         "map": pixels,
         "map_yaml": yaml,
         "spawn": first_anchor(grid, starts, params.spawn.radius_m, params.spawn.clearance_m),
+        "volume": {"none.txt": b"survey.volume = false: no volume\n"},
+    }
+
+
+def _nothing(params: Compile3dParams) -> dict[str, Any]:
+    """Return the artifacts of a level or folded world, empty."""
+    box = (0.0, 0.0, 0.0, 0.0)
+    return {
+        "collision": ConvexParts(np.zeros((0, 3)), np.zeros(1, np.int32)),
+        "floor": Floor(),
+        "openings": NO_OPENINGS,
+        "extent": SolidExtent(params.height_m, box),
+        "occupancy": Occupancy(np.zeros((0, 0), bool), np.zeros((0, 0), np.float32), np.zeros(2), params.grid_cell_m),
+        "octree": b"",
+        "map": NO_PICTURE,
+        "map_yaml": "",
+        "spawn": Spawn((0.0, 0.0), 0.0, (0.0, 0.0), params.spawn.radius_m, params.spawn.clearance_m),
     }
 
 
@@ -124,6 +152,7 @@ STAGE = Stage(
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "survey": Artifact("survey/survey.json", Survey),
         "openings": Artifact("contours/openings.json", Openings),
+        "network": Artifact("survey/network.npz", SurveyedLegs),
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
@@ -135,6 +164,7 @@ STAGE = Stage(
         "map": Artifact("compile3d/map.png", Image),
         "map_yaml": Artifact("compile3d/map.yaml", str),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
+        "volume": Artifact("compile3d/volume", Bundle),
     },
 )
 

@@ -21,6 +21,7 @@ from pipeline.geometry.floor.simplified_outline import (
     simplify_by_wall_error,
     simplify_folded,
 )
+from pipeline.geometry.network.plan_network import plan_network
 from pipeline.geometry.openings.fit import cut_openings, fit_openings
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
@@ -33,7 +34,21 @@ from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
 from pipeline.stage import Artifact, Stage, main
-from pipeline.types import NO_PICTURE, Areas, DriftNetwork, Frame, FreeSpace, Image, Mask, Openings, Survey, Workings
+from pipeline.types import (
+    NO_LEGS,
+    NO_OPENINGS,
+    NO_PICTURE,
+    Areas,
+    DriftNetwork,
+    Frame,
+    FreeSpace,
+    Image,
+    Mask,
+    Openings,
+    Survey,
+    SurveyedLegs,
+    Workings,
+)
 
 _APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
 
@@ -47,8 +62,15 @@ class _Traced:
     cleaned: Mask
 
 
-def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> dict[str, Any]:
-    """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables."""
+def trace_free_space(
+    params: ContoursParams, plan: Image, survey: Survey, workings: Workings, network: SurveyedLegs = NO_LEGS
+) -> dict[str, Any]:
+    """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables.
+
+    A survey that is built as one volume passes through as it is seen from above.
+    """
+    if len(network):
+        return _view_from_above(params, survey, workings, network)
     frame = survey.frame
     try:
         drawn = _trace(params, plan, survey, workings)
@@ -57,7 +79,7 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
     simplified = _simplify(params, survey, corrected.workings)
-    network = simplified.network  # of the drifts: openings are no islands in it
+    drifts = simplified.network  # openings are no islands in it
     openings = _find_openings(params, survey, simplified.outline)
     outline = cut_openings(simplified.outline, openings) if openings.collars else simplified.outline
     traced = _drawn_again(cut_openings(corrected.workings, openings), frame) if openings.collars else corrected
@@ -67,12 +89,32 @@ def trace_free_space(params: ContoursParams, plan: Image, survey: Survey, workin
         "traced": Workings(MultiPolygon(shapely.get_parts(traced.workings).tolist())),
         "free_space": FreeSpace(outline, _measure_areas(outline, traced, frame), simplified.moved_m, frame),
         "openings": openings,
+        "topology": drifts,
+        "topology_dot": network_dot(drifts),
+        "widths": width_table(drifts),
+        "picture": draw_contours(traced.raw, outline, drifts, frame),
+        "correction": None if correction is None else correction.report,
+        "corrected": _picture(drawn.workings, correction, frame),
+    }
+
+
+def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings, legs: SurveyedLegs) -> dict[str, Any]:
+    """Return the plan view of a volume, which pictures and the report have; nothing is traced."""
+    seen: BaseGeometry = shapely.union_all(shapely.get_parts(workings.polygons))
+    outline = seen if isinstance(seen, Polygon | MultiPolygon) else workings.polygons
+    drawn, network = _drawn_again(outline, survey.frame), plan_network(legs, params.network.cell_m)
+    return {
+        "raw": drawn.raw,
+        "cleaned": drawn.cleaned,
+        "traced": workings,
+        "free_space": FreeSpace(outline, _measure_areas(outline, drawn, survey.frame), 0.0, survey.frame),
+        "openings": NO_OPENINGS,
         "topology": network,
         "topology_dot": network_dot(network),
         "widths": width_table(network),
-        "picture": draw_contours(traced.raw, outline, network, frame),
-        "correction": None if correction is None else correction.report,
-        "corrected": _picture(drawn.workings, correction, frame),
+        "picture": draw_contours(drawn.raw, outline, network, survey.frame),
+        "correction": None,
+        "corrected": NO_PICTURE,
     }
 
 
@@ -222,6 +264,7 @@ STAGE = Stage(
         "plan": Artifact("survey/plan.png", Image),
         "survey": Artifact("survey/survey.json", Survey),
         "workings": Artifact("survey/workings.geojson", Workings),
+        "network": Artifact("survey/network.npz", SurveyedLegs),
     },
     writes={
         "raw": Artifact("contours/raw.png", Mask),

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
+from typing import Any
 
+from minexplore.bundle import VOLUME
 from minexplore.floors.floor import Floor
 from pipeline.mjcf.assemble import assemble_world
+from pipeline.params.realism import RealismParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Openings, SolidExtent, Spawn, Survey
 
+
+def write_world(params: RealismParams, survey: Survey, free_space: FreeSpace, volume: Path, **others: Any) -> dict:
+    """Return `world`, the files of the bundle by name: of one volume, or of level or folded floors."""
+    if not (volume / VOLUME).is_file():
+        return assemble_world(params, survey, free_space, **others)
+    from pipeline.volume.world.bundle import bundle_volume  # open3d takes a second to load
+
+    return {"world": bundle_volume(params, survey, free_space, volume)}
+
+
 STAGE = Stage(
     name="realism",
-    run=assemble_world,
+    run=write_world,
     reads={
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
@@ -22,6 +36,7 @@ STAGE = Stage(
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
         "floor": Artifact("compile3d/floor.npz", Floor),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
+        "volume": Artifact("compile3d/volume", Bundle),
         "smooth": Artifact("surface/smooth.npz", Meshes),
         "texture": Artifact("surface/texture.png", Image),
         "rough": Artifact("surface/rough", Bundle),

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.floors.floor import Floor
 from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
+from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
@@ -25,7 +26,17 @@ from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.relief_source import choose_relief
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
-from pipeline.types import NO_OPENINGS, NO_PICTURE, DriftNetwork, FreeSpace, Image, Openings, SolidExtent
+from pipeline.types import (
+    NO_LEGS,
+    NO_OPENINGS,
+    NO_PICTURE,
+    DriftNetwork,
+    FreeSpace,
+    Image,
+    Openings,
+    SolidExtent,
+    SurveyedLegs,
+)
 
 
 def model_surface(
@@ -35,12 +46,19 @@ def model_surface(
     extent: SolidExtent,
     floor: Floor,
     openings: Openings = NO_OPENINGS,
+    network: SurveyedLegs = NO_LEGS,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
+
+    So they are of a survey that is built as one volume, which has no visible rock yet.
 
     Surfaces are made and measured in the plan, as if openings were floor. Then the roof is opened where shafts come
     down, and all is folded by the floor.
     """
+    if len(network):
+        if params.overlay != "none":
+            warn_user("surface: a world that is one volume shows its collision parts; it has no visible rock yet")
+        return _NO_ROCK
     if params.overlay == "none":
         return _NO_ROCK
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
@@ -116,6 +134,7 @@ STAGE = Stage(
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "floor": Artifact("compile3d/floor.npz", Floor),
         "openings": Artifact("compile3d/openings.json", Openings),
+        "network": Artifact("survey/network.npz", SurveyedLegs),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

@@ -6,7 +6,7 @@ import sys
 
 from pipeline.stage import Artifact, Stage, main
 from pipeline.survey.load import read_survey, sources
-from pipeline.types import Image, Survey, Workings
+from pipeline.types import Image, Survey, SurveyedLegs, Workings
 
 STAGE = Stage(
     name="survey",
@@ -17,6 +17,7 @@ STAGE = Stage(
         "plan": Artifact("survey/plan.png", Image),
         "survey": Artifact("survey/survey.json", Survey),
         "workings": Artifact("survey/workings.geojson", Workings),
+        "network": Artifact("survey/network.npz", SurveyedLegs),
     },
 )
 

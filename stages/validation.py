@@ -27,20 +27,32 @@ from pipeline.report.figures.graph import blocked_table
 from pipeline.report.figures.plans import draw_agreement
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
-from pipeline.types import NO_PICTURE, Image, Mask, Survey, Workings
+from pipeline.types import NO_LEGS, NO_PICTURE, Image, Mask, Survey, SurveyedLegs, Workings
 
 _SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls")
 
 
 def validate_world(
-    params: ValidationParams, world: Path, cleaned: Mask, raw: Mask, survey: Survey, traced: Workings
+    params: ValidationParams,
+    world: Path,
+    cleaned: Mask,
+    raw: Mask,
+    survey: Survey,
+    traced: Workings,
+    network: SurveyedLegs = NO_LEGS,
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
+    if len(network):
+        from pipeline.volume.world.certificate import open_volume, validate_volume  # open3d takes a second to load
+
+        found = validate_volume(params.volume, open_volume(world), network)
+        timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
+        return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE}
     validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
     groups = [group for group in MEASURES if is_measured(group, params)]
     if params.extent == "certificate":
         metrics = {group: validator.measure(group) for group in groups}
-        timings: dict[str, Any] = {"world_sha256": validator.world.record.world_sha256}
+        timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
     slow = [name for name in _SLOW_MEASURES if name in groups or name not in MEASURES]
     with ThreadPoolExecutor(2) as pool:  # long measures run in parallel: they mostly run outside the interpreter
@@ -115,6 +127,9 @@ def replayed_files(params: ValidationParams) -> list[str]:
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
     timings, figures = flatten(outputs["timings"]), flatten(outputs["metrics"])
+    if "survey.share_built" in figures:  # of a volume
+        require_limits(figures, {name: limit for name, limit in params.volume.limits.items() if name in figures})
+        return
     limits = applying_limits(params, figures)
     if params.overlay != "none" and not is_rock_judged(params, figures):
         drift_m, draw_m = figures["topology.drift_m"], params.texture.draw_m
@@ -143,6 +158,7 @@ STAGE = Stage(
         "raw": Artifact("contours/raw.png", Mask),
         "survey": Artifact("survey/survey.json", Survey),
         "traced": Artifact("contours/traced.geojson", Workings),
+        "network": Artifact("survey/network.npz", SurveyedLegs),
     },
     writes={
         "metrics": Artifact("validation/metrics.json", dict, in_git=True),

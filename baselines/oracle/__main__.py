@@ -76,7 +76,9 @@ def _renew_flying(env_id: str, env: MineVectorEnv, known: Bound, times: list[flo
 
 
 def require_fences(env_id: str, world: World) -> None:
-    """Refuse a world whose shafts have no fence: a robot that falls is faster than any along the floor."""
+    """Refuse a volume, and a world whose shafts have no fence: a robot that falls is faster than any on the floor."""
+    if world.volume is not None:
+        raise BaselineError(f"{env_id}: its mine is one volume; bounds are of mines whose floors are drawn in plan")
     if len(world.open_shafts):
         raise BaselineError(f"{env_id}: robots can fall down its shafts; a bound needs realism.fence_openings=true")
 

@@ -40,7 +40,7 @@ def draw_own(world: World, robot: str) -> np.ndarray:
         env.step(action)
     robots = env.robots
     renderer = Renderer(world, robots.T_world_mine, env.grid, env.robot, 1, _SIZE_PX)
-    picture = renderer.draw("chase", robots.qpos, robots.seen_from_above(0), robots.poses())
+    picture = renderer.draw("chase", robots.qpos, robots.seen[0], robots.poses())
     renderer.close()
     env.close()
     return picture

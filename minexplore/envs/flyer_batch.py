@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
-
 import gymnasium
 import numpy as np
 
+from minexplore.envs.flyer_ground import FlyerGround
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.physics.flyer_models import FlyerModels
 from minexplore.physics.quadrotor import QuadrotorParams
-from minexplore.rotations import quaternion, rotate_inverse, rotation_matrices
+from minexplore.rotations import rotate_inverse, rotation_matrices
+from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
-from minexplore.sensing.volume import VolumeGrid
 from minexplore.task import TaskParams
 from minexplore.world import World
 
-_START_M = 1.2  # above the floor; half-way to a lower roof
 _INNER_S = 0.01  # of the controller: a twelfth of its fastest loop's time
 
 
@@ -28,7 +25,7 @@ class FlyerBatch(RobotBatch):
     """
 
     robot: QuadrotorParams
-    grid: VolumeGrid  # type: ignore[assignment]
+    grid: CubeGrid  # type: ignore[assignment]
 
     def __init__(
         self,
@@ -47,34 +44,11 @@ class FlyerBatch(RobotBatch):
         self._bursts = [min(inner, task.substeps - at) for at in range(0, task.substeps, inner)]
         self._wanted = np.zeros((count, 4))
 
-    def _make_models(self, whole: bool) -> FlyerModels:
-        return FlyerModels(self.world, self.task, self.robot, whole)
-
-    def _make_grid(self, anchor_m: np.ndarray) -> VolumeGrid:  # type: ignore[override]
-        task, robot = self.task, self.robot
-        return VolumeGrid(self.world, task.cell_m, robot.radius_m, robot.half_height_m, anchor_m, task.region_m)
-
-    def _first_place(self, anchor_m: np.ndarray) -> np.ndarray:
-        return self.floor.fold(np.array([[*anchor_m, _START_M]]))[0]
-
-    def seen_from_above(self, robot: int) -> np.ndarray:
-        """Return which columns (rows, cols) hold cubes that a robot has seen."""
-        return self.grid.from_above(self.seen[robot])
+    def _make_ground(self, whole: bool) -> FlyerGround:
+        return FlyerGround(self.world, self.task, self.robot, self.count, whole)
 
     def _forget(self, robots: np.ndarray) -> None:
         self.seen[robots] = False
-
-    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Place a robot, at rest and level, over the floor at a pose of the plan."""
-        self.stepper.restart(robot)
-        height_m = float(self.world.record["height_m"])
-        roof_m = height_m + float(self.floor.lifts_at(np.array([[x_m, y_m]]), height_m)[0])
-        start = self.floor.fold(np.array([[x_m, y_m, min(_START_M, roof_m / 2)]]))
-        self.qpos[robot, :3] = rotate_inverse(start, self._R.T)[0] + self._t
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        ahead = rotate_inverse(np.array([[cos, sin, 0.0]]), self._R.T)[0]
-        flat = ahead[:2] / math.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
-        self.qpos[robot, 3:7] = quaternion(np.array([[flat[0], -flat[1], 0], [flat[1], flat[0], 0], [0, 0, 1.0]]))
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots (k,) by one control step without casting beams; return which touched anything (k,) bool."""
@@ -87,28 +61,18 @@ class FlyerBatch(RobotBatch):
         for steps in self._bursts:
             state = self.qpos[robots, 3:7], self.qvel[robots, :3], self.qvel[robots, 3:6]
             self.stepper.ctrl[robots] = self.robot.thrusts(*state, wanted)
-            touched |= self.stepper.advance(robots, self._places(robots), steps)
+            touched |= self.stepper.advance(robots, self._mine_places(robots), steps)
         return touched
-
-    def _places(self, robots: np.ndarray) -> np.ndarray:
-        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-
-    def plan_places(self, robots: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots in the mine frame seen from above; a robot in a shaft is on no sheet."""
-        return self._places(robots)[:, :2]
 
     def heights(self, robots: np.ndarray) -> np.ndarray:
         """Return how high robots (k,) are, m, mine frame."""
-        return self._places(robots)[:, 2]
+        return self._mine_places(robots)[:, 2]
 
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots in the mine frame."""
         axes = np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)
         rise = np.stack([rotate_inverse(axis, self._R)[:, 2] for axis in axes[:2]], axis=1)
         return np.arcsin(np.clip(rise, -1.0, 1.0))
-
-    def _fall(self, robots: np.ndarray) -> None:
-        """Robots that fly do not fall."""
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         v = self.qvel[robots, :3]
@@ -122,14 +86,15 @@ class FlyerBatch(RobotBatch):
         """Cast the beams and mark the cubes they cross; return true ranges (k, beams) m, and new cubes (k,)."""
         origin, directions, ranges = self._cast(robots)
         ends = origin[:, None] + directions * ranges[..., None]
-        ray, cube = self.grid.cubes_crossed(np.repeat(origin, len(self._beams), axis=0), ends.reshape(-1, 3))
+        starts = np.repeat(origin, len(self._beams), axis=0)
+        ray, cube = self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
         new = self.grid.mark(self.seen, robots[ray // len(self._beams)], cube)
         return ranges, new[robots]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
         axes = [rotate_inverse(a, self._R) for a in np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)]
-        origin = self._places(robots)
+        origin = self._mine_places(robots)
         ahead, left, up = (axis[:, None, :] for axis in axes)
         directions = self._beams[:, :1] * ahead + self._beams[:, 1:2] * left + self._beams[:, 2:] * up
         return origin, directions, self.lidar.cast(origin, directions)
@@ -140,9 +105,6 @@ class FlyerBatch(RobotBatch):
         noisy = np.clip(ranges, near, far) + self.task.range_noise_m * noise
         scaled = np.clip((noisy - near) / (far - near), 0.0, 1.0)
         return np.hstack([scaled, self.previous[robots]]).astype(np.float32)
-
-    def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
-        return {key: value for key, value in super()._info(robots, collision).items() if key != "fell"}
 
 
 def flyer_space(task: TaskParams, robot: QuadrotorParams) -> gymnasium.spaces.Box:

@@ -6,16 +6,13 @@ import math
 
 import numpy as np
 
+from minexplore.envs.ground import RobotGround, ground_of
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.reward import step_reward
 from minexplore.envs.robot_places import RobotPlaces
-from minexplore.floors.open_shafts import FASTEST_FALL_MPS
-from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import free_joint_qpos
 from minexplore.physics.robot_kind import Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotate_inverse, rotation_matrices
-from minexplore.sensing.coverage import CoverageGrid
 from minexplore.sensing.lidar import Backend, shared_lidar
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
@@ -44,46 +41,34 @@ class RobotBatch(RobotPlaces):
             raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
         self.floor = world.floor
-        self.local_models = self._make_models(whole)
-        self.T_world_mine = self.local_models.T_world_mine
+        self.ground = self._make_ground(whole)
+        self.local_models, self.T_world_mine = self.ground.models, self.ground.T_world_mine
         self._R, self._t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
         self.lidar = shared_lidar(world.folder, world.record["world_sha256"], task.range_m[1], lidar)
-        anchor_m = np.array(world.record["spawn"]["anchor_m"])
-        self.grid = self._make_grid(anchor_m)
+        self.grid = self.ground.grid
         angles = [math.tau * k / task.beams for k in range(task.beams)]
         self._beams = np.array([(math.cos(angle), math.sin(angle)) for angle in angles])
         zones = world.active_zones(task.terrain)
         self._scale = np.array([zone.command_scale for zone in zones])
         self._noise = np.array([zone.speed_noise_mps for zone in zones])
-        self.stepper = PhysicsStepper(self.local_models, count, threads, self._first_place(anchor_m))
+        self.stepper = PhysicsStepper(self.local_models, count, threads, self.ground.start_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
-        self.seen = np.zeros((count, *self.grid.shape), dtype=bool)
+        self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
         self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, robot.COMMANDS))
-        self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
         self.fell = np.zeros(count, dtype=bool)
 
-    def _make_models(self, whole: bool) -> LocalModels:
-        return LocalModels(self.world, self.task, self.robot, whole)
-
-    def _make_grid(self, anchor_m: np.ndarray) -> CoverageGrid:
-        return CoverageGrid(self.world, self.task.cell_m, self.robot.radius_m, anchor_m, self.task.region_m)
-
-    def _first_place(self, anchor_m: np.ndarray) -> np.ndarray:
-        """Return a place to find a first local model by."""
-        return anchor_m
-
-    def seen_from_above(self, robot: int) -> np.ndarray:
-        """Return which cells of the plan (rows, cols) a robot has seen."""
-        return self.seen[robot]
+    def _make_ground(self, whole: bool) -> RobotGround:
+        """Return what the robots move over."""
+        return ground_of(self.world, self.task, self.robot, self.count, whole)
 
     def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
         for i in robots.tolist():
-            x, y = self._sample_place(rngs[i])
-            self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi))
+            x, y, *z = self._sample_place(rngs[i])
+            self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi), *z)
         self._forget(robots)
         self.previous[robots], self.fell[robots] = 0.0, False
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
@@ -97,27 +82,25 @@ class RobotBatch(RobotPlaces):
         """Clear the cells that robots (k,) have seen, in the box that their beams can have crossed."""
         for i in robots.tolist():
             if np.isfinite(self.seen_m[i]).all():
-                low, high = np.floor((self.seen_m[i] - self.grid.origin_m) / self.grid.cell_m).astype(int)
-                (west, south), (east, north) = np.maximum(low, 0), np.maximum(high + 1, 0)
-                self.seen[i, south:north, west:east] = False
+                self.grid.forget(self.seen[i], *self.seen_m[i])
         self.seen_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
 
-    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Place a robot, at rest, on the floor at a pose of the plan."""
+    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
+        """Place a robot, at rest, on the floor at a pose of the plan; in a volume on the next floor under a height."""
         self.stepper.restart(robot)
-        self.qpos[robot, :7] = free_joint_qpos(self.T_world_mine, self.robot, x_m, y_m, yaw_rad, self.floor)
+        place = np.array([x_m, y_m] if z_m is None else [x_m, y_m, z_m])
+        self.qpos[robot, :7] = self.ground.pose(place, yaw_rad)
 
-    def _sample_place(self, rng: np.random.Generator) -> tuple[float, float]:
-        """Return the anchor, or where that is too narrow a random place (m, mine frame) of the entrance region."""
-        spawn, world = self.world.record["spawn"], self.world
+    def _sample_place(self, rng: np.random.Generator) -> list[float]:
+        """Return the anchor, or where that is too narrow a random place (m) of the entrance region."""
+        spawn = self.world.record["spawn"]
         if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= self.robot.radius_m:
-            return spawn["anchor_m"][0], spawn["anchor_m"][1]
-        places = world.places_m(self.robot.radius_m)
-        near = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
+            return list(spawn["anchor_m"])
+        near = self.ground.entrance_places(self.robot.radius_m)
         if not len(near):
-            raise ValueError(f"{world.folder}: the robot ({self.robot.radius_m} m) fits nowhere near the entrance")
-        x, y = near[rng.integers(len(near))]
-        return float(x), float(y)
+            raise ValueError(f"{self.world.folder}: the robot ({self.robot.radius_m} m) fits nowhere near the entrance")
+        found: list[float] = near[rng.integers(len(near))].tolist()
+        return found
 
     def step(
         self, actions: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray | None = None
@@ -142,7 +125,8 @@ class RobotBatch(RobotPlaces):
         command = self._commands(actions, robots)
         collision = self.drive(command, rngs, robots)
         self.collisions[robots] += collision
-        self._fall(robots)
+        if self.ground.can_fall:
+            self.fell[robots] |= self.ground.fallen(self._mine_places(robots))
         self.previous[robots] = command
         ranges, new = self._look(robots)
         reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
@@ -187,37 +171,23 @@ class RobotBatch(RobotPlaces):
         (k,) bool
             Whether the chassis touched rock in any physics step.
         """
-        task = self.task
-        places = self.plan_places(robots)
-        zone = self.zones_under(robots)
+        task, places = self.task, self._mine_places(robots)
+        zone = self.world.zones_at(places[:, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
         for k in np.flatnonzero(self._noise[zone]).tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
         turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
         forward, turn = self.robot.disturb(forward, turn, rngs, robots)
         self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
-        self._brake(robots)
+        self.ground.brake(robots, places, self.qvel)
         return self._advance(robots, places)
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Step the physics of robots (k,) at places (k, 2) m, plan, for one control step; return which touched rock.
+        """Step the physics of robots (k,) at places (k, 3) m for one control step; return which touched rock.
 
         A team steps its robots together.
         """
-        return self.stepper.advance(robots, places_m, self.task.substeps)
-
-    def _brake(self, robots: np.ndarray) -> None:
-        """Slow the robots (k,) that fall down a shaft."""
-        if len(self.world.open_shafts):
-            place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-            falling = robots[self.world.open_shafts.inside(place) >= 0]
-            self.qvel[falling, 2] = np.maximum(self.qvel[falling, 2], -FASTEST_FALL_MPS)
-
-    def _fall(self, robots: np.ndarray) -> None:
-        """Remember which robots (k,) have fallen into a shaft."""
-        if len(self.world.open_shafts):
-            place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-            self.fell[robots] |= self.world.open_shafts.fallen(place)
+        return self.stepper.advance(robots, self.ground.prepare(self.stepper, robots, places_m), self.task.substeps)
 
     def true_ranges(self, robots: np.ndarray) -> np.ndarray:
         """Return the ranges (k, beams) m of robots' beams without noise; nothing counts as seen."""
@@ -226,8 +196,8 @@ class RobotBatch(RobotPlaces):
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cast the beams and mark the cells they cross; return true ranges (k, beams) m, and new cells (k,)."""
         origin, directions, ranges = self._cast(robots)
-        ray, row, col = self._crossed(origin, directions, ranges)
-        new = self.grid.mark(self.seen, robots[ray // self.task.beams], row, col)
+        ray, *cell = self._crossed(origin, directions, ranges)
+        new = self.grid.mark(self.seen, robots[ray // self.task.beams], *cell)
         farthest = self.task.range_m[1] + self.task.cell_m
         self.seen_m[robots, 0] = np.fmin(self.seen_m[robots, 0], origin[:, :2] - farthest)
         self.seen_m[robots, 1] = np.fmax(self.seen_m[robots, 1], origin[:, :2] + farthest)
@@ -237,15 +207,13 @@ class RobotBatch(RobotPlaces):
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
         axes = [rotate_inverse(a, self._R) for a in np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)]
         lift = self.robot.sensor_height_m - self.robot.wheel_radius_m
-        origin = rotate_inverse(self.qpos[robots, :3] - self._t, self._R) + lift * axes[2]
+        origin = self._mine_places(robots) + lift * axes[2]
         ahead, left = (axis[:, None, :] for axis in axes[:2])
         directions = self._beams[:, :1] * ahead + self._beams[:, 1:] * left
         return origin, directions, self.lidar.cast(origin, directions)
 
-    def _crossed(
-        self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows and columns of the cells that the beams pass through."""
+    def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return ray numbers, and the indices of the cells that the beams pass through."""
         ends = origin[:, None] + directions * ranges[..., None]
         starts = np.repeat(origin, self.task.beams, axis=0)
         return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
@@ -266,7 +234,8 @@ class RobotBatch(RobotPlaces):
             "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
-            **({"fell": self.fell[robots]} if len(self.world.open_shafts) else {}),
+            **({"fell": self.fell[robots]} if self.ground.can_fall else {}),
+            **self.ground.info(robots, self._mine_places(robots)),
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from minexplore.floors.floor import Floor
+from minexplore.envs.ground import RobotGround
 from minexplore.physics.robot_kind import Robot
 from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.world import World
@@ -16,29 +16,24 @@ class RobotPlaces:
     """The places, headings and speeds of n robots of a batch."""
 
     world: World
-    floor: Floor
+    ground: RobotGround
     robot: Robot
     qpos: np.ndarray
     qvel: np.ndarray
     _R: np.ndarray
     _t: np.ndarray
-    _faces: np.ndarray
+
+    def _mine_places(self, robots: np.ndarray) -> np.ndarray:
+        """Return the places (k, 3) m of robots' bodies, which are those of axles, in the mine frame."""
+        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
         """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
-        place = rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
-        if len(self.floor.offset_m) == 1:
-            return place[:, :2]
-        faces = self._faces[robots]
-        places = self.floor.follow(place, faces, self.robot.wheel_radius_m)
-        self._faces[robots] = faces
-        if len(self.world.open_shafts):
-            self.world.open_shafts.move(places, place)
-        return places
+        return self.ground.plan_places(robots, self._mine_places(robots))
 
     def zones_under(self, robots: np.ndarray) -> np.ndarray:
         """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""
-        return self.world.zones_at(rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 0])
+        return self.world.zones_at(self._mine_places(robots)[:, 0])
 
     def poses(self) -> np.ndarray:
         """Return every robot's x, y (m) and yaw (rad) in the mine frame, (n, 3)."""
@@ -49,7 +44,7 @@ class RobotPlaces:
 
     def heights(self, robots: np.ndarray) -> np.ndarray:
         """Return how high the floor is under robots (k,) m, by the height of their axles in the mine frame."""
-        return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)[:, 2] - self.robot.wheel_radius_m
+        return self._mine_places(robots)[:, 2] - self.robot.wheel_radius_m
 
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""

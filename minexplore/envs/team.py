@@ -26,7 +26,7 @@ class Team(RobotBatch):
         self.data = mujoco.MjData(self.model)
         self._qpos_at = np.array([qpos_address(self.model, name) for name in names])
         self._qvel_at = np.array([qvel_address(self.model, name) for name in names])
-        self._taken: list[tuple[float, float]] = []
+        self._names, self._taken = names, list[list[float]]()
         self.team_seen = np.zeros((1, *self.grid.reachable.shape), dtype=bool)
 
     def reset_all(self, rngs: list[np.random.Generator]) -> StepOutcome:
@@ -38,46 +38,50 @@ class Team(RobotBatch):
         mujoco.mj_forward(self.model, self.data)
         return outcome
 
-    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Place a robot, at rest, at a pose of the mine frame."""
-        super().place(robot, x_m, y_m, yaw_rad)
-        self.data.qpos[self._qpos_at[robot]] = self.qpos[robot]
+    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
+        """Place a robot, at rest, at a pose; see `RobotBatch.place`."""
+        super().place(robot, x_m, y_m, yaw_rad, z_m)
+        self.data.qpos[self._qpos_at[robot]] = self.qpos[robot, : self._qpos_at.shape[1]]
         self.data.qvel[self._qvel_at[robot]] = 0.0
 
-    def _sample_place(self, rng: np.random.Generator) -> tuple[float, float]:
+    def _sample_place(self, rng: np.random.Generator) -> list[float]:
         """Return a random place (m, mine frame) of the entrance region apart from the robots placed before."""
         if not self._taken:
             self._taken.append(super()._sample_place(rng))
             return self._taken[0]
-        spawn, places = self.world.record["spawn"], self.world.places_m(self.robot.radius_m + 0.1)
+        places = self.ground.entrance_places(self.robot.radius_m + 0.1)
         apart = np.min([np.linalg.norm(places - taken, axis=1) for taken in self._taken], axis=0) >= _APART_M
-        inside = np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]
-        free = places[apart & inside]
+        free = places[apart]
         if not len(free):
             raise ValueError(
                 f"{self.world.folder}: no room near the entrance for robot {len(self._taken)} of {self.count}"
             )
-        x, y = free[rng.integers(len(free))]
-        self._taken.append((float(x), float(y)))
+        self._taken.append(free[rng.integers(len(free))].tolist())
         return self._taken[-1]
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         touched = np.zeros(self.count, dtype=bool)
+        self.ground.prepare_team(self.model, self._names, places_m, self.qpos[robots, 3:7])
         self.data.ctrl[:] = self.stepper.ctrl.ravel()
         for _ in range(self.task.substeps):
             mujoco.mj_step(self.model, self.data)
             touched |= self.data.sensordata > 0
-        self.qpos[:], self.qvel[:] = self.data.qpos[self._qpos_at], self.data.qvel[self._qvel_at]
+        for own, of_model, at in (
+            (self.qpos, self.data.qpos, self._qpos_at),
+            (self.qvel, self.data.qvel, self._qvel_at),
+        ):
+            own[:, : at.shape[1]] = of_model[at]  # behind them are sprung castors, which nothing else looks at
         return touched[robots]
 
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cast the beams and mark the team's map; a cell that two see at once counts for the first."""
         origin, directions, ranges = self._cast(robots)
-        ray, row, col = self._crossed(origin, directions, ranges)
+        ray, *cell = self._crossed(origin, directions, ranges)
         new = np.zeros(len(robots), dtype=int)
         for i in range(len(robots)):
             own = ray // self.task.beams == i
-            new[i] = self.grid.mark(self.team_seen, np.zeros(int(own.sum()), dtype=int), row[own], col[own])[0]
+            observer = np.zeros(int(own.sum()), dtype=int)
+            new[i] = self.grid.mark(self.team_seen, observer, *(index[own] for index in cell))[0]
         return ranges, new
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

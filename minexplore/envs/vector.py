@@ -155,7 +155,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
         poses = robots.poses()
         return tuple(
-            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen_from_above(i), poses[i : i + 1])
+            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
             for i in range(self.num_envs)
         )
 

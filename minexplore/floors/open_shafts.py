@@ -11,7 +11,6 @@ from minexplore.bundle import COLLAR_CORNERS
 from minexplore.floors.floor import Floor
 from minexplore.floors.shaft_axis import has_fence
 
-FASTEST_FALL_MPS = 3.0  # MuJoCo's contacts are soft: after 20 m of free fall a robot passes through a floor of 0.25 m
 _LANDED_M = 1.0  # over the floor below: there the floor itself gives the sheet of a place
 _SUNK_M = 0.1  # into a blind end, at most, when a robot lands
 _OVER_M = 1.0  # over a collar, a robot at its edge is still about it
@@ -33,7 +32,7 @@ class OpenShafts:
         self._aside = floor.offset_m[sheet]
         self._below = [opening["below"] for opening in openings]
         self._floor = floor
-        self._roof_m = float(max(record["height_m"], *record.get("heights", {}).get("roof_m", (0.0,))))
+        self._roof_m = float(max(record.get("height_m", 0.0), *record.get("heights", {}).get("roof_m", (0.0,))))
         self.top_m, self.bottom_m = (np.array([o[name] for o in openings]) for name in ("top_m", "bottom_m"))
 
     def __len__(self) -> int:

@@ -30,7 +30,7 @@ from minexplore.world import World
 
 TILE_M = 2.0
 _OVERHEAD = 2.0  # times a robot's height: a roof so high over the highest floor nearby is out of its reach
-_MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
+MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
 # MuJoCo reserves 13 MB for the contacts of any model, twice a batch: 13 GB of addresses for the 512 batches that are
 # kept. Robots thrown at walls use less than 24 kB; 10 kB hold the contacts of a geom at five places.
 _CONTACT_BYTES, _CONTACT_BYTES_PER_GEOM = 32 << 10, 10 << 10
@@ -70,7 +70,7 @@ class LocalModels:
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
         self._roof = world.floor.raised(float(world.record["height_m"]))
-        self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + _MARGIN_M
+        self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
         """Return each place's tile (n, 2); a whole world has one."""
@@ -86,11 +86,7 @@ class LocalModels:
         BundleError
             If MuJoCo refuses a part; the message is MuJoCo's.
         """
-        spec = self.spec(tile)
-        geoms = len(spec.geoms)
-        if geoms <= _MOST_GEOMS:
-            spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
-        return self.world.compile(spec)
+        return self.world.compile(with_little_memory(self.spec(tile)))
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
@@ -174,11 +170,11 @@ class LocalModels:
             return geoms
         if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
             return geoms
-        half, middle = np.append((box.high - box.low) / 2 + _MARGIN_M, _MARGIN_M), (box.high + box.low) / 2
+        half, middle = np.append((box.high - box.low) / 2 + MARGIN_M, MARGIN_M), (box.high + box.low) / 2
         solid.add_geom(
             name=geoms[0].name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[*middle, lowest + _MARGIN_M],
+            pos=[*middle, lowest + MARGIN_M],
             size=half,
             friction=geoms[0].friction,
             priority=geoms[0].priority,
@@ -195,13 +191,11 @@ class LocalModels:
         nearby = floor.heights_within(low, high)
         offset = floor.offsets_at((low + high)[None] / 2)[0]
         # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
-        bottom, top = float(nearby.min()) - _MARGIN_M, float(self._roof.heights_within(low, high).max())
+        bottom, top = float(nearby.min()) - MARGIN_M, float(self._roof.heights_within(low, high).max())
         deepest = self.world.open_shafts.lowest_within(low, high)
         if np.isfinite(deepest):  # all that a robot can fall on
-            bottom = min(bottom, deepest - _MARGIN_M)
-        return Box(
-            low - offset, high - offset, bottom, top + _MARGIN_M, float(nearby.max()), bool(np.isfinite(deepest))
-        )
+            bottom = min(bottom, deepest - MARGIN_M)
+        return Box(low - offset, high - offset, bottom, top + MARGIN_M, float(nearby.max()), bool(np.isfinite(deepest)))
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
@@ -241,6 +235,14 @@ class _PartIndex:
         near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)
         found = [self._parts[number] for number in np.flatnonzero(near)]
         return [part for part in found if meets(part.outline, box.low[None], box.high[None])[0]]
+
+
+def with_little_memory(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return a local model's spec with as much memory as its contacts take; a large one keeps MuJoCo's."""
+    geoms = len(spec.geoms)
+    if geoms <= _MOST_GEOMS:
+        spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
+    return spec
 
 
 def physics_spec(task: TaskParams) -> mujoco.MjSpec:

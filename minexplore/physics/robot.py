@@ -17,7 +17,7 @@ from minexplore.rotations import quaternion, rotate_inverse
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
 _HIDDEN_GROUP = GeomGroup.SMOOTH_SURFACE  # no viewer shows it unless asked
-_CASTOR_M = 0.05  # radius
+CASTOR_M = 0.05  # radius
 _CASTOR_GAP_M = 0.001  # under a castor on a level floor: the wheels carry the robot, and it leans by at most 0.22 deg
 # Of a castor on a floor with heights; the robot weighs 490 N. On a ramp of 12 % it bears 50 N and does not give. Where
 # two facets meet at 8 deg both castors are 20 mm up and leave the wheels half of the weight. The damping bounds the
@@ -41,6 +41,7 @@ _SPANS = {
     "scanner_height_m": Span(0.001, 5.0),
 }
 ROCK_BIT, FLOOR_BIT, ROBOT_BIT = 1, 2, 4  # of contype and conaffinity
+FASTEST_FALL_MPS = 3.0  # MuJoCo's contacts are soft: after 20 m of free fall a robot passes through a floor of 0.25 m
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
             forcelimited=True,
         )
         motor.set_to_velocity(kv=params.wheel_gain_nms)
-    castor = _CASTOR_M
+    castor = CASTOR_M
     # Frictionless by dimension: with friction near zero a castor on the border of two zones makes the solver diverge.
     for end, x in (("front", params.radius_m - castor), ("rear", castor - params.radius_m)):
         body.add_geom(
@@ -258,15 +259,23 @@ def free_joint_qpos(
     T_world_mine: np.ndarray, params: Robot, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
 ) -> np.ndarray:
     """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
+    if floor is None or floor.is_flat:
+        return pose_on(T_world_mine, params, np.array([x_m, y_m, 0.0]), np.eye(3), yaw_rad)
+    place = np.array([x_m, y_m])
+    stand = floor.fold(np.array([[x_m, y_m, 0.0]]))[0]
+    return pose_on(T_world_mine, params, stand, floor.frame_at(place), yaw_rad)
+
+
+def pose_on(
+    T_world_mine: np.ndarray, params: Robot, place_m: np.ndarray, axes: np.ndarray, yaw_rad: float
+) -> np.ndarray:
+    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot on a floor.
+
+    `place_m` (3,) m is on the floor, mine frame; `axes` (3, 3) are, as columns, ahead at no yaw, left, and the normal.
+    """
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)  # NumPy's differ between processors in the last digit
-    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
-    stand = np.array([x_m, y_m, params.wheel_radius_m])
-    if floor is not None and not floor.is_flat:
-        axes = floor.frame_at(stand[:2])
-        stand, turn = (
-            floor.fold(stand[None] * [1, 1, 0])[0] + params.wheel_radius_m * axes[:, 2],
-            rotate_inverse(axes, turn),
-        )
+    turn = rotate_inverse(axes, np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]]))
+    stand = place_m + params.wheel_radius_m * axes[:, 2]
     place = rotate_inverse(stand[None], T_world_mine[:3, :3].T)[0] + T_world_mine[:3, 3]
     return np.concatenate([place, quaternion(rotate_inverse(T_world_mine[:3, :3], turn))])
 

@@ -15,7 +15,7 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
 from minexplore.rotations import quaternion
-from minexplore.sensing.coverage import CoverageGrid
+from minexplore.sensing.coverage import CellGrid
 from minexplore.world import World
 
 CAMERAS = ("chase", "top", "front")
@@ -61,7 +61,7 @@ class Renderer:
         self,
         world: World,
         T_world_mine: np.ndarray,
-        grid: CoverageGrid,
+        grid: CellGrid,
         robot: Robot,
         robots: int,
         size_px: tuple[int, int] = (640, 480),
@@ -143,7 +143,8 @@ class Renderer:
     def _plan(self, seen: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return the floor plan round the reachable cells: seen cells green, robots orange."""
         world, grid = self.world, self.grid
-        rows, cols = np.nonzero(grid.reachable)
+        reachable = grid.in_plan(grid.reachable)
+        rows, cols = np.nonzero(reachable)
         low = grid.origin_m + np.array([cols.min() - 1, rows.min() - 1]) * grid.cell_m
         high = grid.origin_m + np.array([cols.max() + 2, rows.max() + 2]) * grid.cell_m
         width, height = self.size_px
@@ -153,8 +154,8 @@ class Renderer:
         place = np.stack(np.meshgrid(x, y), axis=-1)
         free = _lookup(world.clearance_m > 0, place, world.origin_m, world.cell_m)
         picture = np.where(free[..., None], np.array(_FREE), np.array(_ROCK))
-        picture[free & _lookup(grid.reachable, place, grid.origin_m, grid.cell_m)] = _CELL
-        picture[free & _lookup(seen, place, grid.origin_m, grid.cell_m)] = _SEEN
+        picture[free & _lookup(reachable, place, grid.origin_m, grid.cell_m)] = _CELL
+        picture[free & _lookup(grid.in_plan(seen), place, grid.origin_m, grid.cell_m)] = _SEEN
         for px, py, yaw in poses:
             mark = max(self.robot.radius_m, 4 / scale)
             ahead = (place[..., 0] - px) * np.cos(yaw) + (place[..., 1] - py) * np.sin(yaw)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import (
+    CELLS,
     CLEARANCE_GRID,
     FLOOR,
     FREE_SPACE,
@@ -22,11 +23,13 @@ from minexplore.bundle import (
     NAV2_PICTURE,
     NO_OVERLAY,
     OCTREE,
+    PARTS,
     PREVIEW,
     RECORD,
     ROCK_TEXTURE,
     SHEET_MAPS,
     TOPOLOGY,
+    VOLUME,
     BundleError,
     has_visible_rock,
     sheet_maps,
@@ -75,7 +78,9 @@ _SHEET_MAP = re.compile(SHEET_MAPS, re.ASCII)
 
 def is_known(name: str) -> bool:
     """Return whether a bundle may have a file of this name."""
-    return name in (*FIXED, FLOOR, MADE_BY) or bool(_MESH.fullmatch(name) or _SHEET_MAP.fullmatch(name))
+    return name in (*FIXED, FLOOR, CELLS, PARTS, VOLUME, MADE_BY) or bool(
+        _MESH.fullmatch(name) or _SHEET_MAP.fullmatch(name)
+    )
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
@@ -143,6 +148,9 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     BundleError
         Naming the file, the value and the limit.
     """
+    for name in (CELLS, PARTS, VOLUME):
+        if name in files:
+            raise BundleError(f"{name}: only a world that is one volume has such a file")
     of_sheets = sheet_maps(record)
     names = [name for pair in of_sheets for name in pair]
     for name in files:

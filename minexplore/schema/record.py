@@ -6,7 +6,16 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from minexplore.bundle import FORMAT, FRAMES, GEOM_GROUPS, NO_OVERLAY, ROUGH_OVERLAY, BundleError, has_heights
+from minexplore.bundle import (
+    FORMAT,
+    FRAMES,
+    GEOM_GROUPS,
+    NO_OVERLAY,
+    ROUGH_OVERLAY,
+    VOLUME_FORMAT,
+    BundleError,
+    has_heights,
+)
 from minexplore.looks import LOOKS
 from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
@@ -17,7 +26,7 @@ Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
 
 _HASH = matching("[0-9a-f]{64}", "a sha256 in hexadecimal digits")
 _PLACE = list_of(number(-REACH_M, REACH_M), 2)
-_LENGTH = number(0, REACH_M)
+LENGTH = number(0, REACH_M)
 _AREA = number(0, REACH_M**2)
 _ROUND = 5.1e-4  # lengths of the record have three decimals
 _TINY = 1e-9
@@ -37,17 +46,17 @@ _ZONE: Table = {
 
 def _check_zones(where: str, zones: Any) -> None:
     if not isinstance(zones, list) or not 1 <= len(zones) <= MOST_ZONES:
-        raise BundleError(f"{where} = {_shown(zones)}: want a list of 1 to {MOST_ZONES} zones")
+        raise BundleError(f"{where} = {shown(zones)}: want a list of 1 to {MOST_ZONES} zones")
     for at, zone in enumerate(zones):
-        _check_fields(f"{where}[{at}]", zone, _ZONE)
+        check_fields(f"{where}[{at}]", zone, _ZONE)
 
 
 def _check_files(where: str, files: Any) -> None:
     if not isinstance(files, dict):
-        raise BundleError(f"{where} = {_shown(files)}: want file names and their sha256")
+        raise BundleError(f"{where} = {shown(files)}: want file names and their sha256")
     for name, digest in files.items():
         if not _HASH.accepts(digest):
-            raise BundleError(f"{where}[{name[:80]!r}] = {_shown(digest)}: want {_HASH.wants}")
+            raise BundleError(f"{where}[{name[:80]!r}] = {shown(digest)}: want {_HASH.wants}")
 
 
 RECORD_FIELDS: dict[str, Any] = {
@@ -86,7 +95,7 @@ RECORD_FIELDS: dict[str, Any] = {
     "drifts": whole(1, 1_000_000),
     "spawn": {
         "anchor_m": _PLACE,
-        "anchor_clearance_m": _LENGTH,
+        "anchor_clearance_m": LENGTH,
         "centre_m": _PLACE,
         "radius_m": number(1e-6, REACH_M),
         "clearance_m": number(1e-6, REACH_M),
@@ -101,10 +110,10 @@ RECORD_FIELDS: dict[str, Any] = {
 
 def _check_openings(where: str, openings: Any) -> None:
     if not isinstance(openings, list) or not 1 <= len(openings) <= MOST_OPENINGS:
-        raise BundleError(f"{where} = {_shown(openings)}: want a list of 1 to {MOST_OPENINGS} openings")
+        raise BundleError(f"{where} = {shown(openings)}: want a list of 1 to {MOST_OPENINGS} openings")
     for at, opening in enumerate(openings):
         leans = isinstance(opening, dict) and "bends_m" in opening
-        _check_fields(f"{where}[{at}]", opening, OPENING | BENDS if leans else OPENING)
+        check_fields(f"{where}[{at}]", opening, OPENING | BENDS if leans else OPENING)
 
 
 def _fields_of(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -128,24 +137,27 @@ def check_record(file: str, record: Any) -> None:
     if not isinstance(record, dict):
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")
     if record.get("format") != FORMAT:
-        raise BundleError(f"{file}: format {_shown(record.get('format'))}, this version reads {FORMAT!r}")
-    _check_fields(file, record, _fields_of(record))
+        raise BundleError(
+            f"{file}: format {shown(record.get('format'))}, this version reads {FORMAT!r} and {VOLUME_FORMAT!r}"
+        )
+    check_fields(file, record, _fields_of(record))
     if has_heights(record) and record["tilt_deg"] != 0:
         raise BundleError(f"{file}: tilt_deg = {record['tilt_deg']}: want 0; the floor has heights of its own")
+    check_frame(file, record)
     west, south, east, north = record["world_m"]
-    if not (west < east and south < north):
-        raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")
-    _check_frame(file, record)
-    _check_gain(file, record)
+    heights = record["heights"] if has_heights(record) else None
+    check_gain(file, record, heights["high_m"] - heights["low_m"] if heights else None)
     for name in ("anchor_m", "centre_m"):
         x, y = record["spawn"][name]
         if name == "anchor_m" and not (west < x < east and south < y < north):
             raise BundleError(f"{file}: spawn.{name} = [{x}, {y}]: want a place in world_m = {record['world_m']}")
 
 
-def _check_frame(file: str, record: dict[str, Any]) -> None:
-    """Compare `T_world_mine` with the tilt about the middle of the box."""
+def check_frame(file: str, record: Mapping[str, Any]) -> None:
+    """Refuse a box without an area, and compare `T_world_mine` with the tilt about its middle."""
     west, south, east, north = record["world_m"]
+    if not (west < east and south < north):
+        raise BundleError(f"{file}: world_m = {record['world_m']}: want west < east and south < north")
     a = math.radians(record["tilt_deg"])
     rotation = [[math.cos(a), 0.0, math.sin(a)], [0.0, 1.0, 0.0], [-math.sin(a), 0.0, math.cos(a)]]
     middle = ((west + east) / 2, (south + north) / 2, 0.0)
@@ -160,36 +172,37 @@ def _check_frame(file: str, record: dict[str, Any]) -> None:
                 )
 
 
-def _check_gain(file: str, record: dict[str, Any]) -> None:
+def check_gain(file: str, record: Mapping[str, Any], rise_m: float | None) -> None:
+    """Compare the heights that robots gain with the tilt, or with the rise of a floor that has heights of its own."""
     gain, slope = record["gain_m"], math.sin(math.radians(record["tilt_deg"]))
     west, _, east, _ = record["world_m"]
-    whole = slope * (east - west)
-    if has_heights(record):  # the rise of its own floor
-        whole = record["heights"]["high_m"] - record["heights"]["low_m"]
+    whole = slope * (east - west) if rise_m is None else rise_m
     for name, rise in (("entrance_region", slope * gain["entrance_length"]), ("whole_frame", whole)):
         if abs(gain[name] - rise) > _ROUND:
             raise BundleError(f"{file}: gain_m.{name} = {gain[name]}: want {rise:.3f}")
 
 
-def _check_fields(where: str, values: Any, table: Table) -> None:
+def check_fields(where: str, values: Any, table: Table) -> None:
+    """Refuse fields that a table does not have, that are missing, or whose values its rules do not accept."""
     if not isinstance(values, dict):
-        raise BundleError(f"{where} = {_shown(values)}: want an object with {', '.join(table)}")
+        raise BundleError(f"{where} = {shown(values)}: want an object with {', '.join(table)}")
     path = f"{where}." if "]" in where or ": " in where else f"{where}: "
     for name in values:
         if name not in table:
-            raise BundleError(f"{path}{name[:60]} = {_shown(values[name])}: unknown; known are {', '.join(table)}")
+            raise BundleError(f"{path}{name[:60]} = {shown(values[name])}: unknown; known are {', '.join(table)}")
     for name, rule in table.items():
         if name not in values:
             raise BundleError(f"{path}{name}: missing")
         if isinstance(rule, Rule):
             if not rule.accepts(values[name]):
-                raise BundleError(f"{path}{name} = {_shown(values[name])}: want {rule.wants}")
+                raise BundleError(f"{path}{name} = {shown(values[name])}: want {rule.wants}")
         elif isinstance(rule, Mapping):
-            _check_fields(f"{path}{name}", values[name], rule)
+            check_fields(f"{path}{name}", values[name], rule)
         else:
             rule(f"{path}{name}", values[name])
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return a value for a message, of 100 characters at most."""
     text = repr(value)
     return text if len(text) <= 100 else text[:100] + "..."

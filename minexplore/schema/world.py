@@ -11,8 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import MESHES, MODEL, RECORD, UNSEALED, BundleError, has_heights, has_visible_rock, world_sha256
+from minexplore.bundle import (
+    MESHES,
+    MODEL,
+    RECORD,
+    UNSEALED,
+    BundleError,
+    has_heights,
+    has_visible_rock,
+    is_volume,
+    world_sha256,
+)
 from minexplore.floors.floor import Floor
+from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
 from minexplore.schema.files import check_contents, is_known, read_folder
@@ -24,6 +35,11 @@ from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.xml import read_xml
 from minexplore.schema.record import check_record
 from minexplore.schema.sizes import require_size
+from minexplore.schema.volume.agreement import check_volume_model
+from minexplore.schema.volume.arrays import read_volume
+from minexplore.schema.volume.files import check_volume_files, require_volume_files
+from minexplore.schema.volume.model import VOLUME_WORLD
+from minexplore.schema.volume.record import check_figures, check_volume_record
 
 _TABLES = {  # by whether a world has visible rock, and heights
     (True, False): WORLD,
@@ -36,12 +52,16 @@ __all__ = ["CheckedWorld", "check_files", "check_world", "hash_files", "read_fol
 
 @dataclass(frozen=True)
 class CheckedWorld:
-    """A bundle that the tables allow: record, files by name as they were read, the grid's arrays, and the floor."""
+    """A bundle that the tables allow: record, files by name as they were read, the grid's arrays, and the floor.
+
+    A world that is one volume has its arrays instead of a floor; the grid's are made of its spans.
+    """
 
     record: dict[str, Any]
     files: Mapping[str, bytes]
     grid: dict[str, np.ndarray]
     floor: Floor
+    volume: VolumeArrays | None = None
 
 
 def check_world(folder: Path) -> CheckedWorld:
@@ -74,6 +94,8 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
         require_size(name, len(files[name]))
     record = read_json(RECORD, files.get(RECORD, b""))
     check_hashes(record, hashes)
+    if is_volume(record):
+        return _check_volume(record, files)
     check_record(RECORD, record)
     floor = read_floor(record, files)
     grid = check_contents(record, files, floor)
@@ -81,6 +103,20 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     check_elements(MODEL, root, _TABLES[has_visible_rock(record), has_heights(record)])
     check_agreement(root, record, [name for name in files if name.startswith(MESHES)], floor)
     return CheckedWorld(record, files, grid, floor)
+
+
+def _check_volume(record: dict[str, Any], files: Mapping[str, bytes]) -> CheckedWorld:
+    check_volume_record(record)
+    require_volume_files(record, files)
+    volume = read_volume(files)
+    check_figures(record, volume)
+    check_volume_files(record, files, volume.spans)
+    root = read_xml(MODEL, files[MODEL])
+    check_elements(MODEL, root, VOLUME_WORLD)
+    check_volume_model(root, record, volume)
+    spans = volume.spans
+    grid = {"clearance_m": spans.plan, "origin_m": spans.origin_m, "cell_m": np.array(spans.cell_m)}
+    return CheckedWorld(record, files, grid, Floor(), volume)
 
 
 def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +13,27 @@ from minexplore.world import World
 _BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
 _SHARE = 1e-9  # of a cell: sheets so nearly whole cells apart are
 _SEAM_M = 1.5  # between the middle of a seam and a place to stand
+
+
+class CellGrid(Protocol):
+    """Cells that robots can see. `reachable` is a mask of them; a row of what a robot has seen has its shape."""
+
+    cell_m: float
+    origin_m: np.ndarray
+    reachable: np.ndarray
+    total: int
+
+    def cells_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float) -> tuple[np.ndarray, ...]:
+        """Return ray numbers of segments (n, 3) to (n, 3) m, and the indices in `reachable` of cells they cross."""
+
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
+        """Mark cells as seen by their observers; return how many are new to each."""
+
+    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
+        """Clear what one observer has seen in a box, seen from above."""
+
+    def in_plan(self, cells: np.ndarray) -> np.ndarray:
+        """Return the squares (rows, cols), seen from above, in which any of some cells lies."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +67,7 @@ class CoverageGrid:
         self.reachable = np.zeros((rows, cols), dtype=bool)
         at = np.floor((places - self.origin_m) / cell_m).astype(int)
         self.reachable[at[:, 1], at[:, 0]] = True
-        self.total, self.shape = int(self.reachable.sum()), self.reachable.shape
+        self.total = int(self.reachable.sum())
         self._floor, height_m = world.floor, float(world.record["height_m"])
         self._roof = self._floor.raised(height_m)
         if len(world.floor.offset_m) > 1:  # between which heights something is in a cell; in others never
@@ -63,12 +85,13 @@ class CoverageGrid:
         cell of its middle. Of cells of several sheets, a piece names those between whose floor and roof it is.
         """
         if len(self._floor.offset_m) == 1:
-            ray, row, col, _ = self._cut(starts_m[:, :2], ends_m[:, :2], longest_m)
+            ray, row, col, _ = cut_at_lines(*self._lines, starts_m[:, :2], ends_m[:, :2], longest_m)
             inside = self._holds(row, col)
             return ray[inside], row[inside], col[inside]
         found = []
         for group in self._cut_alike:
-            ray, row, col, share = self._cut(starts_m[:, :2] + group.aside_m, ends_m[:, :2] + group.aside_m, longest_m)
+            starts, ends = starts_m[:, :2] + group.aside_m, ends_m[:, :2] + group.aside_m
+            ray, row, col, share = cut_at_lines(*self._lines, starts, ends, longest_m)
             z = starts_m[ray, 2] + share * (ends_m[ray, 2] - starts_m[ray, 2])
             sheet, piece = np.nonzero((z > group.low_m) & (z < group.high_m))
             row, col = row[piece] + group.rows[sheet], col[piece] + group.cols[sheet]
@@ -78,6 +101,10 @@ class CoverageGrid:
             found.append((ray[piece[inside]], row[inside], col[inside]))
         ray, row, col = (np.concatenate(columns) for columns in zip(*found, strict=True))
         return ray, row, col
+
+    @property
+    def _lines(self) -> tuple[np.ndarray, float]:
+        return self.origin_m, self.cell_m
 
     @functools.cached_property
     def _cut_alike(self) -> list[_SheetGroup]:
@@ -99,28 +126,15 @@ class CoverageGrid:
         rows, cols = self.reachable.shape
         return (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
 
-    def _cut(
-        self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows, columns and middles, as shares of segments, of the pieces between grid lines."""
-        start, ends = (starts_m - self.origin_m) / self.cell_m, (ends_m - self.origin_m) / self.cell_m
-        step = ends - start
-        lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
-        ahead = np.where(step > 0, np.floor(start), np.ceil(start))  # (n, 2): the line behind the start on either axis
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = (ahead[..., None] + np.sign(step)[..., None] * lines - start[..., None]) / step[..., None]
-        share = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
-        at = np.sort(np.hstack([np.zeros((len(start), 1)), share, np.ones((len(start), 1))]), axis=1)
-        ray, piece = np.nonzero(at[:, 1:] > at[:, :-1])
-        middle = (at[ray, piece + 1] + at[ray, piece]) / 2
-        col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
-        return ray, row, col, middle
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
+        """Mark cells, rows and columns, as seen in `seen` (m, rows, cols) by their observers.
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
-        """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""
-        cell = row * self.reachable.shape[1] + col
-        useful = self.reachable.reshape(-1)[cell]
-        flat = observer[useful] * self.reachable.size + cell[useful]
+        Return how many are new to each (m,).
+        """
+        row, col = cell
+        number = row * self.reachable.shape[1] + col
+        useful = self.reachable.reshape(-1)[number]
+        flat = observer[useful] * self.reachable.size + number[useful]
         view = seen.reshape(-1)
         unseen = flat[~view[flat]]
         if not len(unseen):
@@ -128,6 +142,37 @@ class CoverageGrid:
         new = np.unique(unseen)
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
+
+    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
+        """Clear the cells of one observer (rows, cols) that meet a box of the plan (2,) to (2,) m."""
+        low, high = np.floor((np.stack([low_m, high_m]) - self.origin_m) / self.cell_m).astype(int)
+        (west, south), (east, north) = np.maximum(low, 0), np.maximum(high + 1, 0)
+        seen[south:north, west:east] = False
+
+    def in_plan(self, cells: np.ndarray) -> np.ndarray:
+        """Return a mask of cells as one of the plan's squares (rows, cols): here they are the same."""
+        return cells
+
+
+def cut_at_lines(
+    origin_m: np.ndarray, cell_m: float, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return ray numbers, rows, columns and middles, as shares of segments, of the pieces between a grid's lines.
+
+    Segments (n, 2) to (n, 2) m are at most `longest_m` long.
+    """
+    start, ends = (starts_m - origin_m) / cell_m, (ends_m - origin_m) / cell_m
+    step = ends - start
+    lines = np.arange(1, int(np.ceil(longest_m / cell_m)) + 2)
+    ahead = np.where(step > 0, np.floor(start), np.ceil(start))  # (n, 2): the line behind the start on either axis
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (ahead[..., None] + np.sign(step)[..., None] * lines - start[..., None]) / step[..., None]
+    share = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
+    at = np.sort(np.hstack([np.zeros((len(start), 1)), share, np.ones((len(start), 1))]), axis=1)
+    ray, piece = np.nonzero(at[:, 1:] > at[:, :-1])
+    middle = (at[ray, piece + 1] + at[ray, piece]) / 2
+    col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
+    return ray, row, col, middle
 
 
 def _distances(world: World, places: np.ndarray, centre_m: np.ndarray) -> np.ndarray:

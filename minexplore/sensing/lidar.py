@@ -17,6 +17,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_rock, stops_beams
 from minexplore.floors.floor import Floor
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tiles_at
@@ -82,6 +83,16 @@ def floor_meshes(world: World) -> Meshes:
     return meshes
 
 
+def facet_meshes(facets: VolumeFacets) -> Meshes:
+    """Return the boundary of a volume, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
+    middles = facets.vertices[facets.faces].mean(axis=1)[:, :2]
+    meshes: Meshes = {}
+    for tile, rows in group_by_tile(tiles_at(middles, _TILE_M / 4)):
+        used, faces = np.unique(facets.faces[rows], return_inverse=True)
+        meshes[f"facets {tile}"] = facets.vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return meshes
+
+
 def floor_beside(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     """Return a strip behind every wall, as high as the wall's foot, as vertices (n, 3) m and faces (m, 3)."""
     edges = floor.wall_edges()
@@ -116,6 +127,8 @@ def _require_known(backend: object) -> None:
 @functools.lru_cache(maxsize=8)
 def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     world = load_world(folder)
+    if world.volume is not None:
+        return Lidar(facet_meshes(world.volume.facets), range_m, backend, floor_m=-np.inf)
     if not world.floor.is_flat:
         rock = surface_meshes(world) if has_visible_rock(world.record) else collision_meshes(world)
         return Lidar(rock | floor_meshes(world), range_m, backend, floor_m=-np.inf)

@@ -32,10 +32,11 @@ _PARSERS: dict[Any, Callable[[str], Any]] = {  # type of a field, or of an item 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add an option for each field of `StatedOptions`."""
     for name, field in StatedOptions.model_fields.items():
-        typed = option(name)
-        parser.add_argument(
-            *typed.flags, dest=name, metavar=typed.metavar, help=field.description, **_reading(_type_of(name))
-        )
+        typed, kind = option(name), _type_of(name)
+        reading: dict[str, Any] = {"action": "store_const", "const": True} if kind is bool else _reading(kind)
+        if kind is not bool:
+            reading["metavar"] = typed.metavar
+        parser.add_argument(*typed.flags, dest=name, help=field.description, **reading)
 
 
 def stated_options(source: Path, typed: argparse.Namespace) -> StatedOptions:

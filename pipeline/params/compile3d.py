@@ -61,6 +61,18 @@ class SpawnParams(Params):
     clearance_m: float = Field(gt=0, description="least distance of a start from rock")
 
 
+class VolumeParams(Params):
+    """What a world that is one volume takes where nobody measured, and the robot that its storeys and reach are of."""
+
+    half_width_m: float = Field(
+        default=1.0, gt=0, le=20, description="distance to the walls of a shaft that nobody measured"
+    )
+    steepest: float = Field(default=0.364, gt=0, le=1, description="rise over run of the steepest floor of a storey")
+    step_m: float = Field(default=0.05, ge=0, le=1, description="highest step that a robot takes")
+    robot_height_m: float = Field(default=0.655, gt=0, le=5, description="headroom that a robot needs")
+    robot_radius_m: float = Field(default=0.35, gt=0, le=5, description="half the width that a robot needs")
+
+
 class Compile3dParams(Params):
     """Extrusion, decomposition, occupancy and spawn."""
 
@@ -75,3 +87,4 @@ class Compile3dParams(Params):
     tile_m: float | None = Field(ge=50, description="longest side of the tiles that exact parts lie in; null: one tile")
     collision: CollisionParams = Field(description="how the rock becomes convex parts")
     spawn: SpawnParams = Field(description="where robots start")
+    volume: VolumeParams = Field(default_factory=VolumeParams, description="of a survey that is built as one volume")

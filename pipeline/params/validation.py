@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.params.base import DataFile, Params
+from pipeline.params.compile3d import VolumeParams
 from pipeline.params.made_by import MadeBy
 
 
@@ -96,6 +97,27 @@ class CertificateParams(Params):
         return _flatten(value) if isinstance(value, dict) else value
 
 
+class VolumeProofParams(Params):
+    """The certificate of a world that is one volume: how much is measured, and the limit of each figure."""
+
+    height_m: float = Field(default=3.5, gt=0.5, le=50, description="height of passages whose roof nobody measured")
+    volume: VolumeParams = Field(default_factory=VolumeParams, description="what the world was made with")
+    tiles: int = Field(default=2000, ge=1, description="most boxes in which rock and free space are compared")
+    compiled: int = Field(default=500, ge=1, description="most collision parts whose compiled hull is measured")
+    most_parts: int = Field(default=3000, ge=10, description="most collision parts about the bodies that are thrown")
+    robot_contacts: int = Field(default=2000, ge=0, description="contacts of the robots that are thrown; 0: none are")
+    ball_contacts: int = Field(default=2000, ge=0, description="contacts of the balls that are pushed; 0: none are")
+    seed: int = Field(default=9, ge=0, description="seed of the sampled parts and of what is thrown")
+    limits: dict[str, Limit] = Field(
+        default_factory=dict, description="limit of each figure, by the figure's name; null: no limit"
+    )
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _join_groups(cls, value: Any) -> Any:
+        return _flatten(value) if isinstance(value, dict) else value
+
+
 class ValidationParams(MadeBy):
     """What a world is made by, limits by metric, and how surfaces are sampled.
 
@@ -111,6 +133,9 @@ class ValidationParams(MadeBy):
     replay: ReplayParams = Field(description="the real sweeps that are replayed")
     certificate: CertificateParams = Field(description="the proof of containment")
     limits: dict[str, Limit] = Field(description="limit of each metric, by the metric's name; null: no limit")
+    volume: VolumeProofParams = Field(
+        default_factory=VolumeProofParams, description="the certificate of a world that is one volume"
+    )
 
     @field_validator("limits", mode="before")
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,18 @@ from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
-from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Scale, Survey, Workings
+from pipeline.types import (
+    METRIC,
+    NO_LEGS,
+    Frame,
+    Georeference,
+    Heights,
+    Image,
+    Scale,
+    Survey,
+    SurveyedLegs,
+    Workings,
+)
 
 Box = tuple[int, int, int, int]
 Scaled = StationSurveyParams | PlanSurveyParams
@@ -73,6 +84,7 @@ class _Drawn:
     heights: Heights | None = None
     boxes: list[Box] = field(default_factory=list)
     workings: MultiPolygon = field(default_factory=MultiPolygon)
+    legs: SurveyedLegs = NO_LEGS
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -82,7 +94,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     -------
     dict
         `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
-        a vector survey; `survey`, the frame, scale and origin of both.
+        a vector survey; `survey`, the frame, scale and origin of both; `network`, the legs of a survey that is built
+        as one volume, none of others.
 
     Raises
     ------
@@ -90,8 +103,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
     if params.kind == "procedural":
-        plan, survey, workings = _read(params)
-        return {"plan": plan, "survey": survey, "workings": Workings(workings)}
+        plan, survey, workings, legs = _read(params)
+        return {"plan": plan, "survey": survey, "workings": Workings(workings), "network": legs}
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
@@ -99,14 +112,18 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
-    return {"plan": payload.arrays["plan"], "survey": survey, "workings": Workings(polygons)}
+    stated = {f.name: payload.arrays[f"network/{f.name}"] for f in fields(SurveyedLegs)}
+    numbers = {name: stated[name].item() for name in ("surveyed_m", "datum_m")}
+    network = SurveyedLegs(**{**stated, **numbers})
+    return {"plan": payload.arrays["plan"], "survey": survey, "workings": Workings(polygons), "network": network}
 
 
 def read_here(params: dict[str, Any]) -> Payload:
     """Read a survey in this process; `read_survey` has limits."""
-    plan, survey, workings = _read(_section(params))
-    wkb = np.frombuffer(shapely.to_wkb(workings), np.uint8)
-    return Payload(TypeAdapter(Survey).dump_python(survey, mode="json"), {"plan": plan, "workings": wkb})
+    plan, survey, workings, legs = _read(_section(params))
+    arrays = {"plan": plan, "workings": np.frombuffer(shapely.to_wkb(workings), np.uint8)}
+    arrays |= {f"network/{f.name}": np.asarray(getattr(legs, f.name)) for f in fields(SurveyedLegs)}
+    return Payload(TypeAdapter(Survey).dump_python(survey, mode="json"), arrays)
 
 
 def _section(params: dict[str, Any]) -> SurveyParams:
@@ -129,12 +146,12 @@ def _subject(params: SurveyParams) -> str:
     return params.file
 
 
-def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
+def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon, SurveyedLegs]:
     with reading_by(params):
         return _read_by_kind(params)
 
 
-def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
+def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon, SurveyedLegs]:
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
@@ -145,7 +162,9 @@ def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            read = _Drawn(found.plan, found.frame, scale, found.georeference, found.heights, workings=found.workings)
+            read = _Drawn(
+                found.plan, found.frame, scale, found.georeference, found.heights, [], found.workings, found.legs
+            )
     heights = _stated_heights(params, read) or read.heights
     registry, files = read_registry(), sources(params)
     licences = {
@@ -157,14 +176,21 @@ def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon]:
         read.frame,
         read.scale,
         read.boxes,
-        None if params.entrance_m is None else start_in_plan(params.entrance_m, heights),
+        _entrance(params, read, heights),
         dict(params.labels_m),
         files,
         read.georeference,
         licences,
         heights,
     )
-    return read.plan, survey, read.workings
+    return read.plan, survey, read.workings, read.legs
+
+
+def _entrance(params: SurveyParams, read: _Drawn, heights: Heights | None) -> tuple[float, float] | None:
+    """Return where robots start in the plan; the legs of a volume have the place with its elevation."""
+    if params.entrance_m is None or len(read.legs):
+        return None
+    return start_in_plan(params.entrance_m, heights)
 
 
 def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:

@@ -43,7 +43,8 @@ from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
-from pipeline.types import METRIC, Frame, Georeference, Heights, Image, Seam
+from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
+from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -55,6 +56,7 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and the plan drawn of them with its frame.
 
+    `legs` are those of a survey that is built as one volume; its workings are their view from above.
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
     """
 
@@ -63,6 +65,7 @@ class VectorReading:
     heights: Heights | None
     plan: Image
     frame: Frame
+    legs: SurveyedLegs = NO_LEGS
 
     @property
     def width_m(self) -> float:
@@ -77,6 +80,7 @@ class _Workings:
     polygons: MultiPolygon
     georeference: Georeference
     heights: Heights | None = None
+    legs: SurveyedLegs = NO_LEGS
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -96,7 +100,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(_name(params), workings, params)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, plan, frame)
+        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs)
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
@@ -198,6 +202,13 @@ def _read_levels(
 
 def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
+    if params.volume:
+        whole = read_whole(path, params)
+        _require_short(path, whole.legs)
+        _, georeference = locate(path, Shapes([footprint(path, whole.legs)], "m"), "m", params.origin)
+        place = Georeference("m", 1.0, georeference.origin, whole.crs)
+        surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
+        return _Workings(seen, place, legs=surveyed)
     reader = leg_reader(path)
     if isinstance(params.grade, dict):  # of the legs of a station table
         legs, crs = read_station_legs(path, params.grade), None
@@ -218,6 +229,11 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None
     )
+    if params.volume:
+        whole = WholeSurvey(plan_legs(path, survey, params.half_width_m), [], None)
+        _require_short(path, whole.legs)
+        surveyed, seen = whole_in_frame(path, whole, params, (0.0, 0.0))
+        return _Workings(seen, georeference, legs=surveyed)
     built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
     return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
 

@@ -21,7 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.comparisons.volume import physics, speed, throws
+from benchmarks.comparisons.volume import speed
 from benchmarks.comparisons.volume.cases import CASES, GateCase, build_today
 from benchmarks.comparisons.volume.pictures import draw
 from pipeline.store.files import write_atomically
@@ -30,6 +30,8 @@ from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import STEEPEST, pieces_of, unite
+from pipeline.volume.world import physics, throws
+from pipeline.volume.world.parts import without_refused
 
 FOLDER, PAGE, PICTURE = (
     Path("artifacts/bench/volume-gate"),
@@ -67,7 +69,7 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     row["before"] = dataclasses.asdict(measure_floor(rough, network, rough))
     row["floor"] = dataclasses.asdict(measure_floor(volume, network, rough))
     row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, case.proof_tiles, rng))
-    parts, row["refused"] = physics.without_refused(built)
+    parts, row["refused"] = without_refused(built)
     row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)
     row["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return row
@@ -80,7 +82,7 @@ def measure_physics(case: GateCase, folder: Path, level: Path, today: Path, seed
     if case.physics_within_m is not None:
         network = network.within(case.physics_within_m)
     volume = solve_floors(unite(network, pieces_of(network)), network)
-    parts, _ = physics.without_refused(build_shell(volume, _bar))
+    parts, _ = without_refused(build_shell(volume, _bar))
     row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}
     driver, row["local_parts"] = speed.drivers(volume, parts, rng)
     driver |= {name: speed.world_driver(one) for name, one in (("level", level), ("today", today)) if one.is_dir()}

@@ -13,8 +13,9 @@ from shapely.strtree import STRtree
 from minexplore.bundle import NAV2_PICTURE, sheet_map
 from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
+from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.types import Frame, Mask, Occupancy, Spawn
+from pipeline.types import Frame, Occupancy, Spawn
 
 
 def occupancy_grid(
@@ -119,7 +120,7 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
 
 def nav2_map(grid: Occupancy) -> tuple[np.ndarray, str]:
     """Return the grid as a ROS Nav2 map of the plan, where sheets lie side by side: pixels (rows, cols), `map.yaml`."""
-    return _nav2(grid.free, grid.origin_m, grid.cell_m, NAV2_PICTURE)
+    return nav2_files(grid.free, grid.origin_m, grid.cell_m, NAV2_PICTURE)
 
 
 def sheet_nav2_maps(grid: Occupancy, floor: Floor) -> dict[str, tuple[np.ndarray, str]]:
@@ -144,16 +145,8 @@ def sheet_nav2_maps(grid: Occupancy, floor: Floor) -> dict[str, tuple[np.ndarray
         free = np.zeros((end - first)[::-1], bool)
         free[row[sheet_of == sheet] - first[1], col[sheet_of == sheet] - first[0]] = True
         name, picture = sheet_map(sheet)
-        pixels, text = _nav2(free, grid.origin_m + first * grid.cell_m - floor.offset_m[sheet], grid.cell_m, picture)
+        pixels, text = nav2_files(
+            free, grid.origin_m + first * grid.cell_m - floor.offset_m[sheet], grid.cell_m, picture
+        )
         found[name] = pixels, f"# sheet {sheet} of {sheets}: floor {low_m:.3f} to {high_m:.3f} m high\n{text}"
     return found
-
-
-def _nav2(free: Mask, origin_m: np.ndarray, cell_m: float, picture: str) -> tuple[np.ndarray, str]:
-    pixels = np.where(free[::-1], 254, 0).astype(np.uint8)
-    west, south = origin_m
-    yaml = (
-        f"image: {picture}\nmode: trinary\nresolution: {cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
-    )
-    return pixels, yaml

@@ -72,6 +72,9 @@ class PassageSurveyParams(DrawnSurveyParams):
         description="a station of the drivable piece that is built, by its name or by its place in the coordinates of "
         "the survey, m; null: the longest piece",
     )
+    volume: bool = Field(
+        default=False, description="the survey is built whole, as one closed volume, with all that is steep or low"
+    )
 
 
 class CentrelineSurveyParams(DrawnSurveyParams):
@@ -111,4 +114,7 @@ class CentrelineSurveyParams(DrawnSurveyParams):
     piece: PieceOption | None = Field(
         default=None,
         description="a station or a place (m, mine frame) of the drivable piece that is built; null: the longest piece",
+    )
+    volume: bool = Field(
+        default=False, description="the survey is built whole, as one closed volume, with all that is steep or low"
     )

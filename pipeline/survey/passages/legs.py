@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.types import Points2
+from pipeline.types import Points2, SurveyedLegs, lines_of
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
@@ -37,6 +37,17 @@ class SurveyLeg:
     heights_m: np.ndarray | None = None
     is_plumb: bool = False
     grades: np.ndarray | None = None
+
+
+def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
+    """Return the legs that an artifact holds, by their numbers; each has its three coordinates."""
+    names = lines_of(surveyed.names)
+    legs = []
+    for number, (begin, end) in enumerate(pairwise(surveyed.first.tolist())):
+        places, lrud = surveyed.positions_m[begin:end], surveyed.lrud_m[begin:end]
+        heights = np.column_stack([places[:, 2], lrud[:, 2:]])
+        legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights))
+    return legs
 
 
 def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:

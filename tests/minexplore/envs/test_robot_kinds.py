@@ -173,7 +173,7 @@ def test_cubes_that_a_beam_crosses_are_those_that_close_steps_along_it_find(tee:
     rng = np.random.default_rng(0)
     starts = np.column_stack([rng.uniform(5, 75, 60), rng.uniform(0.5, 4.5, 60), rng.uniform(0.2, 3.2, 60)])
     ends = starts + rng.uniform(-6, 6, (60, 3))
-    ray, number = grid.cubes_crossed(starts, ends)
+    ray, number = grid.cells_crossed(starts, ends, 10.0)
     for k in range(60):
         shares = np.linspace(0, 1, 4001)[1:-1, None]
         stepped = grid.numbers_at(starts[k] + shares * (ends[k] - starts[k]))

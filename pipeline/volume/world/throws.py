@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
 from minexplore.physics.robot import ROCK_BIT, RobotParams
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
+from pipeline.volume.world.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
 
 _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
 _BALLS_EACH = 32
@@ -49,8 +49,12 @@ def throw_balls(
     whole: bool,
     rng: np.random.Generator,
     progress: Progress = iter,
+    targets: np.ndarray | None = None,
 ) -> Throws:
-    """Push balls at facets in random order, each the largest that fits before it; `whole` goes on until all had one."""
+    """Push balls at facets in random order, each the largest that fits before it; `whole` goes on until all had one.
+
+    `targets` (f,) says which facets are pushed at; None is all.
+    """
     model = spec_of(parts, _add_balls).compile()
     data, inside = mujoco.MjData(model), Inside(volume)
     normal = volume.normals
@@ -60,7 +64,7 @@ def throw_balls(
     radius = np.full(len(middle), -1)
     for kind in range(len(_BALLS) - 1, -1, -1):
         fits = inside.distance_m(middle + into * (_BALLS[kind][0] + 0.01)) > _BALLS[kind][0]
-        radius[fits] = kind
+        radius[fits if targets is None else fits & targets] = kind
     queues = [rng.permutation(np.flatnonzero(radius == kind)) for kind in range(len(_BALLS))]
     at, touched, throws, escapes = [0] * len(queues), 0, 0, 0
     rounds = max(-(-len(queue) // _BALLS_EACH) for queue in queues)
@@ -94,12 +98,20 @@ def throw_balls(
 
 
 def throw_robots(
-    volume: Volume, parts: list[ShellPart], contacts: int, rng: np.random.Generator, progress: Progress = iter
+    volume: Volume,
+    parts: list[ShellPart],
+    contacts: int,
+    rng: np.random.Generator,
+    progress: Progress = iter,
+    targets: np.ndarray | None = None,
 ) -> Throws:
-    """Throw robots from floors in all directions at up to 3 m/s, and drive them on at full throttle."""
+    """Throw robots from floors in all directions at up to 3 m/s, and drive them on at full throttle.
+
+    `targets` (f,) says which floors they are thrown from; None is all.
+    """
     model = spec_of(parts, add_robots(ROBOTS)).compile()
     data, inside, robot = mujoco.MjData(model), Inside(volume), RobotParams()
-    places, normals = places_for_robots(volume)
+    places, normals = places_for_robots(volume, targets=targets)
     if not len(places):
         return Throws(0, 0, 0, 0.0)
     touched = throws = escapes = 0

@@ -40,16 +40,6 @@ def spec_of(
     return spec
 
 
-def without_refused(parts: list[ShellPart]) -> tuple[list[ShellPart], int]:
-    """Return the parts that MuJoCo compiles, and how many it refuses: slivers without a volume."""
-    good = []
-    for part in parts:
-        size = np.linalg.svd(part.corners - part.corners.mean(axis=0), compute_uv=False)
-        if size[2] > 1e-6:
-            good.append(part)
-    return good, len(parts) - len(good)
-
-
 def add_robots(count: int) -> Callable[[mujoco.MjSpec], None]:
     """Return what adds robots that do not touch each other to a model."""
 
@@ -62,13 +52,15 @@ def add_robots(count: int) -> Callable[[mujoco.MjSpec], None]:
     return add
 
 
-def places_for_robots(volume: Volume, ahead_m: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def places_for_robots(
+    volume: Volume, ahead_m: float = 0.0, targets: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return places (n, 3) m on floors where a robot's disc and mast fit, and the floor's normals (n, 3) there.
 
-    The disc fits also so far ahead, uphill.
+    The disc fits also so far ahead, uphill. `targets` (f,) says which facets count; None is all.
     """
     robot, inside = RobotParams(), Inside(volume)
-    floor = np.flatnonzero(volume.label == Label.FLOOR)
+    floor = np.flatnonzero((volume.label == Label.FLOOR) & (True if targets is None else targets))
     normal = -volume.normals[floor]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     middle = volume.vertices[volume.faces[floor]].mean(axis=1)
@@ -110,11 +102,18 @@ class RobotsAtRest:
     both_off_s: float
 
 
-def measure_standing(volume: Volume, parts: list[ShellPart], rng: np.random.Generator) -> RobotsAtRest:
-    """Let robots settle for 1 s and rest for 5 s, then drive uphill for 3 s at 0.15 m/s."""
+def measure_standing(
+    volume: Volume, parts: list[ShellPart], rng: np.random.Generator, targets: np.ndarray | None = None
+) -> RobotsAtRest:
+    """Let robots settle for 1 s and rest for 5 s, then drive uphill for 3 s at 0.15 m/s.
+
+    `targets` (f,) says on which floors; None is all. Where no robot fits, none moves and none climbs.
+    """
     model = spec_of(parts, add_robots(ROBOTS)).compile()
     data, robot = mujoco.MjData(model), RobotParams()
-    places, normals = places_for_robots(volume, _AHEAD_M)
+    places, normals = places_for_robots(volume, _AHEAD_M, targets)
+    if not len(places):
+        return RobotsAtRest(0.0, 0.0, 0.0)
     steep = np.flatnonzero(np.hypot(*normals[:, :2].T) > 0.03)
     chosen = rng.choice(steep if len(steep) else np.arange(len(places)), ROBOTS)
     at = [

@@ -17,10 +17,10 @@ _SHAFT_STEP_M = 0.25
 _MOUTH_M = 3.0  # round the middle of a collar, east and north: there begin the workings that a shaft leads to
 
 
-class VolumeGrid:
+class CubeGrid:
     """Cubes over the mine frame, of which the reachable ones are numbered from 0 to `total` - 1.
 
-    `reachable[i, j]` says whether a column over origin + (j, i) * cell has any, so that a plan can be drawn.
+    `reachable` (total,) is true; a column lies over origin + (j, i) * cell.
     """
 
     def __init__(
@@ -44,9 +44,10 @@ class VolumeGrid:
         self.origin_m = low[:2] * cell_m
         self._number = np.full(size, -1, dtype=np.int32)
         self._number[tuple((cubes - low).T)] = np.arange(len(cubes))
-        self.cubes, self.total, self.shape = cubes, len(cubes), (len(cubes),)
-        self.reachable = (self._number >= 0).any(axis=2).T
-        self._flat = np.ravel_multi_index((cubes - low)[:, 1::-1].T, self.reachable.shape)
+        self.cubes, self.total = cubes, len(cubes)
+        self.reachable = np.ones(self.total, dtype=bool)
+        self._columns = int(size[1]), int(size[0])
+        self._flat = np.ravel_multi_index((cubes - low)[:, 1::-1].T, self._columns)
 
     def numbers_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the numbers (n,) of the cubes about points (n, 3) m of the mine frame; -1 for those not reachable."""
@@ -56,14 +57,14 @@ class VolumeGrid:
         found[inside] = self._number[tuple(at[inside].T)]
         return found
 
-    def cubes_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return ray numbers and cube numbers of all reachable cubes that segments (n, 3) to (n, 3) pass through.
+    def cells_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float) -> tuple[np.ndarray, ...]:
+        """Return ray numbers and cube numbers of all reachable cubes that segments (n, 3) to (n, 3) m pass through.
 
         Exact: each segment is cut at every plane of the grid that it crosses, and each piece names the cube of its
         middle.
         """
         start, step = starts_m / self.cell_m, (ends_m - starts_m) / self.cell_m
-        lines = np.arange(1, int(np.ceil(np.abs(step).max(initial=0.0))) + 2)
+        lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
         behind = np.where(step > 0, np.floor(start), np.ceil(start))
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (behind[..., None] + np.sign(step)[..., None] * lines - start[..., None]) / step[..., None]
@@ -74,9 +75,9 @@ class VolumeGrid:
         number = self.numbers_at((start[ray] + middle[:, None] * step[ray]) * self.cell_m)
         return ray[number >= 0], number[number >= 0]
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """Mark cubes as seen in `seen` (m, total) by their observers; return how many are new to each (m,)."""
-        flat = observer * self.total + number
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
+        """Mark cubes by number as seen in `seen` (m, total) by their observers; return how many are new to each."""
+        flat = observer * self.total + cell[0]
         view = seen.reshape(-1)
         new = np.unique(flat[~view[flat]])
         view[new] = True
@@ -88,10 +89,14 @@ class VolumeGrid:
         cells, first = np.unique(self._flat[order], return_index=True)
         return dict(zip(cells.tolist(), np.split(order, first[1:]), strict=True))
 
-    def from_above(self, seen: np.ndarray) -> np.ndarray:
-        """Return over which columns (rows, cols) cubes of `seen` (total,) are."""
-        found = np.zeros(self.reachable.shape, dtype=bool)
-        found.reshape(-1)[self._flat[seen]] = True
+    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
+        """Clear what one observer has seen."""
+        seen[:] = False
+
+    def in_plan(self, cells: np.ndarray) -> np.ndarray:
+        """Return over which columns (rows, cols) some cubes (total,) are."""
+        found = np.zeros(self._columns, dtype=bool)
+        found.reshape(-1)[self._flat[cells]] = True
         return found
 
 

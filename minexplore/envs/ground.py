@@ -1,0 +1,133 @@
+"""What robots of a batch drive on: the one interface that a floor drawn in plan and a volume both have."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from minexplore.physics.local_models import LocalModels
+from minexplore.physics.robot import FASTEST_FALL_MPS, RobotParams, free_joint_qpos
+from minexplore.physics.robot_kind import Robot
+from minexplore.physics.stepper import PhysicsStepper
+from minexplore.sensing.coverage import CellGrid, CoverageGrid
+from minexplore.task import TaskParams
+from minexplore.volume.ground import VolumeGround
+from minexplore.world import World
+
+
+class RobotGround(Protocol):
+    """What robots of a batch drive on. Places are of the mine frame; (k, 3) m are those of their axles."""
+
+    models: Any
+    T_world_mine: np.ndarray
+    can_fall: bool  # into shafts, which `info` then says
+
+    @property
+    def grid(self) -> CellGrid:
+        """Return the cells that count."""
+
+    @property
+    def start_m(self) -> np.ndarray:
+        """Return the place, as `models.tiles_of` takes it, whose model robots have before they are placed."""
+
+    def entrance_places(self, clearance_m: float) -> np.ndarray:
+        """Return the places (n, 2 or 3) m of the entrance region with a clearance."""
+
+    def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
+        """Return the free joint's place and quaternion (7,), world frame, of a robot that stands at such a place."""
+
+    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the places (k, 2) m of robots (k,) in the plan."""
+
+    def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
+        """Slow the robots (k,) that fall; `qvel` has a row for each of all robots."""
+
+    def fallen(self, places_m: np.ndarray) -> np.ndarray:
+        """Return which robots (k,) have fallen into a shaft."""
+
+    def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Prepare a control step of robots (k,); return the places (k, 2) that `PhysicsStepper.advance` takes."""
+
+    def prepare_team(
+        self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
+    ) -> None:
+        """Prepare a control step of robots (n,) that are in one model."""
+
+    def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what the info also says of robots (k,)."""
+
+
+class PlanGround:
+    """A floor that is drawn in plan, level or folded."""
+
+    def __init__(self, world: World, task: TaskParams, robot: Robot, count: int, whole: bool) -> None:
+        """Read the rock and find the cells that the robot reaches."""
+        self.world, self.robot, self.floor = world, robot, world.floor
+        self.models = LocalModels(world, task, robot, whole)
+        self.T_world_mine = self.models.T_world_mine
+        self.start_m = np.array(world.record["spawn"]["anchor_m"])
+        self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, self.start_m, task.region_m)
+        self.can_fall = len(world.open_shafts) > 0
+        self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
+
+    def entrance_places(self, clearance_m: float) -> np.ndarray:
+        """Return the places (n, 2) m, plan, of the entrance region with a clearance; see `RobotGround`."""
+        spawn, places = self.world.record["spawn"], self.world.places_m(clearance_m)
+        found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
+        return found
+
+    def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
+        """Return the pose of a robot at a place (2,) m of the plan; see `RobotGround`."""
+        x, y = place_m[:2]
+        return free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad, self.floor)
+
+    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the places in the plan, in which sheets lie side by side; see `RobotGround`."""
+        if len(self.floor.offset_m) == 1:
+            return places_m[:, :2]
+        faces = self._faces[robots]
+        places = self.floor.follow(places_m, faces, self.robot.wheel_radius_m)
+        self._faces[robots] = faces
+        if self.can_fall:
+            self.world.open_shafts.move(places, places_m)
+        return places
+
+    def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
+        """Slow the robots that fall down a shaft; see `RobotGround`."""
+        if self.can_fall:
+            falling = robots[self.world.open_shafts.inside(places_m) >= 0]
+            qvel[falling, 2] = np.maximum(qvel[falling, 2], -FASTEST_FALL_MPS)
+
+    def fallen(self, places_m: np.ndarray) -> np.ndarray:
+        """Return which robots have fallen into a shaft; see `RobotGround`."""
+        return self.world.open_shafts.fallen(places_m) if self.can_fall else np.zeros(len(places_m), bool)
+
+    def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the places in the plan; see `RobotGround`."""
+        return self.plan_places(robots, places_m)
+
+    def prepare_team(
+        self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
+    ) -> None:
+        """Do nothing: floor zones have geoms of their own."""
+
+    def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
+        """Return nothing more."""
+        return {}
+
+
+def ground_of(world: World, task: TaskParams, robot: Robot, count: int, whole: bool) -> RobotGround:
+    """Return what so many robots drive on in a world.
+
+    Raises
+    ------
+    ValueError
+        If the world is one volume and the robot is not the default one.
+    """
+    if world.volume is None:
+        return PlanGround(world, task, robot, count, whole)
+    if not isinstance(robot, RobotParams):
+        raise ValueError(f"robot = {robot.KIND}: {world.folder} is one volume, in which only the default robot drives")
+    return VolumeGround(world, task, robot, count, whole)

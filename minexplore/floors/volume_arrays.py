@@ -1,0 +1,123 @@
+"""The arrays of a world that is one closed volume of free space: its facets, parts of rock, and floors by columns."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+
+class FacetLabel(IntEnum):
+    """What a facet of the free space, or the part of rock behind it, is."""
+
+    FLOOR = 0  # flat enough to drive on
+    WALL = 1
+    ROOF = 2
+
+
+@dataclass(frozen=True)
+class VolumeFacets:
+    """The boundary of the free space: a closed triangle mesh.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64, m, mine frame
+    faces : (f, 3) int32
+        Normals point out of the free space.
+    label : (f,) int32
+        See `FacetLabel`.
+    leg : (f,) int32
+        Number of the survey's leg.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    label: np.ndarray
+    leg: np.ndarray
+
+    @functools.cached_property
+    def normals(self) -> np.ndarray:
+        """Return twice the area times the normal (f, 3) out of the free space, m2."""
+        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
+        return np.cross(b - a, c - a)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Convex parts of rock: part k has the corners from `first[k]` up to `first[k + 1]`.
+
+    Attributes
+    ----------
+    corners : (c, 3) float64, m, mine frame
+    first : (p + 1,) int32
+    label : (p,) int32
+        See `FacetLabel`, of the facet that the part is behind.
+    """
+
+    corners: np.ndarray
+    first: np.ndarray
+    label: np.ndarray
+
+    def __len__(self) -> int:
+        """Return how many parts there are."""
+        return len(self.label)
+
+    def of(self, number: int) -> np.ndarray:
+        """Return a part's corners (k, 3) m."""
+        found: np.ndarray = self.corners[self.first[number] : self.first[number + 1]]
+        return found
+
+    @functools.cached_property
+    def boxes_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest corner (p, 3) m of the box about each part."""
+        low, high = (function.reduceat(self.corners, self.first[:-1]) for function in (np.minimum, np.maximum))
+        return low, high
+
+
+@dataclass(frozen=True)
+class FloorSpans:
+    """Floors in columns of square cells: span k is over `origin_m` + (column, row) * cell to the next cell's corner.
+
+    Attributes
+    ----------
+    column, row : (s,) int32
+    floor_m, headroom_m, clearance_m : (s,) float64, m
+        Height of the floor at the cell's middle, free height over it, and distance to the nearest wall.
+    storey : (s,) int32
+        Number of the connected floor.
+    origin_m : (2,) float64, m, mine frame
+    cell_m : float
+    """
+
+    column: np.ndarray
+    row: np.ndarray
+    floor_m: np.ndarray
+    headroom_m: np.ndarray
+    clearance_m: np.ndarray
+    storey: np.ndarray
+    origin_m: np.ndarray
+    cell_m: float
+
+    @functools.cached_property
+    def places_m(self) -> np.ndarray:
+        """Return the middles (s, 3) m of the spans, on the floor."""
+        middle = self.origin_m + (np.column_stack([self.column, self.row]) + 0.5) * self.cell_m
+        return np.column_stack([middle, self.floor_m])
+
+    @functools.cached_property
+    def plan(self) -> np.ndarray:
+        """Return the largest clearance (rows, columns) m in each column, 0 where there is no floor."""
+        widest = np.zeros((int(self.row.max()) + 1, int(self.column.max()) + 1), np.float32)
+        np.maximum.at(widest, (self.row, self.column), self.clearance_m.astype(np.float32))
+        return widest
+
+
+@dataclass(frozen=True)
+class VolumeArrays:
+    """All of a volume that a world's files hold."""
+
+    facets: VolumeFacets
+    parts: Parts
+    spans: FloorSpans

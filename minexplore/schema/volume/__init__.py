@@ -1,0 +1,1 @@
+"""What a bundle of a world that is one volume may hold."""

@@ -1,0 +1,191 @@
+"""The arrays of a volume: their shapes and ranges, a mesh that is closed, parts that are convex and solid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from minexplore.bundle import CELLS, PARTS, VOLUME, BundleError
+from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeArrays, VolumeFacets
+from minexplore.schema.readers.arrays import read_arrays
+
+MOST_FACETS, MOST_SPANS = 5_000_000, 100_000_000
+MOST_CORNERS = 64  # of a part, on average; a mesh of MuJoCo may have more
+MOST_VOLUME_PARTS = 190_000  # a mesh and a geom each of the 400,000 elements of mine.xml
+MOST_OF_PART = 4096  # corners
+REACH_M = 1e5  # of any coordinate: 32 bits of a ray then have a centimetre
+
+_FACETS = {"vertices": ("<f8", 2), "faces": ("<i4", 2), "label": ("<i4", 1), "leg": ("<i4", 1)}
+_PARTS = {"corners": ("<f8", 2), "first": ("<i4", 1), "label": ("<i4", 1)}
+_SPANS = {
+    "column": ("<i4", 1),
+    "row": ("<i4", 1),
+    "floor_m": ("<f8", 1),
+    "headroom_m": ("<f8", 1),
+    "clearance_m": ("<f8", 1),
+    "storey": ("<i4", 1),
+    "origin_m": ("<f8", 1),
+    "cell_m": ("<f8", 0),
+}
+_LEAST_M = 1e-6  # MuJoCo refuses a part that is thinner
+_BESIDE_M = 1.0  # parts of 0.3 m reach so far beyond the free space, where its walls turn
+_MOST_FLOORS = 1000  # in one column
+_OFF_FLOOR_M = 1e-3  # spans have six decimals
+
+
+def read_volume(files: Mapping[str, bytes]) -> VolumeArrays:
+    """Return the arrays of a volume's files.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, the array, and what is wrong with it.
+    """
+    facets = _read_facets(files[VOLUME])
+    return VolumeArrays(facets, _read_parts(files[PARTS], facets), _read_spans(files[CELLS], facets))
+
+
+def _read_facets(data: bytes) -> VolumeFacets:
+    arrays = read_arrays(VOLUME, data, _FACETS, 3 * MOST_FACETS)
+    vertices, faces, label, leg = (arrays[name] for name in _FACETS)
+    if vertices.shape[1] != 3 or faces.shape[1] != 3 or len(faces) < 4 or len({len(faces), len(label), len(leg)}) > 1:
+        shapes = {name: array.shape for name, array in arrays.items()}
+        raise BundleError(f"{VOLUME}: shapes {shapes}, want (n, 3), (f, 3), (f,) and (f,) of four facets or more")
+    _require_within(VOLUME, "vertices", vertices, REACH_M)
+    _require_range(VOLUME, "faces", faces, 0, len(vertices) - 1)
+    _require_range(VOLUME, "label", label, 0, len(FacetLabel) - 1)
+    _require_range(VOLUME, "leg", leg, 0, 10_000_000)
+    if not (label == FacetLabel.FLOOR).any():
+        raise BundleError(f"{VOLUME}: label: no facet is a floor")
+    _require_closed(faces, len(vertices))
+    facets = VolumeFacets(vertices, faces, label, leg)
+    if float(np.einsum("ij,ij->", vertices[faces[:, 0]] - vertices[0], facets.normals)) <= 0:
+        raise BundleError(f"{VOLUME}: faces: normals point into the free space, want them out of it")
+    return facets
+
+
+def _require_closed(faces: np.ndarray, count: int) -> None:
+    """Refuse a mesh unless each edge has two facets, which pass it in opposite ways, and each vertex a facet."""
+    a, b = (np.concatenate([faces[:, (k + turn) % 3] for k in range(3)]).astype(np.int64) for turn in (0, 1))
+    flat = np.flatnonzero(a == b)
+    if len(flat):
+        raise BundleError(f"{VOLUME}: faces[{flat[0] % len(faces)}]: names vertex {a[flat[0]]} twice")
+    own, turned = np.sort(a * count + b), np.sort(b * count + a)
+    again = np.flatnonzero(np.diff(own) == 0)
+    odd = own[again] if len(again) else np.setdiff1d(own, turned, assume_unique=True)
+    if len(odd):
+        one, other = divmod(int(odd[0]), count)
+        raise BundleError(
+            f"{VOLUME}: faces: the edge from vertex {one} to {other} has not two facets in opposite ways; the mesh is "
+            "not closed"
+        )
+    if len(np.unique(a)) != count:
+        raise BundleError(f"{VOLUME}: vertices: {count - len(np.unique(a))} belong to no facet")
+
+
+def _read_parts(data: bytes, facets: VolumeFacets) -> Parts:
+    arrays = read_arrays(PARTS, data, _PARTS, 3 * MOST_CORNERS * MOST_VOLUME_PARTS)
+    corners, first, label = (arrays[name] for name in _PARTS)
+    if corners.shape[1] != 3 or len(first) != len(label) + 1 or not 1 <= len(label) <= MOST_VOLUME_PARTS:
+        raise BundleError(
+            f"{PARTS}: shapes {corners.shape}, {first.shape} and {label.shape}, want (c, 3), (p + 1,) and (p,) of 1 to "
+            f"{MOST_VOLUME_PARTS} parts"
+        )
+    _require_range(PARTS, "label", label, 0, len(FacetLabel) - 1)
+    count = np.diff(first.astype(np.int64))
+    if first[0] != 0 or first[-1] != len(corners) or count.min() < 4 or count.max() > MOST_OF_PART:
+        raise BundleError(f"{PARTS}: first: want numbers from 0 to {len(corners)}, 4 to {MOST_OF_PART} apart")
+    parts = Parts(corners, first, label)
+    low, high = facets.vertices.min(axis=0) - _BESIDE_M, facets.vertices.max(axis=0) + _BESIDE_M
+    outside = np.flatnonzero(~((corners >= low) & (corners <= high)).all(axis=1))
+    if len(outside):
+        number = int(np.searchsorted(first, outside[0], side="right")) - 1
+        place = corners[outside[0]].tolist()
+        raise BundleError(f"{PARTS}: part {number} has a corner at {place}, want finite numbers near the free space")
+    _require_solid(parts, count)
+    return parts
+
+
+def _require_solid(parts: Parts, count: np.ndarray) -> None:
+    """Refuse a part that has no volume in any direction."""
+    starts = parts.first[:-1]
+    middle = np.add.reduceat(parts.corners, starts) / count[:, None]
+    apart = parts.corners - np.repeat(middle, count, axis=0)
+    spread = np.linalg.eigvalsh(np.add.reduceat(apart[:, :, None] * apart[:, None, :], starts))[:, 0]
+    thin = np.flatnonzero(~(spread > _LEAST_M**2 / 4))
+    if len(thin):
+        raise BundleError(f"{PARTS}: part {thin[0]} is {np.sqrt(max(0, spread[thin[0]])):g} m thick, want {_LEAST_M}")
+
+
+def _read_spans(data: bytes, facets: VolumeFacets) -> FloorSpans:
+    arrays = read_arrays(CELLS, data, _SPANS, MOST_SPANS)
+    numbers = [arrays[name] for name in _SPANS if name not in ("origin_m", "cell_m")]
+    if len({len(column) for column in numbers}) > 1 or not len(numbers[0]) or arrays["origin_m"].shape != (2,):
+        raise BundleError(f"{CELLS}: want one or more spans, of which all arrays have as many, and origin_m of two")
+    cell, origin = float(arrays["cell_m"]), arrays["origin_m"]
+    low, high = facets.vertices.min(axis=0), facets.vertices.max(axis=0)
+    if not 0.05 <= cell <= 2:
+        raise BundleError(f"{CELLS}: cell_m = {cell}, want 0.05 to 2")
+    if not ((origin <= low[:2]) & (origin >= low[:2] - 10)).all():
+        raise BundleError(
+            f"{CELLS}: origin_m = {origin.tolist()}, want at most 10 m west and south of {low[:2].tolist()}"
+        )
+    most = np.ceil((high[:2] - origin) / cell)
+    _require_range(CELLS, "column", arrays["column"], 0, int(most[0]))
+    _require_range(CELLS, "row", arrays["row"], 0, int(most[1]))
+    if most[0] * most[1] > MOST_SPANS:
+        raise BundleError(f"{CELLS}: {most[0]:.0f} x {most[1]:.0f} columns, want at most {MOST_SPANS}")
+    _require_range(CELLS, "storey", arrays["storey"], -1, len(numbers[0]) - 1)
+    floor, headroom = arrays["floor_m"], arrays["headroom_m"]
+    bad = ~((floor >= low[2] - _OFF_FLOOR_M) & (headroom > 0) & (floor + headroom <= high[2] + _OFF_FLOOR_M))
+    bad |= ~((arrays["clearance_m"] >= 0) & (arrays["clearance_m"] < np.inf))
+    if bad.any():
+        k = int(bad.argmax())
+        found = ", ".join(f"{name} = {arrays[name][k]}" for name in ("floor_m", "headroom_m", "clearance_m"))
+        raise BundleError(f"{CELLS}: span {k}: {found}: want finite numbers, floor and roof within the free space")
+    _require_apart(arrays)
+    return FloorSpans(*(arrays[name] for name in _SPANS if name != "cell_m"), cell)  # type: ignore[call-arg, arg-type]
+
+
+def _require_apart(arrays: dict[str, np.ndarray]) -> None:
+    """Refuse floors of one column that are not over each other's roofs, or more than `_MOST_FLOORS` of them."""
+    column, row, floor = (arrays[name] for name in ("column", "row", "floor_m"))
+    order = np.lexsort([floor, row, column])
+    same = (np.diff(column[order]) == 0) & (np.diff(row[order]) == 0)
+    roof = (floor + arrays["headroom_m"])[order]
+    bad = np.flatnonzero(same & (floor[order][1:] < roof[:-1] - _OFF_FLOOR_M))
+    if len(bad):
+        one, other = order[bad[0] : bad[0] + 2]
+        raise BundleError(f"{CELLS}: spans {one} and {other} are in one column and overlap")
+    starts = np.append(np.flatnonzero(np.append(True, ~same)), len(order))
+    most = int(np.diff(starts).max())
+    if most > _MOST_FLOORS:
+        raise BundleError(f"{CELLS}: {most} floors over each other in one column, want at most {_MOST_FLOORS}")
+
+
+def _require_within(file: str, name: str, values: np.ndarray, most: float) -> None:
+    if not (np.abs(values) <= most).all():
+        raise BundleError(f"{file}: {name}: want finite numbers up to {most:g} m")
+
+
+def _require_range(file: str, name: str, values: np.ndarray, low: int, high: int) -> None:
+    bad = (values < low) | (values > high)
+    if bad.any():
+        k = tuple(int(i[0]) for i in np.nonzero(bad))
+        raise BundleError(f"{file}: {name}{list(k)} = {values[k]}: want {low} to {high}")
+
+
+def figures_of(volume: VolumeArrays) -> dict[str, Any]:
+    """Return what the record states of the arrays, under `volume`."""
+    facets, parts, spans = volume.facets, volume.parts, volume.spans
+    return {
+        "facets": len(facets.faces),
+        "vertices": len(facets.vertices),
+        "parts": len(parts),
+        "floors": int((parts.label == FacetLabel.FLOOR).sum()),
+        "storeys": int(spans.storey.max()) + 1,
+        "low_m": round(float(facets.vertices[:, 2].min()), 6),
+        "high_m": round(float(facets.vertices[:, 2].max()), 6),
+    }

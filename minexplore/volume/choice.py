@@ -1,0 +1,109 @@
+"""Which model a control step of a robot in a volume is stepped in, and where the planes under its feet lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from minexplore.physics.robot import CASTOR_M
+from minexplore.rotations import rotation_matrices
+from minexplore.volume.models import PARKED_M, VolumeModels, code_of
+from minexplore.volume.planes import TOLERANCE_M, FloorPlanes, FootPlanes
+
+_LEAN = float(np.cos(np.radians(25.0)))  # of a robot on planes; the walls of its model reach as far
+_RISE_MPS = 1.0  # likewise
+_GAP_M = 0.1  # of a foot from its plane: farther, the plane is another floor's
+
+
+@dataclass(frozen=True)
+class StepChoice:
+    """What a control step of n robots is stepped in.
+
+    `tiles` (n, 2) as `VolumeModels.tiles_of` has them; the places (n, 4, 3) m, mine frame, and quaternions (n, 4, 4) of
+    the boxes under the feet, parked for feet that touch the floor's parts. `on_plane` (n, 4) has the others, whose
+    planes are `under`.
+    """
+
+    tiles: np.ndarray
+    places: np.ndarray
+    quaternions: np.ndarray
+    on_plane: np.ndarray
+    under: FootPlanes
+
+
+class PlaneChooser:
+    """Chooses for each robot the model and the planes of a control step."""
+
+    def __init__(self, models: VolumeModels, planes: FloorPlanes, tolerance_m: float = TOLERANCE_M) -> None:
+        """Take the models, and how far the floor may be from the planes that stand for it."""
+        self.models, self.planes, self.tolerance_m = models, planes, tolerance_m
+        robot = models.robot
+        half, end, castor = robot.wheel_base_m / 2, robot.radius_m - CASTOR_M, CASTOR_M - robot.wheel_radius_m
+        self._feet = np.array([[0, half, 0], [0, -half, 0], [end, 0, castor], [-end, 0, castor]])
+        self._radius = np.array([robot.wheel_radius_m] * 2 + [CASTOR_M] * 2)[:, None]
+
+    def feet_of(self, places_m: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        """Return the lowest places (n, 4, 3) m of the feet of robots (n, 3) m that stand on a plane."""
+        found: np.ndarray = places_m[:, None] + self._arms(axes) - self._radius * axes[:, None, :, 2]
+        return found
+
+    def _arms(self, axes: np.ndarray) -> np.ndarray:
+        """Return from each robot's place to the middles of its feet (n, 4, 3) m; sums in a fixed order."""
+        found: np.ndarray = sum(  # type: ignore[assignment]
+            self._feet[None, :, k, None] * axes[:, None, :, k] for k in range(3)
+        )
+        return found
+
+    def choose(self, places_m: np.ndarray, quat: np.ndarray, qvel: np.ndarray, zones: np.ndarray) -> StepChoice:
+        """Return the choice for robots.
+
+        Parameters
+        ----------
+        places_m, quat : (n, 3) m, (n, 4)
+            Of their free joints, mine frame.
+        qvel : (n, 6)
+            Their speeds, m/s, and turn rates in the robots' own frames, rad/s.
+        zones : (n, 2) int
+            The floor zones of their left and right wheels.
+        """
+        axes = rotation_matrices(quat)
+        if not self.models.has_planes:
+            return self._on_parts(places_m, zones)
+        arms, foot = self._arms(axes), self.feet_of(places_m, axes)
+        spin = sum(axes[:, None, :, k] * qvel[:, None, 3 + k, None] for k in range(3))
+        speed = qvel[:, None, :2] + spin[..., [1, 2]] * arms[..., [2, 0]] - spin[..., [2, 0]] * arms[..., [1, 2]]
+        fast = np.sqrt(speed[..., 0] ** 2 + speed[..., 1] ** 2)
+        under = self.planes.under(places_m, foot[..., :2] + speed * (self.models.task.control_s / 2), fast)
+        gap = foot[..., 2] - under.heights(foot[..., :2])
+        good = (under.error_m <= self.tolerance_m) & (np.abs(gap) < _GAP_M)
+        good &= ((axes[:, 2, 2] > _LEAN) & (np.abs(qvel[:, 2]) < _RISE_MPS))[:, None]
+        places, quaternions = boxes_under(under)
+        places[~good] = np.broadcast_to(PARKED_M, places.shape)[~good]
+        return StepChoice(self._tiles(places_m, good, zones), places, quaternions, good, under)
+
+    def _on_parts(self, places_m: np.ndarray, zones: np.ndarray) -> StepChoice:
+        """Return the choice for robots whose feet all touch the floor's parts."""
+        count, feet = len(places_m), len(PARKED_M)
+        good, turn = np.zeros((count, feet), bool), np.zeros((count, feet, 4))
+        turn[..., 0] = 1.0
+        under = FootPlanes(np.zeros((count, feet, 3)), np.zeros((count, feet, 2)), np.full((count, feet), np.inf))
+        places = np.broadcast_to(PARKED_M, (count, feet, 3)).copy()
+        return StepChoice(self._tiles(places_m, good, zones), places, turn, good, under)
+
+    def _tiles(self, places_m: np.ndarray, good: np.ndarray, zones: np.ndarray) -> np.ndarray:
+        tiles = np.zeros((len(places_m), 2), dtype=int)
+        on_parts = (~good * (1 << np.arange(good.shape[1]))).sum(axis=1)
+        tiles[:, 1] = code_of(on_parts, zones)
+        for is_exact in (False, True):
+            those = (on_parts > 0) == is_exact
+            tiles[those, 0] = self.models.number_of(places_m[those], is_exact)
+        return tiles
+
+
+def boxes_under(under: FootPlanes) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, k, 3) m and quaternions (n, k, 4) of boxes whose upper faces are the planes under k feet."""
+    a, b, height = np.moveaxis(under.plane, 2, 0)
+    quaternions = np.stack([1 + np.sqrt(1 + a * a + b * b), b, -a, np.zeros_like(a)], axis=2)
+    quaternions /= np.sqrt((quaternions**2).sum(axis=2, keepdims=True))
+    return np.concatenate([under.nodes_m, height[..., None]], axis=2), quaternions

@@ -1,0 +1,186 @@
+"""Local models of a volume: walls in reach, and a plane under each foot where the floor is flat for a control step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from minexplore.bundle import MINE_BODY
+from minexplore.floors.volume_arrays import FacetLabel
+from minexplore.physics.local_models import MARGIN_M, physics_spec, with_little_memory
+from minexplore.physics.robot import (
+    FASTEST_FALL_MPS,
+    FLOOR_BIT,
+    ROBOT_BIT,
+    ROCK_BIT,
+    ROCK_BODY,
+    RobotParams,
+    contact_sensor,
+    stand_on_facets,
+)
+from minexplore.task import TaskParams
+from minexplore.tiles import Tile
+from minexplore.volume.clip import clip_convex
+from minexplore.world import World
+
+TILE_M, EXACT_TILE_M = (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
+_BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
+_ABOVE_M = 0.6  # what any robot can touch over its axle in one control step
+_GRAVITY_MPS2 = 9.81
+_SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
+FEET = ("left", "right", "front", "rear")
+WHEELS = FEET[:2]
+_FOOT_BITS = (8, 16, 32, 64)
+_HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the plane's disc
+PARKED_M = np.array([[1e4 * (1 + k), 0.0, -1e4] for k in range(len(FEET))])  # places of unused boxes
+_BITS = {FacetLabel.FLOOR: FLOOR_BIT, FacetLabel.WALL: ROCK_BIT | FLOOR_BIT, FacetLabel.ROOF: ROCK_BIT}
+_ZONE_BITS = 10  # of a wheel's zone in a model's code: a world has at most 1,000
+_WHOLE = -1  # number of the tile that is the whole mine
+
+
+def code_of(on_parts: np.ndarray, zones: np.ndarray) -> np.ndarray:
+    """Return the codes (n,) of models: a bit for each foot that touches the floor's parts, and both wheels' zones.
+
+    A wheel has the friction of the zone that it is in when a control step begins, whatever it touches. So a floor has
+    no other friction at a border of two zones, wherever its parts end.
+    """
+    found: np.ndarray = on_parts | zones[:, 0] << len(FEET) | zones[:, 1] << (len(FEET) + _ZONE_BITS)
+    return found
+
+
+class VolumeModels:
+    """Physics models of a volume, as `PhysicsStepper` takes them, each with one robot and the same state layout.
+
+    A model is that of a tile, a box of the mine frame, and of which feet touch the floor's parts. The other feet stand
+    on a box each, which the state moves; then the model has only the walls that the chassis can reach.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        task: TaskParams,
+        robot: RobotParams,
+        whole: bool = False,
+        exact_tile_m: tuple[float, float] = EXACT_TILE_M,
+    ) -> None:
+        """Take a world's parts; with `whole` every model is that of all parts.
+
+        `exact_tile_m` is the width and the height of the tiles of models in which feet touch the floor's parts.
+        """
+        assert world.volume is not None
+        self.world, self.task, self.robot, self.whole = world, task, robot, whole
+        self.T_world_mine = world.T_world_mine
+        self.has_planes = not whole and type(robot).attach is RobotParams.attach  # another robot has other feet
+        self._parts = world.volume.parts
+        self._low, self._high = self._parts.boxes_m
+        self._bits = np.array([_BITS[label] for label in FacetLabel])[self._parts.label]
+        self._zones = world.active_zones(task.terrain)
+        self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
+        self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
+        self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def tiles_of(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the models (n, 2) that were chosen: the number of a tile, and a code, see `code_of`."""
+        return chosen
+
+    def number_of(self, places_m: np.ndarray, is_exact: bool) -> np.ndarray:
+        """Return the numbers (n,) of the tiles that places (n, 3) m, mine frame, are in; a whole mine has one."""
+        if self.whole:
+            return np.full(len(places_m), _WHOLE)
+        numbers, side = self._number[is_exact], self._side[is_exact]
+        rows = [(x, y, z) for x, y, z in np.floor(places_m / side).astype(int).tolist()]
+        for row in rows:
+            if row not in numbers:
+                numbers[row] = len(self._boxes)
+                self._boxes.append((np.array(row) * side, np.array(row) * side + side))
+        return np.array([numbers[row] for row in rows], dtype=int)
+
+    def model(self, tile: Tile) -> mujoco.MjModel:
+        """Compile the model of a tile's number and a code.
+
+        Raises
+        ------
+        BundleError
+            If MuJoCo refuses a part; the message is MuJoCo's.
+        """
+        return self.world.compile(with_little_memory(self.spec(tile)))
+
+    def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
+        """Return a model's spec; without a tile it holds all parts, and robots whose feet touch them."""
+        number, code = tile or (_WHOLE, (1 << len(FEET)) - 1)
+        has_boxes = self.has_planes and tile is not None
+        on_parts = code & (1 << len(FEET)) - 1
+        spec = physics_spec(self.task)
+        if number != _WHOLE:
+            # A tile has few parts, and one robot is one island: looking for either costs more than it saves.
+            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE | mujoco.mjtDisableBit.mjDSBL_ISLAND
+        mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
+        rock, ground = mine.add_body(name=ROCK_BODY), mine.add_body(name="ground")
+        friction = [float(self.world.record["rock_friction"]), 0.005, 0.0001]
+        for name, corners, bits in self._within(number, on_parts):
+            _add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
+        for name in robots:
+            self._add_robot(spec, name, code, has_boxes)
+        return spec
+
+    def friction_of(self, zone: int) -> list[float]:
+        """Return the friction of a wheel in a zone, by number."""
+        return [self._zones[zone].friction, 0.005, 0.0001]
+
+    def _within(self, number: int, on_parts: int) -> Iterator[tuple[str, np.ndarray, int]]:
+        """Yield name, corners and bits of the parts of a tile's model, cut to what is in reach."""
+        low, high = self._reach(number, on_parts)
+        bit = ROCK_BIT | FLOOR_BIT if on_parts else ROCK_BIT
+        near = ((self._low < high) & (self._high > low)).all(axis=1) & (self._bits & bit != 0)
+        for k in np.flatnonzero(near).tolist():
+            corners = clip_convex(self._parts.of(k), low, high)
+            if len(corners) > 3 and np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _SLIVER_M:
+                yield f"part_{k}", corners, int(self._bits[k] & bit)
+
+    def _reach(self, number: int, on_parts: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lowest and the highest corner (3,) m of the box that a robot in a tile can reach in one step."""
+        if number == _WHOLE:
+            return np.full(3, -np.inf), np.full(3, np.inf)
+        step_s, beside = self.task.control_s, self.robot.radius_m + MARGIN_M
+        aside = beside + self.task.max_forward_mps * step_s
+        below, above = -_BAND_M[0], _BAND_M[1]
+        if on_parts:  # a robot that may fall, in any position
+            below, above = beside + (FASTEST_FALL_MPS + _GRAVITY_MPS2 * step_s / 2) * step_s, _ABOVE_M
+        low, high = self._boxes[number]
+        return low - [aside, aside, below], high + np.array([aside, aside, above])
+
+    def _add_robot(self, spec: mujoco.MjSpec, name: str, code: int, has_boxes: bool) -> None:
+        """Add a robot; one on boxes is alone, without the geoms that then touch nothing: each costs a test a part."""
+        if has_boxes:
+            _add_boxes(spec, name)
+        self.robot.attach(spec, name)
+        stand_on_facets(spec, name)
+        for geom in list(spec.geoms) if has_boxes else ():
+            if geom.mass == 0 and not (geom.contype | geom.conaffinity) & ~ROBOT_BIT:
+                spec.delete(geom)
+        for k, end in enumerate(FEET):
+            foot = spec.geom(f"{name}_{end}")
+            if has_boxes:
+                foot.conaffinity = _FOOT_BITS[k] | (FLOOR_BIT if code >> k & 1 else 0)
+            if end in WHEELS and foot is not None:
+                zone = code >> (len(FEET) + k * _ZONE_BITS) & (1 << _ZONE_BITS) - 1
+                foot.priority, foot.friction = 1, self.friction_of(zone)
+        contact_sensor(spec, name)
+
+
+def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, corners: np.ndarray, **attributes: Any) -> None:
+    middle = corners.mean(axis=0)
+    mesh = spec.add_mesh(name=name, uservert=(corners - middle).ravel().tolist())
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=middle, conaffinity=0, **attributes)
+
+
+def _add_boxes(spec: mujoco.MjSpec, name: str) -> None:
+    """Add a box under each foot of a robot, parked."""
+    for k, place in enumerate(PARKED_M):
+        body = spec.worldbody.add_body(name=f"{name}_plane_{k}", mocap=True, pos=place)
+        middle = [0, 0, -_HALF_M[2]]
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF_M, pos=middle, contype=_FOOT_BITS[k], conaffinity=0)

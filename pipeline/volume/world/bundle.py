@@ -1,0 +1,165 @@
+"""The work of stage 5 for a volume world: its sealed bundle of format /3."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from minexplore.bundle import (
+    CELLS,
+    FRAMES,
+    GEOM_GROUPS,
+    MADE_BY,
+    MODEL,
+    NO_OVERLAY,
+    PARTS,
+    RECORD,
+    TOPOLOGY,
+    VOLUME,
+    VOLUME_FORMAT,
+    world_sha256,
+)
+from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
+from pipeline.params.realism import LightParams, RealismParams
+from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.store.hashing import sha256_bytes
+from pipeline.types import FreeSpace, Survey
+from pipeline.volume.union import Label
+from pipeline.volume.world.compile import BUILT, SPAWN
+from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
+from pipeline.volume.world.model import VolumeScene, model_xml
+from pipeline.volume.world.parts import cut_floors
+from pipeline.volume.world.record import BuiltVolume, VolumeFigures, VolumeRecord
+from pipeline.volume.world.topology import LegNetwork, Start, heading_at
+
+_OWN = (SPAWN, BUILT)  # of the stage's folder, which the record holds
+_ROOF_SHARE = 0.8  # of the way to the roof that lights hang at most
+
+
+def bundle_volume(params: RealismParams, survey: Survey, free_space: FreeSpace, compiled: Path) -> Bundle:
+    """Return the files of the bundle by name.
+
+    Parameters
+    ----------
+    params : RealismParams
+    survey : Survey
+    free_space : FreeSpace
+        The plan view.
+    compiled : Path
+        The folder with the files of `compile_volume`.
+    """
+    volume: MineVolume = decode(compiled / VOLUME, MineVolume)
+    cells: Cells = decode(compiled / CELLS, Cells)
+    legs: LegNetwork = decode(compiled / TOPOLOGY, LegNetwork)
+    start: Start = decode(compiled / SPAWN, Start)
+    zones = tile_zones(params.zones, volume.world_m)
+    parts = cut_floors(decode(compiled / PARTS, LabelledParts), [zone.east_m for zone in zones[:-1]])
+    west, south, east, north = volume.world_m
+    scene = VolumeScene(
+        name=survey.name,
+        parts=parts,
+        zones=zones,
+        rock_friction=params.rock_friction,
+        lights=lights_of(params.lights, legs),
+        look=params.look,
+        anchor_m=start.anchor_m,
+        heading_rad=heading_at(legs, start.anchor_m),
+        world_m=volume.world_m,
+        offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
+    )
+    names = sorted(path.name for path in compiled.iterdir() if path.name not in _OWN)
+    files = {name: (compiled / name).read_bytes() for name in names}
+    files |= {MODEL: model_xml(scene), PARTS: encode(Path(PARTS), parts)}
+    built: BuiltVolume = decode(compiled / BUILT, BuiltVolume)
+    record = _record(params, scene, free_space, legs, start, _figures(volume, parts, cells, built))
+    return seal(files, record, params)
+
+
+def seal(files: Bundle, record: VolumeRecord, params: RealismParams) -> Bundle:
+    """Add `world.json`, with the sha256 of each file and the world's hash over both, and `made_by.json`."""
+    fields = TypeAdapter(VolumeRecord).dump_python(record, mode="json")
+    fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
+    fields["world_sha256"] = world_sha256(fields)
+    made_by = params.made_by.model_dump(mode="json")
+    return {**files, RECORD: encode(Path(RECORD), fields), MADE_BY: encode(Path(MADE_BY), made_by)}
+
+
+def lights_of(params: LightParams, legs: LegNetwork) -> list[SpotLight]:
+    """Return spot lights along the legs, as far over their floors as stated, or below a lower roof."""
+    lights: list[SpotLight] = []
+    for leg in legs.legs:
+        a, b = np.array(legs.stations_m[leg.start]), np.array(legs.stations_m[leg.end])
+        run = float(np.hypot(*(b - a)[:2]))
+        if run < params.spacing_m / 2:
+            continue
+        placed = place_lights(
+            [np.array([a[:2], b[:2]])], params.spacing_m, 0.0, params.pitch_deg, params.cutoff_deg, params.count
+        )
+        for light in placed:
+            share = float(np.hypot(light.place_m[0] - a[0], light.place_m[1] - a[1])) / run
+            (_, _, up, down), (_, _, far_up, far_down) = leg.lrud_m
+            floor = (a[2] - down) * (1 - share) + (b[2] - far_down) * share
+            tall = (up + down) * (1 - share) + (far_up + far_down) * share
+            z = round(float(floor + min(params.height_m, _ROOF_SHARE * tall)), 3)
+            lights.append(SpotLight((light.place_m[0], light.place_m[1], z), light.direction, light.cutoff_deg))
+    return lights
+
+
+def _figures(volume: MineVolume, parts: LabelledParts, cells: Cells, built: BuiltVolume) -> VolumeFigures:
+    return VolumeFigures(
+        facets=len(volume.faces),
+        vertices=len(volume.vertices),
+        parts=len(parts),
+        floors=int((parts.label == Label.FLOOR).sum()),
+        storeys=int(cells.storey.max(initial=-1)) + 1,
+        low_m=round(float(volume.vertices[:, 2].min()), 6),
+        high_m=round(float(volume.vertices[:, 2].max()), 6),
+        surveyed_m=built.surveyed_m,
+        piece_m=built.piece_m,
+        built_m=built.built_m,
+        datum_m=built.datum_m,
+        entrances=built.entrances,
+        closed_ends=built.closed_ends,
+    )
+
+
+def _record(
+    params: RealismParams,
+    scene: VolumeScene,
+    free_space: FreeSpace,
+    legs: LegNetwork,
+    start: Start,
+    figures: VolumeFigures,
+) -> VolumeRecord:
+    T_world_mine = np.eye(4)
+    T_world_mine[:3, 3] = scene.offset_m
+    return VolumeRecord(
+        format=VOLUME_FORMAT,
+        name=scene.name,
+        frames=FRAMES,
+        T_world_mine=T_world_mine.tolist(),
+        tilt_deg=0.0,
+        gain_m={
+            "entrance_region": 0.0,
+            "entrance_length": params.entrance_length_m,
+            "whole_frame": round(figures.high_m - figures.low_m, 3),
+        },
+        world_m=scene.world_m,
+        plan_frame=free_space.frame,
+        areas=free_space.areas,
+        zones=scene.zones,
+        rock_friction=scene.rock_friction,
+        lights=len(scene.lights),
+        collision_parts=len(scene.parts),
+        loops=legs.loops,
+        drifts=len(legs.legs),
+        spawn=start,
+        look=scene.look,
+        overlay=NO_OVERLAY,
+        geom_groups=GEOM_GROUPS,
+        files={},
+        world_sha256="",
+        volume=figures,
+    )

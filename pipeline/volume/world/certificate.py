@@ -1,0 +1,209 @@
+"""The work of stage 6 for a world that is one volume: its figures, and the certificate of those with limits."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from minexplore.bundle import CELLS, MODEL, PARTS, RECORD, TOPOLOGY, VOLUME
+from pipeline.errors import ArtifactError
+from pipeline.metrics.limits import flatten
+from pipeline.params.validation import VolumeProofParams
+from pipeline.proof.certificate import Certificate, certify
+from pipeline.store.codecs import decode
+from pipeline.store.verify import verify_world
+from pipeline.types import SurveyedLegs
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.shell import ShellPart
+from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.world.built import built_length_m
+from pipeline.volume.world.compile import robot_size
+from pipeline.volume.world.compiled import compare_model
+from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
+from pipeline.volume.world.fronts import fronts_of
+from pipeline.volume.world.physics import measure_standing
+from pipeline.volume.world.reach import neighbours_of, reached_from
+from pipeline.volume.world.record import VolumeRecord
+from pipeline.volume.world.region import Region, region_of
+from pipeline.volume.world.throws import throw_balls, throw_robots
+from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
+
+_MM = 1e3
+
+
+@dataclass(frozen=True)
+class Validated:
+    """The figures of a volume world by group, and its certificate."""
+
+    metrics: dict[str, Any]
+    certificate: Certificate
+
+
+@dataclass(frozen=True)
+class VolumeBundle:
+    """What a bundle says that the certificate measures."""
+
+    record: VolumeRecord
+    mine: MineVolume
+    parts: LabelledParts
+    cells: Cells
+    legs: LegNetwork
+    model: bytes
+
+
+def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
+    """Check that a bundle holds what a volume world may, and read its record.
+
+    Without `checked` neither the tables of `minexplore.schema` nor hashes are applied: the tests of the measures need
+    worlds that they refuse.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing, changed or not allowed, or the record is invalid; the message names it.
+    """
+    if checked:
+        verify_world(folder)
+    try:
+        record: VolumeRecord = TypeAdapter(VolumeRecord).validate_json((folder / RECORD).read_bytes(), strict=True)
+    except (OSError, ValidationError) as error:
+        raise ArtifactError(f"{folder / RECORD}: no record of a volume world: {str(error)[:200]}") from error
+    return record
+
+
+def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
+    """Read the bundle of a volume world; `checked` as in `read_volume_record`."""
+    return VolumeBundle(
+        read_volume_record(folder, checked),
+        decode(folder / VOLUME, MineVolume),
+        decode(folder / PARTS, LabelledParts),
+        decode(folder / CELLS, Cells),
+        decode(folder / TOPOLOGY, LegNetwork),
+        (folder / MODEL).read_bytes(),
+    )
+
+
+def validate_volume(params: VolumeProofParams, world: VolumeBundle, surveyed: SurveyedLegs) -> Validated:
+    """Measure a volume world against its survey.
+
+    Raises
+    ------
+    GeometryError
+        If its mesh is not closed.
+    """
+    rng = np.random.default_rng(params.seed)
+    volume = world.mine.measured()
+    fronts = fronts_of(volume, world.parts)
+    compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
+    metrics = {
+        "volume": {
+            "facets": len(world.mine.faces),
+            "parts": len(world.parts),
+            "free_m3": round(float(volume.solid.volume()), 3),
+            "storeys": world.record.volume.storeys,
+        },
+        "survey": _survey(params, surveyed, world, volume),
+        "floor": _floor(params, surveyed, world.mine),
+        "enclosure": {
+            **_enclosure(params, volume, fronts.parts, rng),
+            "bare_m2": round(fronts.bare_m2, 9),
+            "compiled_mm": round(compiled.compiled_mm, 6),
+            "unlike": compiled.unlike,
+        },
+        "reach": _reach(params, world),
+        **_bodies(params, volume, region_of(volume, fronts.parts, params.most_parts, rng), rng),
+    }
+    figures = flatten(metrics)
+    limits = {name: limit for name, limit in params.limits.items() if name in figures}
+    certificate = certify(world.record.world_sha256, figures, limits)
+    certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
+    return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate)
+
+
+def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:
+    """Return how much of the survey is built: of the file's legs, not of those that the bundle says it has."""
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    piece_m = float(network.lengths_m.sum())
+    wanted = leg_network(network, offset, ())
+    built = built_length_m(volume, wanted)
+    return {
+        "surveyed_m": round(surveyed.surveyed_m, 3),
+        "length_m": round(piece_m, 3),
+        "built_m": round(built, 3),
+        "share_built": round(built / piece_m, 6),
+        "pieces": 1 + len(surveyed.pieces_m),
+        "legs": len(world.legs.legs),
+        "entrances": len(world.record.volume.entrances),
+        "closed_ends": len(world.record.volume.closed_ends),
+    }
+
+
+def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: MineVolume) -> dict[str, Any]:
+    """Return how the floors follow the survey; the union of its legs says what lies in another working."""
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    union = unite(network, pieces_of(network))
+    about = dataclasses.replace(mine, vertices=mine.vertices - offset).measured()
+    about = dataclasses.replace(about, pieces=union.pieces)  # the first of them are the legs, by number
+    found = measure_floor(about, network, union)
+    return {
+        "error_mm": round(_MM * found.error_m, 6),
+        "median_mm": round(_MM * found.median_m, 6),
+        "over_1cm": round(found.over_1cm, 6),
+        "step_mm": round(_MM * found.step_m, 6),
+        "other_step_mm": round(_MM * found.other_step_m, 6),
+        "steep_share": round(found.steep_share, 6),
+        "in_other_workings": len(found.elsewhere),
+        "ledges": len(found.ledges),
+    }
+
+
+def _enclosure(
+    params: VolumeProofParams, volume: Volume, parts: list[ShellPart], rng: np.random.Generator
+) -> dict[str, Any]:
+    found = measure_enclosure(volume, parts, params.tiles, rng)
+    return {
+        "intrusion_m3": round(found.intrusion_m3, 9),
+        "intrusion_um": round(1e6 * found.intrusion_m3 / found.measured_m2, 6),
+        "missing_m2": round(found.missing_m2, 9),
+        "surface_m2": round(found.surface_m2, 3),
+        "measured_m2": round(found.measured_m2, 3),
+        "thinnest_mm": round(_MM * found.thinnest_m, 6),
+        "thin_m2": round(found.thin_m2, 9),
+        "full_share": round(found.full_share, 6),
+    }
+
+
+def _reach(params: VolumeProofParams, world: VolumeBundle) -> dict[str, Any]:
+    """Return what of the floors a robot gets to from where it starts."""
+    cells = world.cells
+    robot = robot_size(params.volume)
+    start = int(np.linalg.norm(cells.places_m - world.record.spawn.anchor_m, axis=1).argmin())
+    reached = reached_from(cells, neighbours_of(cells, robot), start, robot)
+    cell_m2, floors = cells.cell_m**2, int((cells.storey >= 0).sum())
+    return {
+        "share": round(float(reached.sum()) / max(len(reached), 1), 6),
+        "m2": round(float(reached.sum()) * cell_m2, 3),
+        "level_m2": round(floors * cell_m2, 3),
+        "floor_m2": round(len(reached) * cell_m2, 3),
+    }
+
+
+def _bodies(params: VolumeProofParams, volume: Volume, region: Region, rng: np.random.Generator) -> dict[str, Any]:
+    """Return robots at rest, and the escapes of robots and balls, as far as they are asked for."""
+    found: dict[str, Any] = {}
+    parts, targets = region.parts, region.targets
+    if params.robot_contacts:
+        rest = measure_standing(volume, parts, rng, targets)
+        found["standing"] = {"rest_mm": round(_MM * rest.rest_m, 6), "climb_share": round(rest.climb_share, 6)}
+        robots = throw_robots(volume, parts, params.robot_contacts, rng, targets=targets)
+        found["robots"] = {"contacts": robots.contacts, "throws": robots.throws, "escapes": robots.escapes}
+    if params.ball_contacts:
+        balls = throw_balls(volume, parts, params.ball_contacts, False, rng, targets=targets)
+        found["balls"] = {"contacts": balls.contacts, "throws": balls.throws, "escapes": balls.escapes}
+    return found

@@ -1,0 +1,98 @@
+"""The work of stage 3 for a survey that is built as one volume: mesh, parts, cells, maps and where robots start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
+from pipeline.errors import GeometryError
+from pipeline.params.compile3d import Compile3dParams, VolumeParams
+from pipeline.remarks import warn_user
+from pipeline.store.codecs import Bundle, encode
+from pipeline.types import SurveyedLegs, lines_of
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.shell import build_shell
+from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.world.built import built_length_m
+from pipeline.volume.world.cells import cells_of
+from pipeline.volume.world.content import in_mine_frame
+from pipeline.volume.world.maps import octree_of, storey_maps
+from pipeline.volume.world.parts import labelled_parts, without_refused
+from pipeline.volume.world.reach import RobotSize, neighbours_of
+from pipeline.volume.world.record import BuiltVolume, OpenEnd
+from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
+
+SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
+
+
+def robot_size(params: VolumeParams) -> RobotSize:
+    """Return the robot that storeys and reach are of."""
+    return RobotSize(params.steepest, params.step_m, params.robot_height_m, params.robot_radius_m)
+
+
+def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs, subject: str = "survey") -> Bundle:
+    """Return the files of a volume by name: what the bundle copies, `spawn.json` and `built.json`.
+
+    Raises
+    ------
+    GeometryError
+        If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
+    """
+    try:
+        return _compiled(params, surveyed)
+    except (ValueError, GeometryError) as error:
+        raise GeometryError(f"{subject}: {error}") from error
+
+
+def _compiled(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    robot = robot_size(params.volume)
+    solved = solve_floors(unite(network, pieces_of(network)), network)
+    volume = in_mine_frame(solved, offset)
+    parts, refused = without_refused(build_shell(solved))
+    cells = cells_of(volume, params.grid_cell_m, robot)
+    legs = leg_network(network, offset, lines_of(surveyed.entrances))
+    stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
+    spawn = params.spawn
+    pairs = neighbours_of(cells, robot)
+    start = start_of(cells, pairs, legs, stated, spawn.radius_m, spawn.clearance_m, surveyed.datum_m)
+    built = _built(surveyed, legs, built_length_m(volume.measured(), legs), refused)
+    _warn(built)
+    return {
+        VOLUME: encode(Path(VOLUME), volume),
+        PARTS: encode(Path(PARTS), labelled_parts(parts, volume, offset)),
+        CELLS: encode(Path(CELLS), cells),
+        TOPOLOGY: encode(Path(TOPOLOGY), legs),
+        OCTREE: octree_of(cells),
+        SPAWN: encode(Path(SPAWN), start),
+        BUILT: encode(Path(BUILT), built),
+        **storey_maps(cells),
+    }
+
+
+def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:
+    ends = [name for name in legs.dead_ends if name not in legs.entrances]
+    return BuiltVolume(
+        round(surveyed.surveyed_m, 3),
+        round(legs.total_length_m, 3),
+        round(built_m, 3),
+        surveyed.datum_m,
+        [OpenEnd(name, legs.stations_m[name]) for name in legs.entrances],
+        [OpenEnd(name, legs.stations_m[name]) for name in ends],
+        list(zip(lines_of(surveyed.pieces), surveyed.pieces_m.round(3).tolist(), strict=True)),
+        refused,
+    )
+
+
+def _warn(built: BuiltVolume) -> None:
+    """Print what of the survey is built, and where the volume is closed."""
+    share = 100 * built.built_m / max(built.piece_m, 1e-9)
+    warn_user(
+        f"compile3d: built as one volume are {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed, {share:.1f} % "
+        f"of this piece of {built.piece_m:.0f} m"
+    )
+    for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
+        if ends:
+            named = ", ".join(end.station for end in ends[:5])
+            more = f" and {len(ends) - 5} more" if len(ends) > 5 else ""
+            warn_user(f"compile3d: {len(ends)} {what} closed by rock: {named}{more}")

@@ -1,0 +1,160 @@
+"""The MJCF of a volume world: a mesh for each collision part, floor zones, lights and cameras."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from minexplore.bundle import (
+    BARE_ROCK_RGBA,
+    ENTRANCE_CAMERA,
+    MINE_BODY,
+    OVERVIEW_CAMERA,
+    ROCK_CLASS,
+    GeomGroup,
+    floor_wedge,
+    ground_material,
+    rock_geom,
+    spot_light,
+)
+from minexplore.looks import EXTENT_M, LOOKS
+from pipeline.mjcf.scene import SpotLight, ZoneStrip
+from pipeline.volume.union import Label
+from pipeline.volume.world.content import LabelledParts
+
+_DIGITS = 7  # of coordinates about a part's middle, m
+_GROUPS = {Label.WALL: GeomGroup.COLLISION, Label.ROOF: GeomGroup.ROOF}
+
+
+@dataclass(frozen=True)
+class VolumeScene:
+    """What the MJCF of a volume world shows, in the mine frame: `offset_m` (3,) moves it to the world."""
+
+    name: str
+    parts: LabelledParts
+    zones: list[ZoneStrip]
+    rock_friction: float
+    lights: list[SpotLight]
+    look: str
+    anchor_m: tuple[float, float, float]
+    heading_rad: float
+    world_m: tuple[float, float, float, float]
+    offset_m: np.ndarray
+
+
+def zone_numbers(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> np.ndarray:
+    """Return the number (p,) of the zone that each part's middle lies in."""
+    middle = np.array([(one[:, 0].min() + one[:, 0].max()) / 2 for one in map(parts.__getitem__, range(len(parts)))])
+    found: np.ndarray = np.searchsorted([zone.east_m for zone in zones[:-1]], middle)
+    return found
+
+
+def part_names(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> list[str]:
+    """Return the name of each part's geom and mesh: floors by their zone, all in the order of the parts."""
+    names, floors = [], 0
+    for label, zone in zip(parts.label.tolist(), zone_numbers(parts, zones).tolist(), strict=True):
+        if label == Label.FLOOR:
+            names.append(floor_wedge(zones[zone].name, floors))
+            floors += 1
+        else:
+            names.append(rock_geom(len(names) - floors))
+    return names
+
+
+def model_xml(scene: VolumeScene) -> bytes:
+    """Return `mine.xml`. It is written as text: MuJoCo's specs take minutes for 100,000 meshes."""
+    look = LOOKS[scene.look]
+    root = ElementTree.Element("mujoco", model=scene.name)
+    centre = np.array(scene.anchor_m) + scene.offset_m + np.array([0.0, 0.0, 0.5])
+    ElementTree.SubElement(root, "statistic", extent=f"{EXTENT_M:g}", center=_text(centre.round(3)))
+    visual = ElementTree.SubElement(root, "visual")
+    ElementTree.SubElement(
+        visual,
+        "headlight",
+        ambient=_text([look.ambient] * 3),
+        diffuse=_text([look.diffuse] * 3),
+        specular=_text([look.glint] * 3),
+    )
+    ElementTree.SubElement(visual, "map", znear="0.005", zfar="200")
+    ElementTree.SubElement(visual, "global", offwidth="1920", offheight="1080")
+    rock = ElementTree.SubElement(ElementTree.SubElement(root, "default"), "default", {"class": ROCK_CLASS})
+    friction = _text([scene.rock_friction, 0.005, 0.0001])
+    ElementTree.SubElement(rock, "geom", group=str(GeomGroup.COLLISION.value), material="rock", friction=friction)
+    asset = ElementTree.SubElement(root, "asset")
+    ElementTree.SubElement(asset, "material", name="rock", rgba=_text(BARE_ROCK_RGBA), specular="0", shininess="0")
+    for zone in scene.zones:
+        ground = {"name": ground_material(zone.name), "rgba": _text(zone.rgba), "emission": "0.25"}
+        ElementTree.SubElement(asset, "material", ground, specular="0", shininess="0")
+    world = ElementTree.SubElement(root, "worldbody")
+    mine = ElementTree.SubElement(world, "body", name=MINE_BODY, pos=_text(scene.offset_m))
+    for mesh, geom in _parts(scene):
+        asset.append(mesh)
+        mine.append(geom)
+    for number, light in enumerate(scene.lights):
+        ElementTree.SubElement(
+            mine,
+            "light",
+            name=spot_light(number),
+            type="spot",
+            pos=_text(light.place_m),
+            dir=_text(light.direction),
+            cutoff=f"{light.cutoff_deg:g}",
+            diffuse="1 0.93 0.8",
+            specular="0.1 0.1 0.1",
+        )
+    for camera in _cameras(scene):
+        mine.append(camera)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root) + b"\n"
+
+
+def _parts(scene: VolumeScene) -> Iterator[tuple[ElementTree.Element, ElementTree.Element]]:
+    """Return mesh and geom of each part. A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits."""
+    parts, zones = scene.parts, zone_numbers(scene.parts, scene.zones)
+    for number, name in enumerate(part_names(parts, scene.zones)):
+        corners = parts[number]
+        middle = ((corners.min(axis=0) + corners.max(axis=0)) / 2).round(4)
+        vertices = _text((corners - middle).round(_DIGITS).ravel())
+        geom = {"name": name, "type": "mesh", "mesh": name, "pos": _text(middle)}
+        label = Label(int(parts.label[number]))
+        if label is Label.FLOOR:
+            zone = scene.zones[zones[number]]
+            geom |= {
+                "material": ground_material(zone.name),
+                "priority": "1",
+                "friction": _text([zone.friction, 0.005, 0.0001]),
+                "group": str(GeomGroup.FLOOR.value),
+            }
+        else:
+            geom |= {"class": ROCK_CLASS, "group": str(_GROUPS[label].value)}
+        yield (
+            ElementTree.Element("mesh", name=name, vertex=vertices, inertia="shell"),
+            ElementTree.Element("geom", geom),
+        )
+
+
+def _cameras(scene: VolumeScene) -> Iterator[ElementTree.Element]:
+    """Return a camera that looks along the drift from where robots start, and one over the whole mine."""
+    x, y, z = scene.anchor_m
+    c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
+    yield ElementTree.Element(
+        "camera", name=ENTRANCE_CAMERA, pos=_text((x, y, z + 1.2)), xyaxes=_text((s, -c, 0, 0, 0, 1)), fovy="70"
+    )
+    west, south, east, north = scene.world_m
+    pitch, fovy = math.radians(60.0), 30.0
+    reach = max((east - west) / 16 * 9, north - south) / 2 / math.tan(math.radians(fovy / 2)) * 1.05
+    centre = np.array([(west + east) / 2, (south + north) / 2, z])
+    place = centre + reach * np.array([0.0, -math.cos(pitch), math.sin(pitch)])
+    up = (0.0, math.sin(pitch), math.cos(pitch))
+    yield ElementTree.Element(
+        "camera", name=OVERVIEW_CAMERA, pos=_text(place.round(2)), xyaxes=_text((1, 0, 0, *up)), fovy=f"{fovy:g}"
+    )
+
+
+def _text(values: Sequence[float] | np.ndarray) -> str:
+    """Return numbers with all digits that they need, apart by blanks."""
+    return " ".join(f"{float(value):.12g}" for value in values)

@@ -1,0 +1,68 @@
+"""The collision parts of a volume world: those that MuJoCo compiles, floors cut at the borders of zones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from pipeline.volume.shell import ShellPart
+from pipeline.volume.union import Label
+from pipeline.volume.world.content import LabelledParts, MineVolume
+
+_LEAST_M = 1e-6  # least extent of a part: MuJoCo refuses a sliver without a volume
+_ON_BORDER_M = 1e-4  # a corner so near a border needs no cut
+
+
+def without_refused(parts: list[ShellPart]) -> tuple[list[ShellPart], int]:
+    """Return the parts that MuJoCo compiles, and how many it refuses: slivers without a volume."""
+    good = [part for part in parts if _has_volume(part.corners)]
+    return good, len(parts) - len(good)
+
+
+def _has_volume(corners: np.ndarray) -> bool:
+    return bool(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _LEAST_M)
+
+
+def labelled_parts(parts: list[ShellPart], volume: MineVolume, offset_m: np.ndarray) -> LabelledParts:
+    """Return a shell's parts in the mine frame, moved by `offset_m` (3,), with the labels of their facets."""
+    label = [int(volume.label[part.facets[0]]) for part in parts]
+    return collect_labelled([part.corners + offset_m for part in parts], label)
+
+
+def cut_floors(parts: LabelledParts, borders_m: Sequence[float]) -> LabelledParts:
+    """Return parts of which those under floors are cut in two at each easting, where the floor's friction changes."""
+    corners: list[np.ndarray] = []
+    label: list[int] = []
+    for number, kind in enumerate(parts.label.tolist()):
+        pieces = [parts[number]]
+        for border in borders_m if kind == Label.FLOOR else ():
+            pieces = [half for piece in pieces for half in _halves(piece, border)]
+        kept = [piece for piece in pieces if _has_volume(piece)] if len(pieces) > 1 else pieces
+        corners += kept
+        label += [kind] * len(kept)
+    return collect_labelled(corners, label)
+
+
+def collect_labelled(corners: list[np.ndarray], label: Sequence[int]) -> LabelledParts:
+    """Return parts, each with its corners (k, 3) m and its label."""
+    first = np.concatenate([[0], np.cumsum([len(one) for one in corners])])
+    stacked = np.concatenate(corners) if corners else np.zeros((0, 3))
+    return LabelledParts(stacked, first.astype(np.int32), np.array(label, np.int32))
+
+
+def _halves(corners: np.ndarray, border_m: float) -> list[np.ndarray]:
+    """Return the parts of a convex part (k, 3) m west and east of an easting."""
+    x = corners[:, 0] - border_m
+    west, east = corners[x < -_ON_BORDER_M], corners[x > _ON_BORDER_M]
+    if not len(west) or not len(east):
+        return [corners]
+    at = np.meshgrid(np.flatnonzero(x < -_ON_BORDER_M), np.flatnonzero(x > _ON_BORDER_M), indexing="ij")
+    a, b = (side.ravel() for side in at)
+    share = x[a] / (x[a] - x[b])
+    cut = corners[a] + share[:, None] * (corners[b] - corners[a])
+    ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(cut[:, 1:])))
+    cut = np.column_stack([np.full(len(ring), border_m), ring])[:-1]  # the ring ends where it begins
+    on = corners[np.abs(x) <= _ON_BORDER_M]
+    return [np.concatenate([side, cut, on]) for side in (west, east)]

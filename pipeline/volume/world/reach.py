@@ -1,0 +1,84 @@
+"""Which floor spans a robot gets to: slope, step, width and headroom, from span to span."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from pipeline.volume.world.content import Cells
+
+
+@dataclass(frozen=True)
+class RobotSize:
+    """What a robot needs: steepest floor (rise over run), highest step m, height m and radius m."""
+
+    steepest: float
+    step_m: float
+    height_m: float
+    radius_m: float
+
+
+def neighbours_of(cells: Cells, robot: RobotSize) -> np.ndarray:
+    """Return the pairs (n, 2) of spans in columns side by side whose floors differ by no more than slope and step.
+
+    A robot must fit under both roofs on the higher of the two floors.
+    """
+    key = _keys(cells.column, cells.row)
+    order = np.argsort(key, kind="stable")
+    found, first, count = np.unique(key[order], return_index=True, return_counts=True)
+    rise = robot.steepest * cells.cell_m + robot.step_m
+    top = cells.floor_m + cells.headroom_m
+    pairs = [np.zeros((0, 2), np.int64)]
+    for east, north in ((1, 0), (0, 1)):
+        beside = _keys(cells.column + east, cells.row + north)
+        at = np.minimum(np.searchsorted(found, beside), len(found) - 1)
+        meets = found[at] == beside
+        for k in range(int(count.max(initial=0))):
+            one = np.flatnonzero(meets & (count[at] > k))
+            other = order[first[at[one]] + k]
+            over = np.maximum(cells.floor_m[one], cells.floor_m[other])
+            under = np.minimum(top[one], top[other])
+            near = (np.abs(cells.floor_m[one] - cells.floor_m[other]) <= rise) & (under - over >= robot.height_m)
+            pairs.append(np.column_stack([one[near], other[near]]))
+    return np.concatenate(pairs)
+
+
+def _keys(column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Return one number for each column; it is of columns within 2^30 cells of the origin."""
+    found: np.ndarray = (column.astype(np.int64) << 32) + row.astype(np.int64)
+    return found
+
+
+def components_of(count: int, pairs: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """Return the number (count,) of the connected set of usable spans that each belongs to, -1 for others.
+
+    The largest set has the number 0.
+    """
+    kept = pairs[usable[pairs].all(axis=1)]
+    graph = coo_matrix((np.ones(len(kept)), kept.T), (count, count))
+    _, label = connected_components(graph, directed=False)
+    numbers, inverse, sizes = np.unique(label[usable], return_inverse=True, return_counts=True)
+    rank = np.empty(len(numbers), np.int64)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(numbers))
+    found = np.full(count, -1)
+    found[usable] = rank[inverse]
+    return found
+
+
+def reached_from(cells: Cells, pairs: np.ndarray, start: int, robot: RobotSize) -> np.ndarray:
+    """Return which spans (s,) a robot's disc covers on its ways from the span `start`."""
+    fits = (cells.storey >= 0) & (cells.clearance_m >= robot.radius_m)
+    fits[start] = True
+    middle = components_of(len(fits), pairs, fits)
+    reached: np.ndarray = middle == middle[start]
+    usable = cells.storey >= 0
+    kept = pairs[usable[pairs].all(axis=1)]
+    for _ in range(int(np.ceil(robot.radius_m / cells.cell_m))):
+        one, other = reached[kept].T
+        reached = reached.copy()
+        reached[kept[one, 1]] = True
+        reached[kept[other, 0]] = True
+    return reached

@@ -1,0 +1,183 @@
+"""The network of a survey's legs in three dimensions, and where robots start in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+
+from pipeline.errors import GeometryError
+from pipeline.survey.passages.legs import legs_of
+from pipeline.types import SurveyedLegs
+from pipeline.volume.network import SurveyNetwork, network_of
+from pipeline.volume.union import STEEPEST
+from pipeline.volume.world.content import Cells
+from pipeline.volume.world.reach import components_of
+
+_AROUND_M = 2.0  # height over or under a stated start within which a floor belongs to it
+_DIGITS = 4
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class LegRecord:
+    """A leg between two stations: length m, rise over run of its floor, and left, right, up, down m at either end."""
+
+    name: str
+    start: str
+    end: str
+    length_m: float
+    grade: float
+    lrud_m: list[tuple[float, float, float, float]]
+
+
+@dataclass(frozen=True)
+class LegNetwork:
+    """The legs of a survey in the mine frame: stations by name, m; legs by number, as `volume.npz` has them.
+
+    The grade of a plumb leg is the largest number that JSON can hold. `dead_ends` are stations of one leg, `entrances`
+    those that the survey says are open to the surface.
+    """
+
+    stations_m: dict[str, Place]
+    legs: list[LegRecord]
+    junctions: list[str]
+    dead_ends: list[str]
+    entrances: list[str]
+    loops: int
+    components: int
+    total_length_m: float
+
+
+def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
+    """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin.
+
+    Heights and widths that nobody measured are `up_m` and `half_m`.
+    """
+    network = network_of(legs_of(surveyed), up_m, half_m)
+    return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
+
+
+def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
+    """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
+    graph: nx.MultiGraph = nx.MultiGraph(network.shots.tolist())
+    places = (network.places_m + offset_m).round(_DIGITS)
+    lengths, grades = network.lengths_m, network.grades
+    names = network.names
+    legs = [
+        LegRecord(
+            str(k),
+            names[a],
+            names[b],
+            round(float(lengths[k]), _DIGITS),
+            round(float(min(grades[k], 1e6)), _DIGITS),
+            [tuple(row) for row in network.lrud_m[k].round(_DIGITS).tolist()],
+        )
+        for k, (a, b) in enumerate(network.shots.tolist())
+    ]
+    pieces = nx.number_connected_components(graph)
+    used = sorted(graph)
+    return LegNetwork(
+        {names[n]: tuple(places[n].tolist()) for n in used},
+        legs,
+        [names[n] for n in used if graph.degree(n) > 2],
+        [names[n] for n in used if graph.degree(n) == 1],
+        [name for name in entrances if name in set(names)],
+        graph.number_of_edges() - graph.number_of_nodes() + pieces,
+        pieces,
+        round(float(lengths.sum()), _DIGITS),
+    )
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where robots start, m, mine frame: the anchor on a floor, its clearance, and the middle of its region."""
+
+    anchor_m: Place
+    anchor_clearance_m: float
+    centre_m: Place
+    radius_m: float
+    clearance_m: float
+
+
+def start_of(
+    cells: Cells,
+    pairs: np.ndarray,
+    network: LegNetwork,
+    stated_m: Sequence[float] | None,
+    radius_m: float,
+    clearance_m: float,
+    datum_m: float = 0.0,
+) -> Start:
+    """Choose where robots start: the span with the largest clearance near a place, nearer ones first.
+
+    The place is the stated one, else the first entrance, else the highest end of a leg, of those from which the
+    largest floor is reached. `datum_m` is the elevation of z = 0, for messages.
+
+    Raises
+    ------
+    GeometryError
+        If nowhere near the place a robot has room. The message names the place and what moves it.
+    """
+    roomy = (cells.storey >= 0) & (cells.clearance_m >= clearance_m)
+    floor = components_of(len(roomy), pairs, roomy)
+    if stated_m is not None:
+        found = _near(cells, roomy, stated_m, radius_m)
+        if found is None:
+            shown = [*stated_m[:2], *(z + datum_m for z in stated_m[2:])]
+            raise GeometryError(
+                f"survey.entrance_m = {shown}: within {radius_m:g} m no floor is {clearance_m:g} m from rock; --start "
+                "moves it"
+            )
+        return _start(cells, found, stated_m, radius_m, clearance_m)
+    ends = sorted(network.dead_ends or network.stations_m, key=lambda name: (-network.stations_m[name][2], name))
+    for name in [*network.entrances, *ends]:
+        place = network.stations_m[name]
+        found = _near(cells, floor == 0, place, radius_m)
+        if found is not None:
+            return _start(cells, found, place, radius_m, clearance_m)
+    if not roomy.any():
+        raise GeometryError(
+            f"no floor is {clearance_m:g} m from rock with a robot's height over it, where robots start; "
+            "compile3d.spawn.clearance_m and compile3d.volume.robot_height_m state less"
+        )
+    found = int(np.flatnonzero(floor == 0)[0])
+    return _start(cells, found, cells.places_m[found].tolist(), radius_m, clearance_m)
+
+
+def _near(cells: Cells, usable: np.ndarray, place: Sequence[float], radius_m: float) -> int | None:
+    """Return the usable span with the largest clearance within half the radius of a place, or else the whole radius."""
+    places = cells.places_m
+    apart = np.hypot(places[:, 0] - place[0], places[:, 1] - place[1])
+    far = np.abs(places[:, 2] - place[2]) if len(place) > 2 else np.zeros(len(places))
+    for reach in (radius_m / 2, radius_m):
+        near = np.flatnonzero(usable & (apart <= reach) & (far <= max(_AROUND_M, reach)))
+        if len(near):
+            return int(near[np.lexsort((near, apart[near].round(3), -cells.clearance_m[near].round(3)))[0]])
+    return None
+
+
+def _start(cells: Cells, span: int, centre: Sequence[float], radius_m: float, clearance_m: float) -> Start:
+    x, y, z = cells.places_m[span].round(_DIGITS).tolist()
+    middle = (float(centre[0]), float(centre[1]), float(centre[2]) if len(centre) > 2 else z)
+    return Start((x, y, z), round(float(cells.clearance_m[span]), _DIGITS), middle, radius_m, clearance_m)
+
+
+def heading_at(network: LegNetwork, place_m: Place) -> float:
+    """Return the heading, rad, of the flattest leg near a place, away from its nearer end."""
+    places = network.stations_m
+    best, heading = math.inf, 0.0
+    for leg in network.legs:
+        if leg.grade > STEEPEST:
+            continue
+        a, b = np.array(places[leg.start]), np.array(places[leg.end])
+        share = np.clip((np.array(place_m) - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        apart = float(np.linalg.norm(a + share * (b - a) - place_m))
+        if apart < best:
+            way = (b - a) if share <= 0.5 else (a - b)
+            best, heading = apart, math.atan2(way[1], way[0])
+    return heading
