@@ -98,8 +98,9 @@ class SurveyNetwork:
                 at[end].append(shot)
         near: list[np.ndarray] = []
         for start in range(0, n, _STATIONS_TOGETHER):
-            far = dijkstra(graph, directed=False, indices=range(start, min(start + _STATIONS_TOGETHER, n)), limit=reach_m)
-            near += [np.unique(np.concatenate([at[k] for k in np.flatnonzero(np.isfinite(row))] or [[]])) for row in far]
+            some = range(start, min(start + _STATIONS_TOGETHER, n))
+            far = np.isfinite(dijkstra(graph, directed=False, indices=some, limit=reach_m))
+            near += [np.unique(np.concatenate([at[k] for k in np.flatnonzero(row)] or [[]])) for row in far]
         both = (np.union1d(near[i], near[j]).astype(int) for i, j in self.shots)
         return [other[other != shot] for shot, other in enumerate(both)]
 

@@ -34,7 +34,7 @@ def floor_heights(volume):
 def test_facets_cross_where_two_bodies_overlap_and_not_where_they_share_corners(tmp_path):
     _, _, volume = built(DRIFT, tmp_path)
     assert len(crossing_facets(volume.vertices, volume.faces, 1e-6)) == 0
-    both = np.concatenate([volume.vertices, volume.vertices + [0.5, 0.5, 0.5]])
+    both = np.concatenate([volume.vertices, volume.vertices + np.full(3, 0.5)])
     faces = np.concatenate([volume.faces, volume.faces + len(volume.vertices)])
     pairs = crossing_facets(both, faces, 1e-6)
     assert len(pairs)
@@ -50,8 +50,10 @@ def test_a_vertex_one_millimetre_beside_another_goes_and_the_mesh_stays_closed(t
     vertices = np.vstack([volume.vertices, volume.vertices[a] + 1e-3 * way / np.linalg.norm(way)])
     m = len(volume.vertices)
     faces = np.vstack([np.delete(volume.faces, [0, other], axis=0), [[a, m, c], [m, b, c], [b, m, d], [m, a, d]]])
-    rest = [np.append(np.delete(x, [0, other]), [x[0], x[0], x[other], x[other]]) for x in (volume.source, volume.label)]
-    spoilt = dataclasses.replace(volume, vertices=vertices, faces=faces, source=rest[0], label=rest[1])
+    parents = [k for k in range(len(volume.faces)) if k not in (0, other)] + [0, 0, other, other]
+    spoilt = dataclasses.replace(
+        volume, vertices=vertices, faces=faces, source=volume.source[parents], label=volume.label[parents]
+    )
     found = without_slivers(spoilt)
     assert len(found.faces) == len(volume.faces)
     assert found.solid.volume() == pytest.approx(volume.solid.volume(), rel=1e-3)
