@@ -100,6 +100,25 @@ def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
     assert found.error_m < 0.01
 
 
+def test_bad_stations_are_listed_by_name_and_the_rest_is_built(tmp_path):
+    rows = DRIFT + "A,2b,20,0.0004,2,2,0,3,0\nA,3,40,0,-1,0.5,0,0,0\n"
+    network, _, volume = built(rows, tmp_path)
+    assert [line.split(":")[0] for line in network.repairs if "no length" in line] == ["2 to 2b"]
+    assert [line for line in network.repairs if line.startswith("3: ")] == [
+        "3: its walls are -0.50 m apart, 0.05 m are taken",
+        "3: its roof and floor are 0.00 m apart, 0.05 m are taken",
+    ]
+    assert volume.solid.volume() > 20 * 4 * 1.8
+
+
+def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_path):
+    _, _, volume = built(DRIFT + "B,3,0,4,2,2,0,3,0\nB,4,20,4,2,2,0,3,0\n", tmp_path)
+    found = measure_enclosure(volume, build_shell(volume), 1000, np.random.default_rng(0))
+    assert found.intrusion_m3 < 1e-9
+    assert found.missing_m2 < 1e-3
+    assert found.thin_m2 == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["mine", "cave"])
 def test_a_random_survey_is_clean(kind):
