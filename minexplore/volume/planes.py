@@ -193,6 +193,10 @@ def _off_at(
     Between the samples the floor is farthest from the plane where it turns. Places that are not about the node's floor
     are another floor's.
     """
+    if not len(nodes_m):
+        return np.zeros(0)
+    low, high = nodes_m.min(axis=0) - reach_m, nodes_m.max(axis=0) + reach_m
+    creases = creases[((creases[:, :2] >= low) & (creases[:, :2] <= high)).all(axis=1)]
     away = creases[None, :, :2] - nodes_m[:, None]
     near = away[..., 0] ** 2 + away[..., 1] ** 2 <= reach_m**2
     near &= np.abs(creases[None, :, 2] - floor_m[:, None]) < _LEDGE_M
@@ -216,10 +220,12 @@ def fit_planes(places_m: np.ndarray, rise_m: np.ndarray, is_free: np.ndarray) ->
     row = np.column_stack([places_m, np.ones(len(places_m))])
     weight = is_free.astype(float)
     # Sums by `einsum`, as products by BLAS are rounded by how many rows there are.
-    squares = np.einsum("mk,ki,kj->mij", weight, row, row) + 1e-9 * np.eye(3)
+    products = (row[:, :, None] * row[:, None]).reshape(-1, 9)
+    squares = np.einsum("mk,kp->mp", weight, products).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
     plane = np.linalg.solve(squares, np.einsum("mk,ki->mi", rise_m * weight, row)[..., None])[..., 0]
     height = plane[:, :1] * row[:, 0] + plane[:, 1:2] * row[:, 1] + plane[:, 2:]
-    off = np.where(is_free, rise_m - height, np.nan)
-    highest, lowest = np.nanmax(off, axis=1, initial=-np.inf), np.nanmin(off, axis=1, initial=np.inf)
+    off = rise_m - height
+    highest = np.where(is_free, off, -np.inf).max(axis=1, initial=-np.inf)
+    lowest = np.where(is_free, off, np.inf).min(axis=1, initial=np.inf)
     plane[:, 2] += (highest + lowest) / 2
     return np.column_stack([plane, (highest - lowest) / 2])
