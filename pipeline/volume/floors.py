@@ -10,6 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.keyed import simplified
 from pipeline.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
 from pipeline.volume.network import SurveyNetwork
@@ -22,6 +23,7 @@ _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
+_HALVINGS = 6  # of rises at facets that would cross
 _ROUNDS = 3  # of floors: each folds the walls that the one before turned over
 _NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
@@ -51,12 +53,27 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
         if not turned.any():
             break
         is_ledge |= turned
-    vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     faces = folded.first[folded.volume.faces]
     real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    rise = _uncrossed(folded.volume.vertices, faces[real], rise)
+    vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
     return without_thin_rock(without_slivers(simplified(moved, vertices, label, _SIMPLE_M)))
+
+
+def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, until none do."""
+    rise = rise.copy()
+    changed = np.abs(rise) > 0
+    for _ in range(_HALVINGS):
+        pairs = crossing_facets(vertices + rise[:, None] * [0, 0, 1.0], faces, CROSSING_M, changed[faces].any(axis=1))
+        changed[:] = False
+        changed[faces[np.unique(pairs)]] = True
+        if not changed.any():
+            break
+        rise[changed] *= 0.5
+    return rise
 
 
 def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
@@ -162,8 +179,8 @@ def _along_legs(
     """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
 
     A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor. If the floor is
-    that of a leg elsewhere in the survey, or the leg is too steep to drive, it counts only where that is its own floor:
-    a floor does not rise to a leg that climbs out of it or passes over it.
+    that of a drivable leg elsewhere in the survey, or the leg is too steep to drive, it counts only where that is its
+    own floor: a floor does not rise to a leg that climbs out of it or passes over it.
     """
     shots = np.unique([piece.shot for piece in volume.pieces if not piece.is_plumb])
     drivable = np.zeros(len(network.shots), bool)
@@ -173,7 +190,7 @@ def _along_legs(
     under = np.array([piece.shot for piece in volume.pieces])[volume.source[hit]]
     count = len(network.shots)
     near = [shot * count + np.append(other, shot) for shot, other in enumerate(network.near_pairs(_NEAR_M))]
-    meets = drivable[owner] & np.isin(owner * count + under, np.concatenate(near))
+    meets = drivable[owner] & (np.isin(owner * count + under, np.concatenate(near)) | ~drivable[under])
     good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < np.where(meets, DEEPEST_M, _OWN_FLOOR_M))
     return hit[good], plan_weights(volume.vertices, volume.faces[hit[good]], places[good]), places[good, 2]
 

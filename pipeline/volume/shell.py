@@ -57,10 +57,14 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
     return shell.parts + [shell.least(surface) for surface in left]
 
 
-def facets_without_part(volume: Volume) -> dict[int, list[int]]:
-    """Return the facets behind which no part of 2 cm is in the rock, each with those that the best part reaches."""
+def facets_without_part(volume: Volume, some: np.ndarray | None = None) -> dict[int, list[int]]:
+    """Return the facets behind which no part of 2 cm is in the rock, each with those that the best part reaches.
+
+    With `some`, a mask (f,), only these are tried.
+    """
     shell = _Shell(volume)
-    left = [([int(v) for v in face], [k]) for k, face in enumerate(volume.faces.tolist())]
+    chosen = range(len(volume.faces)) if some is None else np.flatnonzero(some).tolist()
+    left = [([int(v) for v in volume.faces[k]], [k]) for k in chosen]
     for kind, depth_m in _THINNEST:
         left = shell.fit(left, kind, depth_m)
     thin = [k for _, (k,) in left if shell.area_m2([k]) > SLIVER_M2]
@@ -104,7 +108,7 @@ class _Shell:
         return left
 
     def least(self, surface: tuple[list[int], list[int]]) -> ShellPart:
-        """Return the part of the shape that has least in the free space."""
+        """Return the part of the shape that has least in the free space, of those of 2 cm if there are any."""
         ring, facets = surface
         area = self.area_m2(facets)
         polygon = next(self._polygons([surface]))
@@ -116,7 +120,7 @@ class _Shell:
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
             shared = self._tiles.shared_m3(solid)
-            if best is None or shared < best.intrusion_m3:
+            if best is None or (depth < THIN_M, shared) < (best.depth_m < THIN_M, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
         if best is None:  # a facet without an area
             corners = self._volume.vertices[ring]

@@ -7,21 +7,34 @@ from dataclasses import replace
 import manifold3d
 import numpy as np
 
-from pipeline.volume.keyed import keyed, volume_of
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.union import Volume
 
 _SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey
 _TURN = 0.2  # of the cosine between a facet's normals before and after: more turns it over
-_ROUNDS = 4
+_ROUNDS, _TRIES = 4, 3
 
 
 def without_slivers(volume: Volume) -> Volume:
     """Return the volume without edges shorter than 3 mm, and without facets lower than that, where it stays closed.
 
     A short edge becomes one vertex. A low facet gives its longest edge to the facet beyond, which is parted at its
-    third corner. What would turn another facet over stays.
+    third corner. What would turn another facet over, or cross it, stays.
     """
-    mesh = _Mesh(volume)
+    kept = np.zeros(len(volume.faces), bool)
+    for _ in range(_TRIES):
+        found = _cleaned(volume, kept)
+        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
+        if not len(pairs):
+            return found
+        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _SHORT_M)
+    return volume
+
+
+def _cleaned(volume: Volume, kept: np.ndarray) -> Volume:
+    """Return the volume without slivers but those of some facets."""
+    mesh = _Mesh(volume, kept)
     for _ in range(_ROUNDS):
         if not mesh.collapse() + mesh.flip():
             break
@@ -39,8 +52,10 @@ def without_slivers(volume: Volume) -> Volume:
 class _Mesh:
     """A closed mesh of which edges are collapsed and flipped."""
 
-    def __init__(self, volume: Volume) -> None:
-        """Begin with a volume's mesh; facets are looked up about the corners of slivers alone."""
+    def __init__(self, volume: Volume, kept: np.ndarray) -> None:
+        """Begin with a volume's mesh and the facets that stay; facets are looked up about slivers alone."""
+        self._fixed = np.zeros(len(volume.vertices), bool)
+        self._fixed[volume.faces[kept]] = True
         self.vertices, self.faces = volume.vertices.copy(), volume.faces.copy()
         self.source, self.label = volume.source.copy(), volume.label.copy()
         self.alive = np.ones(len(self.faces), bool)
@@ -84,6 +99,8 @@ class _Mesh:
 
     def _collapse(self, u: int, v: int) -> bool:
         """Collapse an edge if both its ends have just two neighbours in common and no facet turns over."""
+        if self._fixed[u] or self._fixed[v]:
+            return False
         gone = self._around(u) & self._around(v)
         shared = self._neighbours(u) & self._neighbours(v)
         if len(gone) != 2 or len(shared) != 2 or np.linalg.norm(self.vertices[u] - self.vertices[v]) >= _SHORT_M:
@@ -118,7 +135,7 @@ class _Mesh:
 
     def _flip(self, facet: int) -> bool:
         """Flip a facet's longest edge if no facet turns over and the new edge is not there yet."""
-        if not self.alive[facet]:
+        if not self.alive[facet] or self._fixed[self.faces[facet]].any():
             return False
         face = self.faces[facet].tolist()
         sides = [float(np.linalg.norm(self.vertices[face[i]] - self.vertices[face[i - 2]])) for i in range(3)]

@@ -5,28 +5,31 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
-from pipeline.volume.keyed import KeyedSolid, keyed, volume_of
+from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Label, Volume
 
-_HALF_M = (0.027, 0.04, 0.06, 0.08)  # of the rock that is put behind a facet in each round: parts of 2 cm fit into it
+_HALF_M = (0.027, 0.03, 0.035)  # of the rock that is put behind a facet in each round: parts of 2 cm fit into it
 _ROOF_NZ = 0.7  # of a facet's normal
 
 
 def without_thin_rock(volume: Volume) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
-    Behind each facet where no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less between them stay
-    two, and folds of rock without a thickness get one. Where the other side is a floor, the rock is put under the floor
-    instead, so that floors keep their heights.
+    Behind each facet where no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less between
+    them stay two, and folds of rock without a thickness get one. Where the other side is a floor, the rock is put under
+    the floor instead, so that floors keep their heights. Each round looks about the rock of the one before.
     """
+    some: np.ndarray | None = None
     for half_m in _HALF_M:
-        thin = facets_without_part(volume)
+        thin = facets_without_part(volume, some)
         facets = np.unique([k for facet, others in thin.items() for k in _sides(volume, facet, others)])
         if not len(facets):
             break
+        changed = volume.vertices[volume.faces[facets.astype(int)]]
         volume = without_slivers(_thickened(volume, facets.astype(int), half_m))
+        some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
     return volume
 
 

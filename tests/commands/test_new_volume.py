@@ -46,6 +46,8 @@ def test_a_survey_passes_whole_with_a_certificate_and_a_report(project, name, te
     assert "ends of the survey are closed by rock" in " ".join(done.stderr.split())
     assert "start   " in done.stdout
     project.run(sys.executable, "-m", "pipeline", "show", name)
+    varied = project.run(sys.executable, "-m", "pipeline", "worlds", "--of", name, "--count", "1", check=False)
+    assert (varied.returncode, "this world is one volume" in varied.stderr) == (2, True)
 
 
 def test_a_start_without_a_floor_is_refused_in_one_line_that_names_the_option(project):

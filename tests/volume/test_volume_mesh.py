@@ -34,7 +34,7 @@ def floor_heights(volume):
 def test_facets_cross_where_two_bodies_overlap_and_not_where_they_share_corners(tmp_path):
     _, _, volume = built(DRIFT, tmp_path)
     assert len(crossing_facets(volume.vertices, volume.faces, 1e-6)) == 0
-    both = np.concatenate([volume.vertices, volume.vertices + [0.5, 0.5, 0.5]])
+    both = np.concatenate([volume.vertices, volume.vertices + np.full(3, 0.5)])
     faces = np.concatenate([volume.faces, volume.faces + len(volume.vertices)])
     pairs = crossing_facets(both, faces, 1e-6)
     assert len(pairs)
@@ -50,8 +50,10 @@ def test_a_vertex_one_millimetre_beside_another_goes_and_the_mesh_stays_closed(t
     vertices = np.vstack([volume.vertices, volume.vertices[a] + 1e-3 * way / np.linalg.norm(way)])
     m = len(volume.vertices)
     faces = np.vstack([np.delete(volume.faces, [0, other], axis=0), [[a, m, c], [m, b, c], [b, m, d], [m, a, d]]])
-    rest = [np.append(np.delete(x, [0, other]), [x[0], x[0], x[other], x[other]]) for x in (volume.source, volume.label)]
-    spoilt = dataclasses.replace(volume, vertices=vertices, faces=faces, source=rest[0], label=rest[1])
+    parents = [k for k in range(len(volume.faces)) if k not in (0, other)] + [0, 0, other, other]
+    spoilt = dataclasses.replace(
+        volume, vertices=vertices, faces=faces, source=volume.source[parents], label=volume.label[parents]
+    )
     found = without_slivers(spoilt)
     assert len(found.faces) == len(volume.faces)
     assert found.solid.volume() == pytest.approx(volume.solid.volume(), rel=1e-3)
@@ -96,6 +98,25 @@ def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
     found = measure_floor(volume, network, rough)
     assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
     assert found.error_m < 0.01
+
+
+def test_bad_stations_are_listed_by_name_and_the_rest_is_built(tmp_path):
+    rows = DRIFT + "A,2b,20,0.0004,2,2,0,3,0\nA,3,40,0,-1,0.5,0,0,0\n"
+    network, _, volume = built(rows, tmp_path)
+    assert [line.split(":")[0] for line in network.repairs if "no length" in line] == ["2 to 2b"]
+    assert [line for line in network.repairs if line.startswith("3: ")] == [
+        "3: its walls are -0.50 m apart, 0.05 m are taken",
+        "3: its roof and floor are 0.00 m apart, 0.05 m are taken",
+    ]
+    assert volume.solid.volume() > 20 * 4 * 1.8
+
+
+def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_path):
+    _, _, volume = built(DRIFT + "B,3,0,4,2,2,0,3,0\nB,4,20,4,2,2,0,3,0\n", tmp_path)
+    found = measure_enclosure(volume, build_shell(volume), 1000, np.random.default_rng(0))
+    assert found.intrusion_m3 < 1e-9
+    assert found.missing_m2 < 1e-3
+    assert found.thin_m2 == 0
 
 
 @pytest.mark.slow

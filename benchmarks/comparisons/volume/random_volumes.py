@@ -21,7 +21,7 @@ from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.resume import resume, run_benchmark
 from benchmarks.worlds.random_levels import random_legs
 from pipeline.errors import MineError
-from pipeline.volume.crossings import crossing_facets
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
@@ -41,7 +41,6 @@ LIMITS = {
     "crossings": 0.0,
     "refused": 0.0,
 }
-_CROSSING_M = 1e-6
 
 
 def table_of(kind: str, seed: int) -> str:
@@ -78,7 +77,7 @@ def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
         "intrusion_um": 1e6 * found.intrusion_m3 / found.measured_m2,
         "missing": found.missing_m2 / found.measured_m2,
         "thin_m2": found.thin_m2,
-        "crossings": len(crossing_facets(volume.vertices, volume.faces, _CROSSING_M)),
+        "crossings": len(crossing_facets(volume.vertices, volume.faces, CROSSING_M)),
         "refused": without_refused(parts)[1],
     }
 
@@ -96,9 +95,7 @@ def _rows(kind: str, seeds: Iterable[int]) -> Iterable[dict[str, Any]]:
 
 def main() -> int:
     """Measure what is missing; print the table and what is not clean."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.comparisons.volume.random_volumes", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.volume.random_volumes", description=__doc__)
     parser.add_argument("--mines", type=int, default=200)
     parser.add_argument("--caves", type=int, default=100)
     a = parser.parse_args()

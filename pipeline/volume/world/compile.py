@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
-from pipeline.errors import GeometryError
+from pipeline.errors import GeometryError, MineError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
@@ -23,6 +23,7 @@ from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
+_NAMED = 5  # stations that a message names
 
 
 def robot_size(params: VolumeParams) -> RobotSize:
@@ -40,12 +41,15 @@ def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs, subject: str
     """
     try:
         return _compiled(params, surveyed)
-    except (ValueError, GeometryError) as error:
+    except (ValueError, MineError) as error:
         raise GeometryError(f"{subject}: {error}") from error
 
 
 def _compiled(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    if network.repairs:
+        more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
+        warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
     robot = robot_size(params.volume)
     solved = solve_floors(unite(network, pieces_of(network)), network)
     volume = in_mine_frame(solved, offset)
@@ -93,6 +97,6 @@ def _warn(built: BuiltVolume) -> None:
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:
-            named = ", ".join(end.station for end in ends[:5])
-            more = f" and {len(ends) - 5} more" if len(ends) > 5 else ""
+            named = ", ".join(end.station for end in ends[:_NAMED])
+            more = f" and {len(ends) - _NAMED} more" if len(ends) > _NAMED else ""
             warn_user(f"compile3d: {len(ends)} {what} closed by rock: {named}{more}")

@@ -1,5 +1,6 @@
 """The bundle of a volume world: what its files agree on, where robots start, and messages about bad surveys."""
 
+import dataclasses
 import json
 
 import mujoco
@@ -84,3 +85,17 @@ def test_cells_cover_the_floors_area_and_state_their_height(world):
 def test_a_command_that_reads_no_volumes_refuses_one_in_one_line(world):
     with pytest.raises(ArtifactError, match=r"a world of one volume \(minexplore-world/3\), which this"):
         read_record(world.bundle, checked=False)
+
+
+def test_what_a_survey_lacks_is_listed_by_station_and_built(tmp_path, capsys):
+    bad = ADIT.replace("A,3,", "A,2b,30.0001,0,900,2,2,3,0\nA,3,") + "B,3,60,0,894,0,0,3,0\nB,4,60,20,894,0,0,3,0\n"
+    compile_volume(CONFIG.compile3d, legs_of_table(bad, tmp_path))
+    said = capsys.readouterr().err
+    assert "4: its walls are 0.00 m apart, 0.05 m are taken" in said
+    assert "2 to 2b: no length, left out" in said
+
+
+def test_a_survey_whose_legs_have_no_length_is_refused_with_its_file(tmp_path):
+    legs = dataclasses.replace(legs_of_table(ADIT, tmp_path), positions_m=np.zeros((3, 3)))
+    with pytest.raises(GeometryError, match=r"a\.csv: no leg of 1 has a length"):
+        compile_volume(CONFIG.compile3d, legs, "a.csv")
