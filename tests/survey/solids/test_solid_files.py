@@ -8,8 +8,8 @@ import trimesh
 from ezdxf.render import MeshBuilder
 
 from pipeline.errors import InputError
-from pipeline.volume.solids.closing import close_solids
-from pipeline.volume.solids.files import read_triangles
+from pipeline.survey.solids.closing import close_solids
+from pipeline.survey.solids.files import read_triangles
 
 WELD_M, HOLE_M = 1e-4, 0.5
 
@@ -41,7 +41,8 @@ def write(path, vertices, faces, entity="MESH"):
 
 def closed(path, largest_hole_m=HOLE_M, layers=None):
     read = read_triangles(path, path.read_bytes(), layers)
-    return read, close_solids(read.vertices, read.faces, WELD_M, largest_hole_m)
+    vertices = read.vertices[:, [0, 2, 1]] * [1, -1, 1] if read.up == "y" else read.vertices
+    return read, close_solids(vertices, read.faces, WELD_M, largest_hole_m)
 
 
 @pytest.mark.parametrize("name", ["a.obj", "a.stl", "a.ply", "a.glb", "MESH.dxf", "POLYFACE.dxf", "3DFACE.dxf"])

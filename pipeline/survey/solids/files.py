@@ -20,25 +20,27 @@ from ezdxf.lldxf.const import DXFError
 from ezdxf.render.mesh import MeshBuilder
 
 from pipeline.errors import InputError
+from pipeline.params.survey import Unit
 
 DXF = ".dxf"
 SUFFIXES = (".obj", ".stl", ".ply", ".glb")
-_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
+_UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _Y_UP = (".glb",)  # by the format's own rule; the others state nothing
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """The triangles of a file: `vertices` (n, 3) in its unit with z up, `faces` (m, 3), and the layer (m,) of each.
+    """The triangles of a file: `vertices` (n, 3) in its unit, `faces` (m, 3), and the layer (m,) of each.
 
-    `unit` is None where the file states none.
+    `unit` is None where the file states none; `up` is the axis that points up by the format's rule.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     layer: np.ndarray
     layers: tuple[str, ...]
-    unit: str | None
+    unit: Unit | None
+    up: str
 
 
 def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> Triangles:
@@ -62,12 +64,10 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
     vertices = np.concatenate([vertices for _, vertices, _ in chosen])
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: a coordinate that is no finite number")
-    if suffix in _Y_UP:
-        vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
     faces = np.concatenate([faces + start for (_, _, faces), start in zip(chosen, first[:-1], strict=True)])
     layer = np.repeat([names.index(name) for name, _, _ in chosen], [len(faces) for _, _, faces in chosen])
-    unit = _dxf_unit(path) if suffix == DXF else "m" if suffix in _Y_UP else None
-    return Triangles(vertices, faces, layer, names, unit)
+    unit: Unit | None = _dxf_unit(path) if suffix == DXF else "m" if suffix in _Y_UP else None
+    return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z")
 
 
 Mesh = tuple[str, np.ndarray, np.ndarray]
@@ -117,5 +117,5 @@ def _drawing(path: Path) -> Drawing:
         raise InputError(f"{path}: not a DXF drawing that can be read") from error
 
 
-def _dxf_unit(path: Path) -> str | None:
+def _dxf_unit(path: Path) -> Unit | None:
     return _UNITS.get(int(_drawing(path).header.get("$INSUNITS", 0)))
