@@ -14,6 +14,7 @@ from pipeline.survey.passages.legs import SurveyLeg
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
+_STATIONS_TOGETHER = 500  # whose ways are looked up at once: the table takes 8 bytes for each pair
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
@@ -91,12 +92,14 @@ class SurveyNetwork:
         """Return for each shot the shots that are within a way of `reach_m` along the survey, without itself."""
         n, (a, b) = len(self.places_m), self.shots.T
         graph = coo_matrix((self.lengths_m, (a, b)), (n, n)).tocsr()
-        far = dijkstra(graph, directed=False, limit=reach_m)
         at: list[list[int]] = [[] for _ in range(n)]
         for shot, ends in enumerate(self.shots.tolist()):
             for end in ends:
                 at[end].append(shot)
-        near = [np.unique(np.concatenate([at[k] for k in np.flatnonzero(np.isfinite(row))] or [[]])) for row in far]
+        near: list[np.ndarray] = []
+        for start in range(0, n, _STATIONS_TOGETHER):
+            far = dijkstra(graph, directed=False, indices=range(start, min(start + _STATIONS_TOGETHER, n)), limit=reach_m)
+            near += [np.unique(np.concatenate([at[k] for k in np.flatnonzero(np.isfinite(row))] or [[]])) for row in far]
         both = (np.union1d(near[i], near[j]).astype(int) for i, j in self.shots)
         return [other[other != shot] for shot, other in enumerate(both)]
 
