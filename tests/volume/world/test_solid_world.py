@@ -5,6 +5,7 @@ import json
 import manifold3d
 import numpy as np
 import pytest
+import trimesh
 
 from minexplore.bundle import TOPOLOGY, VOLUME
 from pipeline.errors import GeometryError
@@ -15,6 +16,7 @@ from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, compile_volume
 from pipeline.volume.world.content import MineVolume
 from tests.composed import compose
+from tests.volume_worlds import VolumeWorld, validated
 
 DRIFT_M = 40.0
 
@@ -81,3 +83,27 @@ def test_a_shaft_without_a_floor_for_robots_is_refused_by_what_overrules_it(tmp_
 
 def test_limits_of_floors_are_those_of_the_robot():
     assert VolumeParams().steepest == pytest.approx(np.tan(np.radians(20)), abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    path = tmp_path_factory.mktemp("solid") / "a.ply"
+    mesh = mesh_of(crossing())
+    trimesh.Trimesh(mesh.vertices, mesh.faces).export(path)
+    return VolumeWorld.from_solid(path)
+
+
+def broken(found):
+    return {name for name, clause in found.certificate.clauses.items() if not clause.holds}
+
+
+def test_the_world_of_a_solid_is_certified_against_it(world):
+    found = validated(world.opened(), solid=world.solid, robot_contacts=300, ball_contacts=300)
+    assert broken(found) == set()
+    assert (found.metrics["solid"]["iou"], found.metrics["solid"]["within_10cm"]) == (1, 1)
+    assert found.certificate.contacts >= 300
+
+
+def test_the_world_of_another_solid_breaks_its_clauses(world):
+    other = mesh_of(crossing().translate([0.5, 0, 0]))
+    assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm"}
