@@ -15,6 +15,7 @@ _KINDS = {
     "vector": "a vector drawing",
     "passages": "a station survey",
     "centrelines": "centrelines of drifts",
+    "solid": "the surface of workings",
 }
 _WIDTH_OPTIONS = {
     "plan": "--bar-length, --px-per-m",
@@ -22,6 +23,7 @@ _WIDTH_OPTIONS = {
     "vector": "--unit",
     "passages": "--half-width",
     "centrelines": "--half-width, --unit",
+    "solid": "--unit",
 }
 
 

@@ -273,6 +273,27 @@ NO_LEGS = SurveyedLegs(
 
 
 @dataclass(frozen=True)
+class ClosedMesh:
+    """The free space of a survey that is a solid: a closed mesh (m, mine frame) whose normals point out of it.
+
+    `datum_m` is the survey's elevation of height 0. The world's mesh may be simplified by `simplify_m`. A survey that
+    is no solid has no faces.
+    """
+
+    vertices: Float64[np.ndarray, "n 3"]
+    faces: Int32[np.ndarray, "f 3"]
+    datum_m: float
+    simplify_m: float
+
+    def __len__(self) -> int:
+        """Return the number of faces."""
+        return len(self.faces)
+
+
+NO_SOLID = ClosedMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Areas:
     """Areas of the plan; tunnel + islands + outside is the area of the plan's frame.
 

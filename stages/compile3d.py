@@ -32,6 +32,8 @@ from pipeline.types import (
     NO_LEGS,
     NO_OPENINGS,
     NO_PICTURE,
+    NO_SOLID,
+    ClosedMesh,
     ConvexParts,
     DriftNetwork,
     FreeSpace,
@@ -52,16 +54,18 @@ def compile_rock(
     survey: Survey,
     openings: Openings = NO_OPENINGS,
     network: SurveyedLegs = NO_LEGS,
+    solid: ClosedMesh = NO_SOLID,
 ) -> dict[str, Any]:
     """Return collision parts, occupancy (grid, octree and Nav2 map), extent, the spawn region, and the openings.
 
     Raises that do not reach over the roof are left out, and it is printed where. Of a survey that is built as one
     volume the files of `volume` hold all, and the others hold nothing.
     """
-    if len(network):
+    if len(network) or len(solid):
         from pipeline.volume.world.compile import compile_volume  # open3d takes a second to load
 
-        return {**_nothing(params), "volume": compile_volume(params, network, (survey.sources or [survey.name])[0])}
+        subject = (survey.sources or [survey.name])[0]
+        return {**_nothing(params), "volume": compile_volume(params, network, solid, subject)}
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
@@ -153,6 +157,7 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "openings": Artifact("contours/openings.json", Openings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
+        "solid": Artifact("survey/solid.npz", ClosedMesh),
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),

@@ -22,6 +22,7 @@ from pipeline.geometry.floor.simplified_outline import (
     simplify_folded,
 )
 from pipeline.geometry.network.plan_network import plan_network
+from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.openings.fit import cut_openings, fit_openings
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
@@ -38,7 +39,9 @@ from pipeline.types import (
     NO_LEGS,
     NO_OPENINGS,
     NO_PICTURE,
+    NO_SOLID,
     Areas,
+    ClosedMesh,
     DriftNetwork,
     Frame,
     FreeSpace,
@@ -50,6 +53,7 @@ from pipeline.types import (
     Workings,
 )
 
+_LEAST_HOLE_M2 = 0.25  # of a solid's view from above: smaller ones are no pillars
 _APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
 
 
@@ -63,13 +67,18 @@ class _Traced:
 
 
 def trace_free_space(
-    params: ContoursParams, plan: Image, survey: Survey, workings: Workings, network: SurveyedLegs = NO_LEGS
+    params: ContoursParams,
+    plan: Image,
+    survey: Survey,
+    workings: Workings,
+    network: SurveyedLegs = NO_LEGS,
+    solid: ClosedMesh = NO_SOLID,
 ) -> dict[str, Any]:
     """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables.
 
     A survey that is built as one volume passes through as it is seen from above.
     """
-    if len(network):
+    if len(network) or len(solid):
         return _view_from_above(params, survey, workings, network)
     frame = survey.frame
     try:
@@ -102,7 +111,8 @@ def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings,
     """Return the plan view of a volume, which pictures and the report have; nothing is traced."""
     seen: BaseGeometry = shapely.union_all(shapely.get_parts(workings.polygons))
     outline = seen if isinstance(seen, Polygon | MultiPolygon) else workings.polygons
-    drawn, network = _drawn_again(outline, survey.frame), plan_network(legs, params.network.cell_m)
+    drawn = _drawn_again(outline, survey.frame)
+    network = plan_network(legs, params.network.cell_m) if len(legs) else _seen_network(params, outline)
     return {
         "raw": drawn.raw,
         "cleaned": drawn.cleaned,
@@ -116,6 +126,13 @@ def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings,
         "correction": None,
         "corrected": NO_PICTURE,
     }
+
+
+def _seen_network(params: ContoursParams, outline: Polygon | MultiPolygon) -> DriftNetwork:
+    """Return the network of the largest piece of a solid's view from above."""
+    largest = max(shapely.get_parts(outline), key=lambda part: part.area)
+    whole = Polygon(largest.exterior, [ring for ring in largest.interiors if Polygon(ring).area > _LEAST_HOLE_M2])
+    return trace_network(whole, params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m)
 
 
 def _picture(drawn: Polygon | MultiPolygon, correction: Correction | None, frame: Frame) -> Image:
@@ -265,6 +282,7 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "workings": Artifact("survey/workings.geojson", Workings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
+        "solid": Artifact("survey/solid.npz", ClosedMesh),
     },
     writes={
         "raw": Artifact("contours/raw.png", Mask),

@@ -30,6 +30,8 @@ from pipeline.types import (
     NO_LEGS,
     NO_OPENINGS,
     NO_PICTURE,
+    NO_SOLID,
+    ClosedMesh,
     DriftNetwork,
     FreeSpace,
     Image,
@@ -47,6 +49,7 @@ def model_surface(
     floor: Floor,
     openings: Openings = NO_OPENINGS,
     network: SurveyedLegs = NO_LEGS,
+    solid: ClosedMesh = NO_SOLID,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
@@ -55,7 +58,7 @@ def model_surface(
     Surfaces are made and measured in the plan, as if openings were floor. Then the roof is opened where shafts come
     down, and all is folded by the floor.
     """
-    if len(network):
+    if len(network) or len(solid):
         if params.overlay != "none":
             warn_user("surface: a world that is one volume shows its collision parts; it has no visible rock yet")
         return _NO_ROCK
@@ -135,6 +138,7 @@ STAGE = Stage(
         "floor": Artifact("compile3d/floor.npz", Floor),
         "openings": Artifact("compile3d/openings.json", Openings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
+        "solid": Artifact("survey/solid.npz", ClosedMesh),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

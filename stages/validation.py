@@ -27,7 +27,7 @@ from pipeline.report.figures.graph import blocked_table
 from pipeline.report.figures.plans import draw_agreement
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
-from pipeline.types import NO_LEGS, NO_PICTURE, Image, Mask, Survey, SurveyedLegs, Workings
+from pipeline.types import NO_LEGS, NO_PICTURE, NO_SOLID, ClosedMesh, Image, Mask, Survey, SurveyedLegs, Workings
 
 _SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls")
 
@@ -40,12 +40,13 @@ def validate_world(
     survey: Survey,
     traced: Workings,
     network: SurveyedLegs = NO_LEGS,
+    solid: ClosedMesh = NO_SOLID,
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
-    if len(network):
+    if len(network) or len(solid):
         from pipeline.volume.world.certificate import open_volume, validate_volume  # open3d takes a second to load
 
-        found = validate_volume(params.volume, open_volume(world), network)
+        found = validate_volume(params.volume, open_volume(world), network, solid)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE}
     validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
@@ -127,7 +128,7 @@ def replayed_files(params: ValidationParams) -> list[str]:
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
     timings, figures = flatten(outputs["timings"]), flatten(outputs["metrics"])
-    if "survey.share_built" in figures:  # of a volume
+    if "volume.free_m3" in figures:
         require_limits(figures, {name: limit for name, limit in params.volume.limits.items() if name in figures})
         return
     limits = applying_limits(params, figures)
@@ -159,6 +160,7 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "traced": Artifact("contours/traced.geojson", Workings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
+        "solid": Artifact("survey/solid.npz", ClosedMesh),
     },
     writes={
         "metrics": Artifact("validation/metrics.json", dict, in_git=True),

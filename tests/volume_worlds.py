@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from pipeline.compose import compose
-from pipeline.params.survey import PassageSurveyParams
+from pipeline.params.survey import PassageSurveyParams, SolidSurveyParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.store.codecs import Bundle, decode
 from pipeline.survey.load import _read
-from pipeline.types import SurveyedLegs, Workings
+from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, Workings
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from pipeline.volume.world.compile import compile_volume
@@ -23,10 +23,10 @@ RAMP = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,30,0,0,2,2,3,0\nA,3,60,0,-6,2,2,3,0\n"
 
 def legs_of_table(text: str, folder: Path, **values: Any) -> SurveyedLegs:
     """Return what stage 1 writes of a station table."""
-    return _stage_1(text, folder, values)[3]
+    return _stage_1(text, folder, values).legs
 
 
-def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> tuple:
+def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> Any:
     path = source if isinstance(source, Path) else folder / "survey.csv"
     if isinstance(source, str):
         path.write_text(source)
@@ -41,10 +41,22 @@ class VolumeWorld:
 
     def __init__(self, source: str | Path, folder: Path, **values: Any) -> None:
         """Run the functions of stages 1, 2, 3 and 5; `values` are those of the survey's section."""
-        plan, self.survey, polygons, self.legs = _stage_1(source, folder, values)
-        self.traced = trace_free_space(CONFIG.contours, plan, self.survey, Workings(polygons), self.legs)
+        self._build(_stage_1(source, folder, values), folder)
+
+    @classmethod
+    def from_solid(cls, path: Path) -> Self:
+        """Build a mesh of workings instead; the folders are beside it."""
+        params = SolidSurveyParams(kind="solid", name="test", file="data/x", heights=None)
+        world = cls.__new__(cls)
+        world._build(_read(params.model_copy(update={"file": path.as_posix()})), path.parent)
+        return world
+
+    def _build(self, read: Any, folder: Path) -> None:
+        self.survey, self.legs, self.solid = read.survey, read.legs, read.solid
+        seen = Workings(read.workings)
+        self.traced = trace_free_space(CONFIG.contours, read.plan, self.survey, seen, self.legs, self.solid)
         self.compiled, self.bundle = folder / "compiled", folder / "world"
-        _write(self.compiled, compile_volume(CONFIG.compile3d, self.legs))
+        _write(self.compiled, compile_volume(CONFIG.compile3d, self.legs, self.solid))
         _write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
 
     def opened(self) -> VolumeBundle:
@@ -62,9 +74,11 @@ def proof(**values: Any) -> VolumeProofParams:
     return CONFIG.validation.volume.model_copy(update=quiet | values)
 
 
-def validated(world: VolumeBundle, legs: SurveyedLegs, **values: Any) -> Validated:
+def validated(
+    world: VolumeBundle, legs: SurveyedLegs = NO_LEGS, solid: ClosedMesh = NO_SOLID, **values: Any
+) -> Validated:
     """Return what stage 6 measures of a bundle that was read."""
-    return validate_volume(proof(**values), world, legs)
+    return validate_volume(proof(**values), world, legs, solid)
 
 
 def _write(folder: Path, files: Bundle) -> None:

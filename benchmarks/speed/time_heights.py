@@ -41,9 +41,9 @@ def build_level(legs: dict[str, Leg], folder: Path) -> Path:
     path = folder / "stations.csv"
     path.write_text(table(legs))
     params = PassageSurveyParams(kind="passages", name="level", file="data/x", heights=None)
-    plan, survey, polygons, _ = _read(params.model_copy(update={"file": path.as_posix()}))
-    survey = dataclasses.replace(survey, heights=None)
-    traced = trace_free_space(config.contours, plan, survey, Workings(polygons))
+    read = _read(params.model_copy(update={"file": path.as_posix()}))
+    survey = dataclasses.replace(read.survey, heights=None)
+    traced = trace_free_space(config.contours, read.plan, survey, Workings(read.workings))
     finish_world(config, survey, traced, folder / "world")
     return folder / "world"
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -33,6 +33,7 @@ class FileKind(StrEnum):
     GRID = "an occupancy grid"
     VECTOR = "a vector file"
     STATIONS = "a station survey"
+    SOLID = "a solid"
 
 
 _PICTURES = (FileKind.PICTURE, FileKind.PDF)
@@ -72,7 +73,7 @@ class StatedOptions(Params):
         le=1_000_000,
         description="scale of a drawing whose file states its resolution",
     )
-    unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR)] = Field(
+    unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR, FileKind.SOLID)] = Field(
         default=None, description="unit of a drawing"
     )
     half_width_m: Annotated[float | None, _option("--half-width", FileKind.VECTOR, FileKind.STATIONS)] = Field(
@@ -93,14 +94,15 @@ class StatedOptions(Params):
     )
     volume: Annotated[bool | None, _option("--volume", FileKind.VECTOR, FileKind.STATIONS)] = Field(
         default=None,
-        description="build a survey with elevations whole, as one closed volume: shafts, crawls, passages over others",
+        description="build a survey with elevations whole, as one closed volume: shafts, crawls, passages over others; "
+        "or the solids in a DXF file",
     )
     entrance_m: Annotated[StartM | None, _option("--start --entrance", metavar="E,N[,Z]")] = Field(
         default=None,
         description="where robots start, m, mine frame; default: the highest end of drifts with elevations, else the "
         "start of the longest drift",
     )
-    layers: Annotated[list[str] | None, _option("--layer", FileKind.VECTOR)] = Field(
+    layers: Annotated[list[str] | None, _option("--layer", FileKind.VECTOR, FileKind.SOLID)] = Field(
         default=None, max_length=1000, description="layer of a drawing; repeat for more layers"
     )
     elevations_m: Annotated[Elevations | None, _option("--elevation", FileKind.VECTOR, metavar="LAYER=M")] = Field(
@@ -117,6 +119,15 @@ class StatedOptions(Params):
     )
     snap_m: Annotated[float | None, _option("--snap", FileKind.VECTOR)] = Field(
         default=None, ge=0, le=10, description="largest gap between wall ends that are joined, m"
+    )
+    close_m: Annotated[float | None, _option("--close", FileKind.VECTOR, FileKind.SOLID, metavar="M")] = Field(
+        default=None, ge=0, le=50, description="widest hole of a solid that is closed, m"
+    )
+    simplify_m: Annotated[float | None, _option("--simplify", FileKind.VECTOR, FileKind.SOLID, metavar="M")] = Field(
+        default=None, gt=0, le=0.5, description="how far the mesh of a solid may move when it is simplified, m"
+    )
+    up: Annotated[Literal["y", "z"] | None, _option("--up", FileKind.VECTOR, FileKind.SOLID, metavar="y|z")] = Field(
+        default=None, description="axis of a solid's file that points up"
     )
     page: Annotated[int | None, _option("--page", FileKind.PDF)] = Field(
         default=None, ge=1, le=100_000, description="page of a PDF"

@@ -55,6 +55,7 @@ FORMATS: dict[str, Format] = {
     ".str": Format(FileKind.VECTOR, shapes=read_surpac),
     **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson, has_fields=True)),
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata, has_fields=True)),
+    **dict.fromkeys((".obj", ".stl", ".ply", ".glb"), Format(FileKind.SOLID)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
     **dict.fromkeys(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,11 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import reading_by
-from pipeline.params.survey import PlanSurveyParams, PosesParams, StationSurveyParams, SurveyParams
+from pipeline.params.survey import PlanSurveyParams, PosesParams, SolidSurveyParams, StationSurveyParams, SurveyParams
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.registry import read_registry
-from pipeline.survey.draw import WIDEST_M, draw_plan, frame_around
+from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
 from pipeline.survey.drawing.georeference import read_placement, world_file
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import (
@@ -36,13 +36,16 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
 from pipeline.survey.passages.sheets import lay_out_sheets
-from pipeline.survey.start import start_in_plan
+from pipeline.survey.solids.read import read_solid
+from pipeline.survey.start import start_in_plan, start_over
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import (
     METRIC,
     NO_LEGS,
+    NO_SOLID,
+    ClosedMesh,
     Frame,
     Georeference,
     Heights,
@@ -85,6 +88,18 @@ class _Drawn:
     boxes: list[Box] = field(default_factory=list)
     workings: MultiPolygon = field(default_factory=MultiPolygon)
     legs: SurveyedLegs = NO_LEGS
+    solid: ClosedMesh = NO_SOLID
+
+
+@dataclass(frozen=True)
+class _Content:
+    """What stage 1 hands on of a survey."""
+
+    plan: Image
+    survey: Survey
+    workings: MultiPolygon
+    legs: SurveyedLegs
+    solid: ClosedMesh
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -95,7 +110,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     dict
         `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
         a vector survey; `survey`, the frame, scale and origin of both; `network`, the legs of a survey that is built
-        as one volume, none of others.
+        as one volume, and `solid`, its mesh where it is one; none of others.
 
     Raises
     ------
@@ -103,8 +118,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
     if params.kind == "procedural":
-        plan, survey, workings, legs = _read(params)
-        return {"plan": plan, "survey": survey, "workings": Workings(workings), "network": legs}
+        read = _read(params)
+        return _outputs(read.plan, read.survey, read.workings, read.legs, read.solid)
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
@@ -112,18 +127,33 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
-    stated = {f.name: payload.arrays[f"network/{f.name}"] for f in fields(SurveyedLegs)}
-    numbers = {name: stated[name].item() for name in ("surveyed_m", "datum_m")}
-    network = SurveyedLegs(**{**stated, **numbers})
-    return {"plan": payload.arrays["plan"], "survey": survey, "workings": Workings(polygons), "network": network}
+    legs, solid = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh))
+    return _outputs(payload.arrays["plan"], survey, polygons, legs, solid)
+
+
+def _outputs(
+    plan: Image, survey: Survey, workings: MultiPolygon, legs: SurveyedLegs, solid: ClosedMesh
+) -> dict[str, Any]:
+    return {"plan": plan, "survey": survey, "workings": Workings(workings), "network": legs, "solid": solid}
+
+
+def _packed(record: SurveyedLegs | ClosedMesh) -> dict[str, np.ndarray]:
+    """Return a record of arrays and numbers as arrays."""
+    return {f"{type(record).__name__}/{f.name}": np.asarray(getattr(record, f.name)) for f in fields(record)}
+
+
+def _unpacked(kind: type[Any], arrays: dict[str, np.ndarray]) -> Any:
+    """Return the record that `_packed` took apart."""
+    found = {f: arrays[f"{kind.__name__}/{f.name}"] for f in fields(kind)}
+    return kind(**{f.name: value.item() if f.type == "float" else value for f, value in found.items()})
 
 
 def read_here(params: dict[str, Any]) -> Payload:
     """Read a survey in this process; `read_survey` has limits."""
-    plan, survey, workings, legs = _read(_section(params))
-    arrays = {"plan": plan, "workings": np.frombuffer(shapely.to_wkb(workings), np.uint8)}
-    arrays |= {f"network/{f.name}": np.asarray(getattr(legs, f.name)) for f in fields(SurveyedLegs)}
-    return Payload(TypeAdapter(Survey).dump_python(survey, mode="json"), arrays)
+    read = _read(_section(params))
+    arrays = {"plan": read.plan, "workings": np.frombuffer(shapely.to_wkb(read.workings), np.uint8)}
+    arrays |= _packed(read.legs) | _packed(read.solid)
+    return Payload(TypeAdapter(Survey).dump_python(read.survey, mode="json"), arrays)
 
 
 def _section(params: dict[str, Any]) -> SurveyParams:
@@ -146,12 +176,12 @@ def _subject(params: SurveyParams) -> str:
     return params.file
 
 
-def _read(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon, SurveyedLegs]:
+def _read(params: SurveyParams) -> _Content:
     with reading_by(params):
         return _read_by_kind(params)
 
 
-def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon, SurveyedLegs]:
+def _read_by_kind(params: SurveyParams) -> _Content:
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
@@ -159,6 +189,8 @@ def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon, Su
             grid = read_grid(params)
             scale = Scale(grid.frame.px_per_m, "map")
             read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, workings=grid.workings)
+        case "solid":
+            read = _read_solid(params)
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
@@ -183,12 +215,21 @@ def _read_by_kind(params: SurveyParams) -> tuple[Image, Survey, MultiPolygon, Su
         licences,
         heights,
     )
-    return read.plan, survey, read.workings, read.legs
+    return _Content(read.plan, survey, read.workings, read.legs, read.solid)
+
+
+def _read_solid(params: SolidSurveyParams) -> _Drawn:
+    found = read_solid(params)
+    frame = frame_of(params.file, found.workings, params)
+    plan = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
+    scale = Scale(frame.px_per_m, "drawn")
+    legs = replace(NO_LEGS, start_m=start_over(params.entrance_m, found.solid.datum_m))
+    return _Drawn(plan, frame, scale, found.georeference, workings=found.workings, legs=legs, solid=found.solid)
 
 
 def _entrance(params: SurveyParams, read: _Drawn, heights: Heights | None) -> tuple[float, float] | None:
     """Return where robots start in the plan; the legs of a volume have the place with its elevation."""
-    if params.entrance_m is None or len(read.legs):
+    if params.entrance_m is None or len(read.legs) or len(read.solid):
         return None
     return start_in_plan(params.entrance_m, heights)
 
@@ -375,6 +416,8 @@ def _sources(params: SurveyParams) -> list[str]:
             files += [georeference.as_posix()] if georeference is not None else []
         case "grid":
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
+        case "solid":
+            files = [params.file]
         case _:
             files = vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []

@@ -21,6 +21,7 @@ from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
+from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import Piece, SurveyedLegs, text_array
 
@@ -91,7 +92,7 @@ def surveyed_legs(
     lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in kept])
     floors = np.concatenate(places)[:, 2] - np.nan_to_num(lrud[:, 3])
     datum = float(np.floor(floors.min()))
-    start = _start(params.entrance_m, datum)
+    start = start_over(params.entrance_m, datum)
     stations = [name for leg in kept for name in leg.stations]
     return SurveyedLegs(
         np.concatenate(places) - np.array([*origin, datum]),
@@ -131,12 +132,6 @@ def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
     return built
-
-
-def _start(stated: tuple[float, ...] | None, datum: float) -> np.ndarray:
-    if stated is None:
-        return np.zeros(0)
-    return np.array([*stated[:2], *(z - datum for z in stated[2:])])
 
 
 def _heights(leg: SurveyLeg) -> np.ndarray:

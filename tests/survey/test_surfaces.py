@@ -69,7 +69,8 @@ def labels(tmp_path):
 def read(plan, heights):
     params = VectorSurveyParams(kind="vector", name="a", file="data/x")
     found = heights.as_posix() if heights else None
-    return _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))[:3]
+    survey = _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
+    return survey.plan, survey.survey, survey.workings
 
 
 def floor_of(plan, survey, workings, monkeypatch):

@@ -9,6 +9,7 @@ from pydantic import Field
 from pipeline.params.survey.base import PosesParams
 from pipeline.params.survey.generated import ProceduralSurveyParams, VariantSurveyParams
 from pipeline.params.survey.pictures import GridSurveyParams, PlanSurveyParams, StationSurveyParams
+from pipeline.params.survey.solids import SolidSurveyParams
 from pipeline.params.survey.values import (
     GRADES_NEED,
     BoxPx,
@@ -28,6 +29,7 @@ SurveyParams = Annotated[
     | PassageSurveyParams
     | CentrelineSurveyParams
     | GridSurveyParams
+    | SolidSurveyParams
     | ProceduralSurveyParams
     | VariantSurveyParams,
     Field(discriminator="kind"),
@@ -46,6 +48,7 @@ __all__ = [
     "PlanSurveyParams",
     "PosesParams",
     "ProceduralSurveyParams",
+    "SolidSurveyParams",
     "StartM",
     "StationSurveyParams",
     "SurveyParams",

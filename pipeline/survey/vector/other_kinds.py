@@ -15,10 +15,11 @@ _SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSUR
 _FILLS = ("HATCH", "MPOLYGON", "SOLID", "TRACE")
 _PICTURES = ("IMAGE", "PDFUNDERLAY", "DGNUNDERLAY", "DWFUNDERLAY", "OLE2FRAME")
 _WAYS = (
+    (_SURFACES[:-1], "--volume reads them as a solid of the workings"),
     (
-        _SURFACES + _SOLIDS,
-        "surfaces and solids are not read yet: cut them at the height of the floor in the program that made them, and "
-        "save the outline as closed lines or polygons",
+        _SURFACES[-1:] + _SOLIDS,
+        "these surfaces and solids are not read: save them as triangles (3DFACE, OBJ, STL), or cut them at the height "
+        "of the floor in the program that made them, and save the outline as closed lines or polygons",
     ),
     (_FILLS, "areas that are only filled are not read: draw their boundaries (HATCHGENERATEBOUNDARY)"),
     (_PICTURES, "a picture or a PDF on a drawing is not read: give that file to --from"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import manifold3d
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
@@ -17,8 +18,8 @@ from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.verify import verify_world
-from pipeline.types import SurveyedLegs
-from pipeline.volume.enclosure import measure_enclosure
+from pipeline.types import NO_SOLID, ClosedMesh, SurveyedLegs
+from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume, pieces_of, unite
@@ -35,6 +36,7 @@ from pipeline.volume.world.throws import throw_balls, throw_robots
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
+_SAMPLES = 100_000  # points on the surface of a solid
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,10 @@ def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
     )
 
 
-def validate_volume(params: VolumeProofParams, world: VolumeBundle, surveyed: SurveyedLegs) -> Validated:
-    """Measure a volume world against its survey.
+def validate_volume(
+    params: VolumeProofParams, world: VolumeBundle, surveyed: SurveyedLegs, solid: ClosedMesh = NO_SOLID
+) -> Validated:
+    """Measure a volume world against its survey: its legs, or the solid where it is one.
 
     Raises
     ------
@@ -108,8 +112,11 @@ def validate_volume(params: VolumeProofParams, world: VolumeBundle, surveyed: Su
             "free_m3": round(float(volume.solid.volume()), 3),
             "storeys": world.record.volume.storeys,
         },
-        "survey": _survey(params, surveyed, world, volume),
-        "floor": _floor(params, surveyed, world.mine),
+        **(
+            {"solid": _solid(volume, solid, rng)}
+            if len(solid)
+            else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
+        ),
         "enclosure": {
             **_enclosure(params, volume, fronts.parts, rng),
             "bare_m2": round(fronts.bare_m2, 9),
@@ -124,6 +131,28 @@ def validate_volume(params: VolumeProofParams, world: VolumeBundle, surveyed: Su
     certificate = certify(world.record.world_sha256, figures, limits)
     certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
     return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate)
+
+
+def _solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> dict[str, Any]:
+    """Return how the volume follows the solid that was read: by their booleans and by points on the solid's surface."""
+    wanted = manifold3d.Manifold(
+        manifold3d.Mesh64(np.array(solid.vertices, order="C"), solid.faces.astype(np.uint64, order="C"))
+    )
+    both, either = (wanted ^ volume.solid).volume(), (wanted + volume.solid).volume()
+    a, b, c = np.moveaxis(solid.vertices[solid.faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    facet = rng.choice(len(area), _SAMPLES, p=area / area.sum())
+    share = rng.dirichlet(np.ones(3), _SAMPLES)
+    points = np.einsum("ki,kij->kj", share, solid.vertices[solid.faces[facet]])
+    off = np.abs(Inside(volume).distance_m(points))
+    return {
+        "iou": round(both / either, 6),
+        "median_mm": round(_MM * float(np.median(off)), 3),
+        "largest_mm": round(_MM * float(off.max()), 3),
+        "within_5cm": round(float((off <= 0.05).mean()), 6),
+        "within_10cm": round(float((off <= 0.1).mean()), 6),
+        "area_m2": round(float(area.sum()) / 2, 3),
+    }
 
 
 def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:

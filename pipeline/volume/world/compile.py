@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
 from pipeline.errors import GeometryError, MineError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
-from pipeline.types import SurveyedLegs, lines_of
+from pipeline.types import NO_SOLID, ClosedMesh, SurveyedLegs, lines_of
 from pipeline.volume.floors import solve_floors
+from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
-from pipeline.volume.world.content import in_mine_frame
+from pipeline.volume.world.content import Cells, MineVolume, in_mine_frame
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
+from pipeline.volume.world.solid import legs_on_floors, mine_volume, nearest_leg, volume_of_solid
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
@@ -31,8 +36,13 @@ def robot_size(params: VolumeParams) -> RobotSize:
     return RobotSize(params.steepest, params.step_m, params.robot_height_m, params.robot_radius_m)
 
 
-def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs, subject: str = "survey") -> Bundle:
+def compile_volume(
+    params: Compile3dParams, surveyed: SurveyedLegs, solid: ClosedMesh = NO_SOLID, subject: str = "survey"
+) -> Bundle:
     """Return the files of a volume by name: what the bundle copies, `spawn.json` and `built.json`.
+
+    The volume is the solid if there is one; then its legs follow the middles of its floors. Else it is the union of
+    the surveyed legs.
 
     Raises
     ------
@@ -40,31 +50,27 @@ def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs, subject: str
         If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
     try:
-        return _compiled(params, surveyed)
+        made = _of_solid(params, surveyed, solid) if len(solid) else _of_legs(params, surveyed)
+        return _files_of(params, made)
     except (ValueError, MineError) as error:
         raise GeometryError(f"{subject}: {error}") from error
 
 
-def _compiled(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
-    if network.repairs:
-        more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
-        warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
+def _files_of(params: Compile3dParams, made: _Made) -> Bundle:
+    volume, cells, surveyed = made.volume, made.cells, made.surveyed
     robot = robot_size(params.volume)
-    solved = solve_floors(unite(network, pieces_of(network)), network)
-    volume = in_mine_frame(solved, offset)
-    parts, refused = without_refused(build_shell(solved))
-    cells = cells_of(volume, params.grid_cell_m, robot)
-    legs = leg_network(network, offset, lines_of(surveyed.entrances))
+    parts, refused = without_refused(build_shell(made.solved))
+    legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
     stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
     spawn = params.spawn
     pairs = neighbours_of(cells, robot)
     start = start_of(cells, pairs, legs, stated, spawn.radius_m, spawn.clearance_m, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(volume.measured(), legs), refused)
-    _warn(built)
+    if not made.is_solid:
+        _warn(built)
     return {
         VOLUME: encode(Path(VOLUME), volume),
-        PARTS: encode(Path(PARTS), labelled_parts(parts, volume, offset)),
+        PARTS: encode(Path(PARTS), labelled_parts(parts, volume, made.offset_m)),
         CELLS: encode(Path(CELLS), cells),
         TOPOLOGY: encode(Path(TOPOLOGY), legs),
         OCTREE: octree_of(cells),
@@ -72,6 +78,43 @@ def _compiled(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
         BUILT: encode(Path(BUILT), built),
         **storey_maps(cells),
     }
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A volume about its own middle and in the mine frame, its cells, and its legs."""
+
+    solved: Volume
+    volume: MineVolume
+    offset_m: np.ndarray
+    cells: Cells
+    surveyed: SurveyedLegs
+    network: SurveyNetwork
+    is_solid: bool
+
+
+def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _Made:
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    if network.repairs:
+        more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
+        warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
+    solved = solve_floors(unite(network, pieces_of(network)), network)
+    volume = in_mine_frame(solved, offset)
+    cells = cells_of(volume, params.grid_cell_m, robot_size(params.volume))
+    return _Made(solved, volume, offset, cells, surveyed, network, False)
+
+
+def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _Made:
+    robot = robot_size(params.volume)
+    solved = volume_of_solid(solid, robot.steepest)
+    bare = mine_volume(solved, solved.source)
+    cells = cells_of(bare, params.grid_cell_m, robot)
+    surveyed = replace(legs_on_floors(cells, neighbours_of(cells, robot), solid.datum_m), start_m=stated.start_m)
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    volume = mine_volume(solved, nearest_leg(solved, surveyed))
+    surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))
+    network = replace(network, places_m=network.places_m + offset)
+    return _Made(solved, volume, np.zeros(3), cells, surveyed, network, True)
 
 
 def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:

@@ -1,0 +1,121 @@
+"""Readers of triangle meshes: OBJ, STL, PLY and GLB by trimesh, DXF by ezdxf."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from ezdxf import disassemble
+from ezdxf.document import Drawing
+from ezdxf.entities.dxfentity import DXFEntity
+from ezdxf.entities.mesh import Mesh as MeshEntity
+from ezdxf.entities.polyline import Polyface, Polymesh
+from ezdxf.entities.solid import Face3d
+from ezdxf.filemanagement import readfile
+from ezdxf.lldxf.const import DXFError
+from ezdxf.render.mesh import MeshBuilder
+
+from pipeline.errors import InputError
+from pipeline.params.survey import Unit
+
+DXF = ".dxf"
+SUFFIXES = (".obj", ".stl", ".ply", ".glb")
+_UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
+_Y_UP = (".glb",)  # by the format's own rule; the others state nothing
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """The triangles of a file: `vertices` (n, 3) in its unit, `faces` (m, 3), and the layer (m,) of each.
+
+    `unit` is None where the file states none; `up` is the axis that points up by the format's rule.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    layer: np.ndarray
+    layers: tuple[str, ...]
+    unit: Unit | None
+    up: str
+
+
+def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> Triangles:
+    """Read the triangles of a file's layers; None reads all.
+
+    Raises
+    ------
+    InputError
+        If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
+    """
+    suffix = path.suffix.lower()
+    found = list(_dxf_meshes(path) if suffix == DXF else _scene_meshes(path, data, suffix))
+    names = tuple(dict.fromkeys(name for name, _, _ in found))
+    unknown = sorted(set(layers or []) - set(names))
+    if unknown:
+        raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(names) or 'none'}")
+    chosen = [mesh for mesh in found if layers is None or mesh[0] in layers]
+    if not sum(len(faces) for _, _, faces in chosen):
+        raise InputError(f"{path}: has no triangles; a mesh of the workings is wanted")
+    first = np.cumsum([0, *(len(vertices) for _, vertices, _ in chosen)])
+    vertices = np.concatenate([vertices for _, vertices, _ in chosen])
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{path}: a coordinate that is no finite number")
+    faces = np.concatenate([faces + start for (_, _, faces), start in zip(chosen, first[:-1], strict=True)])
+    layer = np.repeat([names.index(name) for name, _, _ in chosen], [len(faces) for _, _, faces in chosen])
+    unit: Unit | None = _dxf_unit(path) if suffix == DXF else "m" if suffix in _Y_UP else None
+    return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z")
+
+
+Mesh = tuple[str, np.ndarray, np.ndarray]
+
+
+def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
+    """Yield name, vertices and faces of each mesh of a file that trimesh reads; it opens no other file."""
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=None, process=False)
+        placed = [(name, *scene.graph[name]) for name in scene.graph.nodes_geometry]
+        meshes = [(name, transform, scene.geometry[key]) for name, transform, key in placed]
+    except Exception as error:  # trimesh raises what its parsers raise
+        raise InputError(f"{path}: not a mesh that a {suffix[1:].upper()} file holds") from error
+    for name, transform, mesh in meshes:
+        if isinstance(mesh, trimesh.Trimesh):
+            vertices = np.asarray(mesh.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
+            yield str(name), vertices, np.asarray(mesh.faces, np.int64)
+
+
+def _dxf_meshes(path: Path) -> Iterator[Mesh]:
+    """Yield layer, vertices and triangles of each 3DFACE, polyface or polygon mesh, and MESH of a drawing."""
+    for entity in disassemble.recursive_decompose(_drawing(path).modelspace()):
+        mesh = _dxf_mesh(entity)
+        if mesh is not None and len(mesh.faces):
+            mesh.faces = [face for face in mesh.faces if len(set(face)) > 2]
+            plain = mesh.mesh_tessellation(max_vertex_count=3)
+            vertices = np.array([tuple(vertex) for vertex in plain.vertices], np.float64).reshape(-1, 3)
+            yield str(entity.dxf.layer), vertices, np.array(plain.faces, np.int64).reshape(-1, 3)
+
+
+def _dxf_mesh(entity: DXFEntity) -> MeshBuilder | None:
+    if isinstance(entity, Face3d):
+        mesh = MeshBuilder()
+        mesh.add_face(list(dict.fromkeys(entity.wcs_vertices())))
+        return mesh
+    if isinstance(entity, MeshEntity):
+        return MeshBuilder.from_mesh(entity)
+    if isinstance(entity, Polyface | Polymesh):
+        return MeshBuilder.from_polyface(entity)
+    return None
+
+
+def _drawing(path: Path) -> Drawing:
+    try:
+        return readfile(path)
+    except (OSError, DXFError) as error:
+        raise InputError(f"{path}: not a DXF drawing that can be read") from error
+
+
+def _dxf_unit(path: Path) -> Unit | None:
+    return _UNITS.get(int(_drawing(path).header.get("$INSUNITS", 0)))

@@ -1,0 +1,138 @@
+"""Read a solid of workings: its triangles in the mine frame, closed and simplified, with what was done to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.polygon import orient
+
+from pipeline.errors import InputError
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
+from pipeline.guard.reading_process import warn_user
+from pipeline.params.survey import SolidSurveyParams
+from pipeline.survey.solids.closing import ClosedSolids, close_solids
+from pipeline.survey.solids.files import Triangles, read_triangles
+from pipeline.survey.vector.shapes import METRES, REACH_M
+from pipeline.types import ClosedMesh, Georeference
+
+MOST_FACETS = 20_000  # parts of the rock, of which MuJoCo reads 1,000 a second
+_NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
+_STEPS_M = (0.001, 0.005, 0.01, 0.02, 0.03, 0.05)
+_LEAST_M2 = 0.01  # of a part of the plan view
+_NAMED = 5
+_SIDE_RATIO = 1.5  # a file with so many times as much area square to y as to x and to z stands on its side
+
+
+@dataclass(frozen=True)
+class SolidReading:
+    """A closed mesh (m, mine frame), its view from above, and where the frame lies."""
+
+    solid: ClosedMesh
+    workings: MultiPolygon
+    georeference: Georeference
+
+
+def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReading:
+    """Read a solid and close it.
+
+    Without `is_stated` it is simplified as far as 20,000 facets need, at most by 5 cm, and warnings say what was done.
+
+    Raises
+    ------
+    InputError
+        If the file is no mesh, is too large, encloses no space, or has a hole wider than `close_m`. The message names
+        the file and the option.
+    """
+    path = Path(params.file)
+    data = read_text_bytes(path, "file_bytes")
+    read = read_triangles(path, data, params.layers)
+    require_at_most(path, len(read.faces), "solid_facets", "triangles")
+    up = params.up or read.up
+    vertices = read.vertices[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else read.vertices
+    unit = params.unit or read.unit or "m"
+    origin = np.array(params.origin or _origin(vertices, METRES[unit]))
+    vertices = (vertices - origin) * METRES[unit]
+    if np.abs(vertices).max() > REACH_M:
+        raise InputError(f"{path}: reaches {np.abs(vertices).max():.0f} m far, beyond {REACH_M:g} m; --unit states it")
+    try:
+        closed = close_solids(vertices, read.faces, params.weld_m, params.close_m)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    tolerance = params.simplify_m if is_stated else _tolerance(closed)
+    solid = closed.solid.to_mesh64()
+    vertices, faces = np.array(solid.vert_properties)[:, :3], np.asarray(solid.tri_verts).astype(np.int32)
+    mesh = ClosedMesh(vertices, faces, float(origin[2]) * METRES[unit], tolerance)
+    if not is_stated:
+        _warn(path, read, closed, params, up)
+    place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
+    return SolidReading(mesh, view_from_above(closed), place)
+
+
+def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
+    """Return the origin in the file's coordinates: its lowest height in whole metres, and zero in plan if near."""
+    low = vertices.min(axis=0) * metres
+    plan = [0.0 if np.abs(vertices[:, k] * metres).max() <= _NEAR_M else np.floor(low[k] / 10) * 10 for k in (0, 1)]
+    x, y, z = (float(value / metres) for value in (*plan, np.floor(low[2])))
+    return x, y, z
+
+
+def _tolerance(closed: ClosedSolids) -> float:
+    """Return the smallest tolerance, m, that leaves so many facets as a world can have."""
+    for tolerance in _STEPS_M:
+        if closed.solid.simplify(tolerance).num_tri() <= MOST_FACETS:
+            return tolerance
+    return _STEPS_M[-1]
+
+
+def view_from_above(closed: ClosedSolids) -> MultiPolygon:
+    """Return the polygons that a solid covers in plan, m."""
+    rings = [np.asarray(ring) for ring in closed.solid.project().to_polygons()]
+    area = [float(np.cross(ring, np.roll(ring, -1, axis=0)).sum() / 2) for ring in rings]
+    holes = [ring for ring, a in zip(rings, area, strict=True) if a < -_LEAST_M2]
+    found = []
+    for ring, a in zip(rings, area, strict=True):
+        if a > _LEAST_M2:
+            outer = Polygon(ring)
+            own = [hole for hole in holes if outer.contains(Polygon(hole).representative_point())]
+            found.append(orient(Polygon(ring, own)))
+    return MultiPolygon(found)
+
+
+def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurveyParams, up: str) -> None:
+    """Warn of what was guessed, closed, turned and left out."""
+    say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
+    if params.unit is None and read.unit is None:
+        low, high = read.vertices.min(axis=0), read.vertices.max(axis=0)
+        size = " x ".join(f"{side:.4g}" for side in high - low)
+        say(f"states no unit; read as metres, {size} m; --unit states another")
+    side = _standing_on_side(read)
+    if params.up is None and side:
+        say(f"most level surfaces face along its y axis; {up} is taken as up; --up y turns it")
+    if closed.holes:
+        widest = sorted(closed.holes, key=lambda hole: -hole.edge_m)
+        listed = ", ".join(
+            f"{hole.edge_m / np.pi:.2f} m at ({hole.middle_m[0]:.1f}, {hole.middle_m[1]:.1f}, {hole.middle_m[2]:.1f})"
+            for hole in widest[:_NAMED]
+        )
+        more = f" and {len(widest) - _NAMED} more" if len(widest) > _NAMED else ""
+        say(f"{len(widest)} holes are closed: {listed}{more}; the widest allowed is {params.close_m:g} m (--close M)")
+    if closed.turned:
+        say(f"the normals of {closed.turned} of {closed.pieces} pieces point into the workings; they are turned")
+    if closed.flipped:
+        say(f"{closed.flipped} triangles are turned the way of their neighbours")
+    if closed.dropped:
+        say(f"{closed.dropped} pieces of {closed.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
+
+
+def _standing_on_side(read: Triangles) -> bool:
+    """Return whether far more of the surface is square to y than to z, as it is where y is up."""
+    a, b, c = np.moveaxis(read.vertices[read.faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    along = (np.abs(normal) > 0.9 * size) * size
+    across = along.sum(axis=0)
+    return bool(across[1] > _SIDE_RATIO * max(across[0], across[2]))

@@ -1,0 +1,164 @@
+"""The volume of a survey that is a solid: its labelled mesh, and the legs along its floors."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import manifold3d
+import numpy as np
+import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from shapely import Polygon
+
+from pipeline.errors import GeometryError
+from pipeline.geometry.network.skeleton import trace_network
+from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
+from pipeline.volume.union import Label, Volume
+from pipeline.volume.world.content import Cells, MineVolume
+
+_SPACING_M = 1.0  # of stations along a leg
+_SHORTEST_M = 1.0  # of a leg with a dead end
+_JOIN_M = 0.02  # cells that touch in a corner are joined by so much
+_LEAST_M2 = 1.0  # of a floor with a leg of its own
+_SIGHT_M = 1.0  # of a station over the floor, at most half-way to the roof
+
+
+def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.ndarray:
+    """Return the label (f,) of each facet: floors are no steeper than a rise over run."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    size = np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+    floor = np.hypot(normal[:, 0], normal[:, 1]) <= -normal[:, 2] * steepest
+    return np.where(floor, Label.FLOOR, np.where(normal[:, 2] > np.sqrt(0.5) * size, Label.ROOF, Label.WALL))
+
+
+def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
+    """Return a solid, simplified, as the shell and the measures take it; all facets are of one piece.
+
+    Raises
+    ------
+    GeometryError
+        If its mesh is not closed.
+    """
+    whole = manifold3d.Manifold(
+        manifold3d.Mesh64(np.array(mesh.vertices, order="C"), mesh.faces.astype(np.uint64, order="C"))
+    )
+    solid = whole.simplify(mesh.simplify_m).as_original()
+    if solid.status() != manifold3d.Error.NoError or solid.is_empty():
+        raise GeometryError(f"compile3d: the solid's mesh encloses no space ({solid.status().name})")
+    found = solid.to_mesh64()
+    vertices = np.array(found.vert_properties, np.float64, order="C")
+    faces = np.array(found.tri_verts, np.int64, order="C")
+    return Volume(solid, vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [], {})
+
+
+def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:
+    """Return legs along the middles of all floors of 1 m2 and more; their length is not known yet (0).
+
+    Each storey's floor is thinned in plan; stations are a metre apart. Storeys that meet are joined by a leg between
+    their nearest stations.
+
+    Parameters
+    ----------
+    cells : Cells
+    pairs : (n, 2) int
+        Neighbouring spans, as `neighbours_of` has them.
+    datum_m : float
+        Elevation of height 0.
+
+    Raises
+    ------
+    GeometryError
+        If no floor is so large.
+    """
+    places, walls, names, first, storey_of = [], [], [], [0], []
+    for storey in range(int(cells.storey.max(initial=-1)) + 1):
+        own = np.flatnonzero(cells.storey == storey)
+        tree = cKDTree(cells.places_m[own, :2])
+        for number, network in enumerate(_networks(cells, own)):
+            for leg in network.legs:
+                plan = np.array(leg.stations_m)
+                span = own[tree.query(plan)[1]]
+                places.append(np.column_stack([plan, cells.floor_m[span]]))
+                walls.append(np.column_stack([leg.half_width_m, leg.half_width_m, cells.headroom_m[span]]))
+                inner = [f"{leg.name}.{k}" for k in range(1, len(plan) - 1)]
+                names += [f"{storey}.{number}.{name}" for name in (leg.start, *inner, leg.end)]
+                first.append(len(names))
+                storey_of += [storey] * len(plan)
+    if not places:
+        raise GeometryError(
+            f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot; compile3d.volume has both"
+        )
+    floors, sides = np.concatenate(places), np.concatenate(walls)
+    rows, breaks = np.arange(len(names)), first
+    for a, b in _joints(cells, pairs, floors, np.array(storey_of)):
+        rows, breaks = np.concatenate([rows, [a, b]]), [*breaks, breaks[-1] + 2]
+    floors, sides = floors[rows], sides[rows]
+    down = np.minimum(_SIGHT_M, sides[:, 2] / 2)
+    lrud = np.column_stack([sides[:, :2], sides[:, 2] - down, down])
+    return SurveyedLegs(
+        floors + np.column_stack([np.zeros((len(rows), 2)), down]),
+        lrud,
+        np.array(breaks, np.int32),
+        text_array([names[row] for row in rows]),
+        text_array([]),
+        np.zeros(0),
+        text_array([]),
+        np.zeros(0),
+        0.0,
+        datum_m,
+    )
+
+
+def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
+    """Return the network of each connected floor of some spans, seen from above."""
+    corner = cells.origin_m + np.column_stack([cells.column[own], cells.row[own]]) * cells.cell_m
+    boxes = shapely.box(*(corner - _JOIN_M).T, *(corner + cells.cell_m + _JOIN_M).T)
+    outlines = [part for part in shapely.get_parts(shapely.union_all(boxes)) if part.area >= _LEAST_M2]
+    return [trace_network(_without_gaps(part), cells.cell_m / 2, _SHORTEST_M, _SPACING_M) for part in outlines]
+
+
+def _without_gaps(outline: Polygon) -> Polygon:
+    """Return a floor without holes that no robot has to go round."""
+    return Polygon(outline.exterior, [ring for ring in outline.interiors if Polygon(ring).area >= _LEAST_M2])
+
+
+def _joints(cells: Cells, pairs: np.ndarray, floors: np.ndarray, storey_of: np.ndarray) -> list[tuple[int, int]]:
+    """Return two stations for each place where storeys meet: the nearest of either."""
+    storey = cells.storey[pairs]
+    meets = pairs[(storey >= 0).all(axis=1) & (storey[:, 0] != storey[:, 1])]
+    if not len(meets):
+        return []
+    key = np.sort(cells.storey[meets], axis=1)
+    places = cells.places_m[meets].mean(axis=1)
+    near = cKDTree(places).query_pairs(3 * cells.cell_m, output_type="ndarray")
+    near = near[(key[near[:, 0]] == key[near[:, 1]]).all(axis=1)]
+    part = connected_components(coo_matrix((np.ones(len(near)), near.T), (len(meets),) * 2), directed=False)[1]
+    found = []
+    for number in range(part.max() + 1):
+        rows = np.flatnonzero(part == number)
+        middle = places[rows].mean(axis=0)
+        ends = []
+        for one in key[rows[0]].tolist():
+            stations = np.flatnonzero(storey_of == one)
+            if len(stations):
+                ends.append(int(stations[np.linalg.norm(floors[stations] - middle, axis=1).argmin()]))
+        if len(ends) == 2:
+            found.append((ends[0], ends[1]))
+    return found
+
+
+def nearest_leg(volume: Volume, surveyed: SurveyedLegs) -> np.ndarray:
+    """Return for each facet (f,) the number of the shot between two stations that its middle is nearest to."""
+    starts = np.concatenate([np.arange(a, b - 1) for a, b in pairwise(surveyed.first.tolist())])
+    middles = (surveyed.positions_m[starts] + surveyed.positions_m[starts + 1]) / 2
+    return np.asarray(cKDTree(middles).query(volume.vertices[volume.faces].mean(axis=1))[1])
+
+
+def mine_volume(volume: Volume, leg: np.ndarray) -> MineVolume:
+    """Return a solid's volume with the leg of each facet."""
+    return MineVolume(
+        volume.vertices, volume.faces.astype(np.int32), volume.label.astype(np.int32), leg.astype(np.int32)
+    )

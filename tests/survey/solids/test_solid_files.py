@@ -1,0 +1,126 @@
+"""Solids of workings: read from every mesh format, closed, and joined."""
+
+import ezdxf
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+from ezdxf.render import MeshBuilder
+
+from pipeline.errors import InputError
+from pipeline.survey.solids.closing import close_solids
+from pipeline.survey.solids.files import read_triangles
+
+WELD_M, HOLE_M = 1e-4, 0.5
+
+
+def crossing_tunnels():
+    """A drift of 12 m and a crosscut of 8 m, joined: vertices, faces and volume."""
+    drift = manifold3d.Manifold.cube([12, 3, 2.5])
+    union = drift + manifold3d.Manifold.cube([3, 8, 2.5]).translate([4, -2, 0.5])
+    mesh = union.to_mesh64()
+    return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), union.volume()
+
+
+def write(path, vertices, faces, entity="MESH"):
+    if path.suffix != ".dxf":
+        up = vertices[:, [0, 2, 1]] * [1, 1, -1] if path.suffix == ".glb" else vertices
+        trimesh.Trimesh(up, faces, process=False).export(path)
+        return
+    drawing = ezdxf.new(units=6)
+    space, builder = drawing.modelspace(), MeshBuilder()
+    builder.vertices, builder.faces = [tuple(v) for v in vertices.tolist()], faces.tolist()
+    if entity == "3DFACE":
+        builder.render_3dfaces(space, dxfattribs={"layer": "STOPE"})
+    elif entity == "POLYFACE":
+        builder.render_polyface(space, dxfattribs={"layer": "STOPE"})
+    else:
+        builder.render_mesh(space, dxfattribs={"layer": "STOPE"})
+    drawing.saveas(path)
+
+
+def closed(path, largest_hole_m=HOLE_M, layers=None):
+    read = read_triangles(path, path.read_bytes(), layers)
+    vertices = read.vertices[:, [0, 2, 1]] * [1, -1, 1] if read.up == "y" else read.vertices
+    return read, close_solids(vertices, read.faces, WELD_M, largest_hole_m)
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.stl", "a.ply", "a.glb", "MESH.dxf", "POLYFACE.dxf", "3DFACE.dxf"])
+def test_a_solid_has_the_same_volume_and_place_from_every_format(tmp_path, name):
+    vertices, faces, volume = crossing_tunnels()
+    write(tmp_path / name, vertices, faces, name.partition(".")[0])
+    read, found = closed(tmp_path / name)
+    assert found.solid.volume() == pytest.approx(volume, abs=1e-4)
+    assert found.solid.bounding_box() == pytest.approx((*vertices.min(axis=0), *vertices.max(axis=0)), abs=1e-5)
+    assert (found.pieces, found.holes, found.turned, found.flipped) == (1, [], 0, 0)
+    assert read.unit == ("m" if name.endswith(("glb", "dxf")) else None)
+
+
+def test_inverted_normals_are_turned_and_counted(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    write(tmp_path / "a.obj", vertices, faces[:, ::-1])
+    found = closed(tmp_path / "a.obj")[1]
+    assert (found.turned, found.solid.volume()) == (1, pytest.approx(volume))
+
+
+def test_single_triangles_that_are_turned_over_are_turned_back(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    faces[[2, 9, 11]] = faces[[2, 9, 11]][:, ::-1]
+    write(tmp_path / "a.obj", vertices, faces)
+    found = closed(tmp_path / "a.obj")[1]
+    assert (found.flipped, found.turned, found.solid.volume()) == (3, 0, pytest.approx(volume))
+
+
+def test_a_hole_is_filled_up_to_the_stated_width_and_listed(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    end = np.flatnonzero((vertices[faces][:, :, 0] == 0).all(axis=1))
+    write(tmp_path / "a.ply", vertices, np.delete(faces, end, axis=0))
+    with pytest.raises(InputError, match=r"a hole 3.50 m wide at \(0.0, 1.5, 1.2\) m .* over 0.5 m; --close M"):
+        closed(tmp_path / "a.ply")
+    found = closed(tmp_path / "a.ply", 4.0)[1]
+    assert found.solid.volume() == pytest.approx(volume)
+    assert [round(hole.edge_m, 6) for hole in found.holes] == [11.0]
+
+
+def test_solids_that_overlap_are_joined(tmp_path):
+    one, two = (trimesh.creation.box(extents=[6, 2, 2]) for _ in range(2))
+    two.apply_translation([4, 0.5, 0])
+    trimesh.util.concatenate([one, two]).export(tmp_path / "a.stl")
+    found = closed(tmp_path / "a.stl")[1]
+    assert (found.pieces, found.solid.volume()) == (2, pytest.approx(2 * 24 - 2 * 1.5 * 2))
+
+
+def test_a_crumb_is_dropped_with_its_area(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    loose = np.array([[20.0, 0, 0], [21, 0, 0], [20, 1, 0]])
+    write(
+        tmp_path / "a.obj", np.concatenate([vertices, loose]), np.concatenate([faces, [len(vertices) + np.arange(3)]])
+    )
+    found = closed(tmp_path / "a.obj")[1]
+    assert (found.dropped, found.dropped_m2, found.solid.volume()) == (1, pytest.approx(0.5), pytest.approx(volume))
+
+
+def test_layers_are_chosen_by_name_and_an_unknown_one_lists_them(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    write(tmp_path / "a.dxf", vertices, faces)
+    assert closed(tmp_path / "a.dxf", layers=["STOPE"])[1].solid.volume() == pytest.approx(volume)
+    with pytest.raises(InputError, match="no layer DRIFT; there are STOPE"):
+        closed(tmp_path / "a.dxf", layers=["DRIFT"])
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("a.stl", b"solid x\nfacet"), ("a.obj", b"v 1 2\nf 1 2 3"), ("a.ply", b"ply\nformat"), ("a.glb", b"glTF\2\0\0\0")],
+)
+def test_a_broken_file_is_refused_by_its_name_in_one_line(tmp_path, name, data):
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=name) as caught:
+        closed(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_scanned_cave_closes(shared_rock):
+    read = read_triangles(shared_rock, shared_rock.read_bytes())
+    found = close_solids(read.vertices, read.faces, WELD_M, 3.0)
+    assert found.solid.volume() == pytest.approx(19.86, abs=0.01)
+    assert (found.pieces, len(found.holes), found.turned) == (3, 13, 3)

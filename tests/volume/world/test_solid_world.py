@@ -1,0 +1,109 @@
+"""Solids as volumes: labels, legs along floors, and files of a world."""
+
+import json
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from minexplore.bundle import TOPOLOGY, VOLUME
+from pipeline.errors import GeometryError
+from pipeline.params.compile3d import VolumeParams
+from pipeline.store.codecs import decode
+from pipeline.types import NO_LEGS, ClosedMesh
+from pipeline.volume.union import Label
+from pipeline.volume.world.compile import BUILT, compile_volume
+from pipeline.volume.world.content import MineVolume
+from tests.composed import compose
+from tests.volume_worlds import VolumeWorld, validated
+
+DRIFT_M = 40.0
+
+
+def mesh_of(solid, simplify_m=0.001):
+    mesh = solid.to_mesh64()
+    vertices, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
+    return ClosedMesh(vertices, faces, 100.0, simplify_m)
+
+
+def crossing():
+    """A drift of 40 m with a crosscut of 20 m to either side, both 4 m wide and 3 m high."""
+    return manifold3d.Manifold.cube([DRIFT_M, 4, 3]) + manifold3d.Manifold.cube([4, 44, 3]).translate([18, -20, 0])
+
+
+def compiled(solid, folder):
+    files = compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh_of(solid))
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    return files
+
+
+def test_the_volume_is_the_solid_with_floors_walls_and_roofs(tmp_path):
+    compiled(crossing(), tmp_path)
+    volume = decode(tmp_path / VOLUME, MineVolume)
+    a, b, c = np.moveaxis(volume.vertices[volume.faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    plan = DRIFT_M * 4 + 2 * 20 * 4
+    assert volume.measured().solid.volume() == pytest.approx(3 * plan)
+    for label in (Label.FLOOR, Label.ROOF):
+        assert area[volume.label == label].sum() == pytest.approx(plan)
+
+
+def test_legs_follow_the_middles_of_the_floors(tmp_path):
+    files = compiled(crossing(), tmp_path)
+    network = json.loads(files[TOPOLOGY])
+    assert (len(network["dead_ends"]), network["loops"], network["components"]) == (4, 0, 1)
+    assert network["total_length_m"] == pytest.approx(
+        DRIFT_M + 44 - 4 * 2, abs=1
+    )  # an end is half a width from its face
+    built = json.loads(files[BUILT])
+    assert built["built_m"] == pytest.approx(built["surveyed_m"])
+    assert built["datum_m"] == 100.0
+
+
+def test_floors_over_each_other_have_legs_of_their_own_that_a_ramp_joins(tmp_path):
+    low, high = manifold3d.Manifold.cube([60, 4, 3]), manifold3d.Manifold.cube([60, 4, 3]).translate([0, 0, 6])
+    corners = [[x, y, z + dz] for x, z in ((60, 0), (100, 6)) for y in (0, 4) for dz in (0, 3)]
+    ramp = manifold3d.Manifold.hull_points(np.array(corners, float))
+    turn = manifold3d.Manifold.cube([4, 9, 3]).translate([100, 0, 6])
+    back = manifold3d.Manifold.cube([48, 4, 3]).translate([56, 5, 6])
+    front = manifold3d.Manifold.cube([4, 9, 3]).translate([56, 0, 6])
+    network = json.loads(compiled(low + high + ramp + turn + back + front, tmp_path)[TOPOLOGY])
+    assert network["components"] == 1
+    heights = np.array(list(network["stations_m"].values()))[:, 2]
+    assert heights.min() < 1.5
+    assert heights.max() > 6.5
+
+
+def test_a_shaft_without_a_floor_for_robots_is_refused_by_what_overrules_it(tmp_path):
+    with pytest.raises(GeometryError, match=r"no floor of 1 m2 is flat and high enough .* compile3d.volume"):
+        compiled(manifold3d.Manifold.cube([0.7, 0.7, 30]), tmp_path)
+
+
+def test_limits_of_floors_are_those_of_the_robot():
+    assert VolumeParams().steepest == pytest.approx(np.tan(np.radians(20)), abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    path = tmp_path_factory.mktemp("solid") / "a.ply"
+    mesh = mesh_of(crossing())
+    trimesh.Trimesh(mesh.vertices, mesh.faces).export(path)
+    return VolumeWorld.from_solid(path)
+
+
+def broken(found):
+    return {name for name, clause in found.certificate.clauses.items() if not clause.holds}
+
+
+def test_the_world_of_a_solid_is_certified_against_it(world):
+    found = validated(world.opened(), solid=world.solid, robot_contacts=300, ball_contacts=300)
+    assert broken(found) == set()
+    assert (found.metrics["solid"]["iou"], found.metrics["solid"]["within_10cm"]) == (1, 1)
+    assert found.certificate.contacts >= 300
+
+
+def test_the_world_of_another_solid_breaks_its_clauses(world):
+    other = mesh_of(crossing().translate([0.5, 0, 0]))
+    assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm"}
