@@ -44,6 +44,10 @@ def _read_centrelines(path: Path) -> None:
     _read_mine(path, half_width_m=2.0)
 
 
+def _read_faces(path: Path) -> None:
+    _read_mine(path, volume=True)
+
+
 def _read_heights(path: Path) -> None:
     """Read a plan with the heights of a file beside it, as stage 1 does."""
     from pydantic import TypeAdapter
@@ -109,6 +113,7 @@ READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(SAMPLES, _read_mine),
     **dict.fromkeys(PICTURES, _read_picture),
     "centrelines": _read_centrelines,
+    "dxf faces": _read_faces,
     **dict.fromkeys(HEIGHTS, _read_heights),
     **dict.fromkeys(CLOUDS, _read_cloud),
     "sweep": _read_sweep,

@@ -16,6 +16,7 @@ import yaml
 
 from benchmarks.fuzzing.clouds import CLOUDS
 from benchmarks.fuzzing.saved import Files, saved
+from benchmarks.fuzzing.solids import SOLIDS
 from benchmarks.fuzzing.surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT
 
@@ -260,6 +261,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "contour lines": _contour_lines,
     "height labels": _height_labels,
     **CLOUDS,
+    **SOLIDS,
     "sweep": lambda: {"sweep.csv": _SWEEP},
     "bundle": _bundle,
     "survey section": lambda: {"conf.yaml": _section()},

@@ -1,0 +1,45 @@
+"""Valid solids of workings for the readers of triangle meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.fuzzing.saved import Files, saved
+
+
+def _drift(name: str) -> Files:
+    import trimesh
+
+    drift = trimesh.creation.box(extents=[30.0, 4.0, 3.0])
+    room = trimesh.creation.box(
+        extents=[8.0, 12.0, 3.0], transform=trimesh.transformations.translation_matrix([9, 0, 0])
+    )
+    both = trimesh.util.concatenate([drift, room])
+    return saved(name, lambda path: both.export(path))
+
+
+def _faces() -> Files:
+    import ezdxf.filemanagement
+
+    corners = np.array([[x, y, z] for x in (0.0, 30.0) for y in (0.0, 4.0) for z in (0.0, 3.0)])
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+    def write(path: Path) -> None:
+        drawing = ezdxf.filemanagement.new()
+        for side in sides:
+            drawing.modelspace().add_3dface([tuple(corners[k]) for k in side])
+        drawing.saveas(path)
+
+    return saved("m.dxf", write)
+
+
+SOLIDS: dict[str, Callable[[], Files]] = {
+    "obj solid": lambda: _drift("m.obj"),
+    "stl solid": lambda: _drift("m.stl"),
+    "ply solid": lambda: _drift("m.ply"),
+    "glb solid": lambda: _drift("m.glb"),
+    "dxf faces": _faces,
+}
