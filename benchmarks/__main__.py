@@ -99,6 +99,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
     _python("odometry-loss", "all", "benchmarks.sensors.odometry_loss", _PARTS + "odometry-loss.md", "10"),
+    _python("conditions-loss", "all", "benchmarks.sensors.conditions_loss", _PARTS + "conditions-loss.md", "15"),
     # Pictures
     _python("sensor-pictures", "all", "benchmarks.sensors.pictures", "docs/sensors.jpg"),
     _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),

@@ -10,9 +10,9 @@ import gymnasium
 import numpy as np
 
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
-from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome, info_of_robot
-from minexplore.envs.sensor_suite import SensorSuite, check_sensors, observed_space
+from minexplore.envs.sensed.degraded_batch import check_pose, make_batch
+from minexplore.envs.sensed.sensor_suite import SensorSuite, check_sensors, observed_space
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer, shown_groups
@@ -98,7 +98,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
     | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
     | `sensors` | `()` | further [sensors](#sensors): the observation is then a `Dict` of `robot`, as above, and one entry each |
-    | `conditions` | `"ideal"` | of the sensors: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
+    | `conditions` | `"ideal"` | of all sensors, the beams too: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
 
     ## Version History
     * v0: the paper's task.
@@ -123,27 +123,22 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         gymnasium.utils.EzPickle.__init__(
             self, world, task, robot, render_mode, camera, lidar, whole, pose, sensors, conditions
         )
-        given = {
-            "task": task,
-            "robot": robot,
-            "render_mode": render_mode,
-            "camera": camera,
-            "lidar": lidar,
-            "whole": whole,
-            "pose": pose,
-            "sensors": sensors,
-            "conditions": conditions,
-        }
+        given: dict[str, Any] = dict(
+            task=task, robot=robot, render_mode=render_mode, camera=camera, lidar=lidar, whole=whole
+        )
+        given |= {"pose": pose, "sensors": sensors, "conditions": conditions}
         check_arguments(given)
         if render_mode is not None:
             prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
-        self.robots = batch_kind(pose)(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole)
+        conditions = sensor_params(conditions)
+        given_robots = (self.world, self.task, self.robot, 1)
+        self.robots = make_batch(pose, conditions, *given_robots, lidar=lidar, whole=whole)
         self.grid = self.robots.grid
         self.sensors = check_sensors(sensors)
-        self.suite = SensorSuite(self.robots, self._drawing, sensor_params(conditions), lidar)
+        self.suite = SensorSuite(self.robots, self._drawing, conditions, lidar)
         self.observation_space = observed_space(observation_space(self.task), self.sensors)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._renderer: Renderer | None = None
@@ -184,7 +179,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         return self._observed(outcome), float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
 
     def capture(self, sensor: str) -> Any:
-        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.envs.sensor_suite`.
+        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.envs.sensed.sensor_suite`.
 
         Raises
         ------
@@ -287,7 +282,7 @@ def check_arguments(arguments: Mapping[str, Any]) -> None:
         raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
     if not isinstance(arguments.get("whole", False), bool | np.bool_):
         raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
-    batch_kind(arguments.get("pose", "true"))
+    check_pose(arguments.get("pose", "true"))
     check_sensors(arguments.get("sensors", ()))
     sensor_params(arguments.get("conditions"))
     coerce_params(TaskParams, arguments.get("task"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome
+from minexplore.envs.sensed.degraded_batch import make_batch
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.observation import observation_space
+from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
@@ -34,7 +35,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     Parameters
     ----------
     num_envs : int
-    world, task, robot, camera, lidar, whole, pose
+    world, task, robot, camera, lidar, whole, pose, conditions
         As in `MineEnv`.
     render_mode : {None, "rgb_array"}
         `render` gives one picture a robot.
@@ -60,10 +61,11 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
         pose: str = "true",
+        conditions: SensorParams | Mapping[str, Any] | str | None = None,
     ) -> None:
         """Load the world and put the robots into it."""
-        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads, pose)
-        gymnasium.utils.EzPickle.__init__(self, *given)
+        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
+        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions)
         check_count("num_envs", num_envs, _MOST)
         check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
@@ -77,7 +79,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.world = load_world(find_world(world))
-        self.robots = batch_kind(pose)(self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        given_robots = (self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        self.robots = make_batch(pose, sensor_params(conditions), *given_robots)
         self.single_observation_space = observation_space(self.task)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
