@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,7 +14,7 @@ import numpy as np
 from baselines.base.markdown import markdown_table, write_table
 from baselines.explorers import EXPLORERS
 from baselines.policies.found import make_policy
-from minexplore.envs.odometry_batch import POSES
+from minexplore.envs.sensed.odometry_batch import POSES
 from minexplore.envs.vector import MineVectorEnv
 
 PAGE = Path("docs/evidence/parts/odometry-loss.md")
@@ -25,12 +27,21 @@ _COLUMNS = (
     "by odometry",
     "off at the end, m",
 )
-_ENV = "MineXplore/ChileanMineEntrance-v0"
+ENV = "MineXplore/ChileanMineEntrance-v0"
 
 
-def explore(policy_name: str, env_id: str, pose: str, seeds: list[int]) -> tuple[float, float, float]:
-    """Return the mean coverage, collisions, and error of the pose at the end, m, of a policy's episodes."""
-    env = MineVectorEnv(len(seeds), pose=pose, **gymnasium.spec(env_id).kwargs)
+@dataclass(frozen=True)
+class Drives:
+    """Means of some episodes: coverage, collisions, and how far the known pose is off at the end, m."""
+
+    coverage: float
+    collisions: float
+    off_m: float
+
+
+def explore(policy_name: str, env_id: str, seeds: list[int], **arguments: Any) -> Drives:
+    """Return what a policy's episodes come to; `arguments` are those of `MineVectorEnv`."""
+    env = MineVectorEnv(len(seeds), **{**gymnasium.spec(env_id).kwargs, **arguments})
     policy = make_policy(policy_name, len(seeds), env.task, env.robot, not env.world.floor.is_flat)
     observation, info = env.reset(seed=seeds)
     policy.reset(np.arange(len(seeds)), np.array(seeds))
@@ -43,22 +54,22 @@ def explore(policy_name: str, env_id: str, pose: str, seeds: list[int]) -> tuple
         last[~ended] = np.column_stack([info["coverage"], info["collisions"], off])[~ended]
         ended |= truncated
     env.close()
-    coverage, collisions, off_m = last.mean(axis=0).tolist()
-    return coverage, collisions, off_m
+    return Drives(*last.mean(axis=0).tolist())
 
 
 def row_of(policy: str, env_id: str, seeds: list[int]) -> list[str]:
     """Return one explorer's row."""
-    (known, hits, _), (counted, other_hits, off_m) = (explore(policy, env_id, pose, seeds) for pose in POSES)
-    shares = [f"{100 * known:.1f} %", f"{100 * counted:.1f} %", f"{100 * (known - counted):.1f} %"]
-    return [policy, *shares, f"{hits:.1f}", f"{other_hits:.1f}", f"{off_m:.1f}"]
+    known, counted = (explore(policy, env_id, seeds, pose=pose) for pose in POSES)
+    covered = [known.coverage, counted.coverage, known.coverage - counted.coverage]
+    others = [known.collisions, counted.collisions, counted.off_m]
+    return [policy, *(f"{100 * share:.1f} %" for share in covered), *(f"{number:.1f}" for number in others)]
 
 
 def main() -> int:
     """Run the explorers and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--policy", nargs="*", default=[name for name in EXPLORERS if name != "random"])
-    parser.add_argument("--env", default=_ENV)
+    parser.add_argument("--env", default=ENV)
     parser.add_argument("--episodes", type=int, default=2)
     arguments = parser.parse_args()
     rows = []

@@ -6,12 +6,13 @@ import gymnasium
 import numpy as np
 
 from minexplore.envs.flyer_batch import FlyerBatch, flyer_space
-from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.sensed.degraded_batch import check_pose, driving_batch
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot_kind import Robot
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.observation import observation_space
+from minexplore.sensing.params import IDEAL, SensorParams
 from minexplore.task import TaskParams
 from minexplore.world import World
 
@@ -24,20 +25,24 @@ def make_batch(
     threads: int = 1,
     lidar: Backend = "auto",
     whole: bool = False,
-    pose: str = "true",
+    pose: object = "true",
+    conditions: SensorParams = IDEAL,
 ) -> RobotBatch:
-    """Return the batch that drives robots of a kind; see `RobotBatch`.
+    """Return the batch that drives robots of a kind, by a true or a counted pose, with clear or degraded beams.
 
     Raises
     ------
     ValueError
-        If the pose is none, or that of wheels of a robot that has none.
+        If the pose is none, or a robot without wheels is to count them, or to fly in dust.
     """
-    driving = batch_kind(pose)
+    check_pose(pose)
+    batch = (world, task, robot, count, threads, lidar, whole)
     if not isinstance(robot, QuadrotorParams):
-        return driving(world, task, robot, count, threads, lidar, whole)
-    if driving is not RobotBatch:
+        return driving_batch(pose, conditions, *batch)
+    if pose != "true":
         raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
+    if not conditions.is_ideal:
+        raise ValueError("conditions: a quadrotor's own beams are those of clear air; want ideal")
     return FlyerBatch(world, task, robot, count, threads, lidar, whole)
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
-from minexplore.envs.odometry_batch import batch_kind
 from minexplore.envs.outcome import StepOutcome, info_of_robot
-from minexplore.envs.sensor_suite import SensorSuite, check_sensors, observed_space
+from minexplore.envs.sensed.degraded_batch import check_pose
+from minexplore.envs.sensed.sensor_suite import SensorSuite, check_sensors, observed_space
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer, shown_groups
@@ -101,7 +101,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
     | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
     | `sensors` | `()` | further [sensors](#sensors): the observation is then a `Dict` of `robot`, as above, and one entry each |
-    | `conditions` | `"ideal"` | of the sensors: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
+    | `conditions` | `"ideal"` | of all sensors, the beams too: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
 
     ## Version History
     * v0: the paper's task.
@@ -126,27 +126,21 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         gymnasium.utils.EzPickle.__init__(
             self, world, task, robot, render_mode, camera, lidar, whole, pose, sensors, conditions
         )
-        given = {
-            "task": task,
-            "robot": robot,
-            "render_mode": render_mode,
-            "camera": camera,
-            "lidar": lidar,
-            "whole": whole,
-            "pose": pose,
-            "sensors": sensors,
-            "conditions": conditions,
-        }
+        given: dict[str, Any] = dict(
+            task=task, robot=robot, render_mode=render_mode, camera=camera, lidar=lidar, whole=whole
+        )
+        given |= {"pose": pose, "sensors": sensors, "conditions": conditions}
         check_arguments(given)
         if render_mode is not None:
             prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), find_robot(robot)
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
-        self.robots = make_batch(self.world, self.task, self.robot, 1, lidar=lidar, whole=whole, pose=pose)
+        conditions = sensor_params(conditions)
+        self.robots = make_batch(self.world, self.task, self.robot, 1, 1, lidar, whole, pose, conditions)
         self.grid = self.robots.grid
         self.sensors = check_sensors(sensors)
-        self.suite = SensorSuite(self.robots, self._drawing, sensor_params(conditions), lidar)
+        self.suite = SensorSuite(self.robots, self._drawing, conditions, lidar)
         self.observation_space = observed_space(observations_of(self.task, self.robot), self.sensors)
         self.action_space = commands_of(self.robot)
         self._renderer: Renderer | None = None
@@ -187,7 +181,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         return self._observed(outcome), float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
 
     def capture(self, sensor: str) -> Any:
-        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.envs.sensor_suite`.
+        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.envs.sensed.sensor_suite`.
 
         Raises
         ------
@@ -290,7 +284,7 @@ def check_arguments(arguments: Mapping[str, Any]) -> None:
         raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
     if not isinstance(arguments.get("whole", False), bool | np.bool_):
         raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
-    batch_kind(arguments.get("pose", "true"))
+    check_pose(arguments.get("pose", "true"))
     check_sensors(arguments.get("sensors", ()))
     sensor_params(arguments.get("conditions"))
     coerce_params(TaskParams, arguments.get("task"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
 from minexplore.sensing.lidar import Backend
+from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
@@ -33,7 +34,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     Parameters
     ----------
     num_envs : int
-    world, task, robot, camera, lidar, whole, pose
+    world, task, robot, camera, lidar, whole, pose, conditions
         As in `MineEnv`.
     render_mode : {None, "rgb_array"}
         `render` gives one picture a robot.
@@ -59,10 +60,11 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
         pose: str = "true",
+        conditions: SensorParams | Mapping[str, Any] | str | None = None,
     ) -> None:
         """Load the world and put the robots into it."""
-        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads, pose)
-        gymnasium.utils.EzPickle.__init__(self, *given)
+        given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
+        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions)
         check_count("num_envs", num_envs, _MOST)
         check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
@@ -77,7 +79,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.task = coerce_params(TaskParams, task)
         self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
         self.world = load_world(find_world(world))
-        self.robots = make_batch(self.world, self.task, self.robot, num_envs, threads, lidar, whole, pose)
+        batch = (self.world, self.task, self.robot, num_envs, threads, lidar, whole)
+        self.robots = make_batch(*batch, pose, sensor_params(conditions))
         self.single_observation_space = observations_of(self.task, self.robot)
         self.single_action_space = commands_of(self.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

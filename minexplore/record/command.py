@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from minexplore.envs.env import MineEnv
-from minexplore.envs.sensor_suite import check_sensors, sensor_names
+from minexplore.envs.sensed.sensor_suite import check_sensors, sensor_names
 from minexplore.record.episode import SensedStep, frames_of
 from minexplore.record.live import LiveView, require_viser
 from minexplore.record.mcap_file import McapFile, require_mcap

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.envs.sensor_suite import SensorSuite
+from minexplore.envs.sensed.sensor_suite import SensorSuite
 from minexplore.record.episode import SensedStep
 from minexplore.rotations import quaternion
 from minexplore.sensing.scanners import PointCloud

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.envs.sensor_suite import CAMERA_IMAGES, SensorSuite
+from minexplore.envs.sensed.sensor_suite import CAMERA_IMAGES, SensorSuite
 from minexplore.record.episode import SensedStep, composed, inverse
 from minexplore.record.ros_messages import (
     OPTICAL_AXES,

@@ -42,16 +42,18 @@ def degrade_depth(
     Noise grows with the square of the depth: a disparity of f b / z is off by `depth_noise_px`. Dust takes the
     camera's own light twice, and returns from particles as those of a LiDAR do. Standing water mirrors it away.
     """
-    found = depth_m.astype(np.float32)
-    film = rng.random(found.shape) < params.film_share
-    lost = film & ((label == WET_FLOOR) | (label == WATER))
+    surface = np.where(depth_m > 0, depth_m, np.inf).astype(np.float32)
+    film = rng.random(surface.shape) < params.film_share
+    lost = np.isinf(surface) | (film & ((label == WET_FLOOR) | (label == WATER)))
+    found = surface
     if params.dust_per_m:
         half_m = -np.log(params.dust_transmittance) / params.dust_per_m if params.dust_transmittance else np.inf
-        drawn = rng.standard_exponential(found.shape, dtype=np.float32) / np.float32(np.log(2))
+        drawn = rng.standard_exponential(surface.shape, dtype=np.float32) / np.float32(np.log(2))
         before = np.float32(half_m) * drawn ** np.float32(1 / _DUST_SHAPE)
-        lost |= np.exp(-2 * params.dust_per_m * found) < _LOST_SHARE
-        found = np.minimum(found, before)
-        lost &= before > depth_m
+        lost |= np.exp(-2 * params.dust_per_m * surface) < _LOST_SHARE
+        found = np.minimum(surface, before)
+        lost &= before > surface  # particles return where a surface does not
+    found = np.where(lost, np.float32(0), found)
     noise = params.depth_noise_px * np.square(found) / np.float32(focal_px * baseline_m)
     found = found + noise.astype(np.float32) * rng.standard_normal(found.shape, dtype=np.float32)
-    return np.where(lost | (depth_m <= 0), np.float32(0), np.maximum(found, 0))
+    return np.where(lost, np.float32(0), np.maximum(found, 0))

@@ -24,7 +24,7 @@ def drive(env, steps, seed=0):
 
 def test_sensors_and_odometry_change_no_byte_of_the_robots_own_observation(small_world):
     plain = drive(MineEnv(small_world), 15)
-    sensed = drive(MineEnv(small_world, sensors=["vlp-16", "imu"], conditions="dusty", pose="odometry"), 15)
+    sensed = drive(MineEnv(small_world, sensors=["vlp-16", "imu"], pose="odometry"), 15)
     for (own, info), (dictionary, other) in zip(plain, sensed, strict=True):
         assert own.tobytes() == dictionary["robot"].tobytes()
         np.testing.assert_array_equal(info["pose_m_rad"], other["true_pose_m_rad"])
@@ -50,6 +50,36 @@ def test_a_seed_gives_the_same_readings_and_a_copy_goes_on_alike(small_world):
     for name in a:
         np.testing.assert_array_equal(a[name], b[name])
     np.testing.assert_array_equal(info["pose_m_rad"], other["pose_m_rad"])
+
+
+def test_dust_shortens_beams_and_what_they_see_and_the_true_ranges_stay(small_world):
+    clear, dusty = MineEnv(small_world), MineEnv(small_world, conditions={"preset": "dusty", "dust_per_m": 0.5})
+    (one, seen), (two, less) = clear.reset(seed=2), dusty.reset(seed=2)
+    assert (two[:16] <= one[:16] + 0.01).all()
+    assert two[:16].mean() < one[:16].mean() / 2
+    assert less["cells_seen"] < seen["cells_seen"]
+    np.testing.assert_array_equal(seen["pose_m_rad"], less["pose_m_rad"])
+    robots = np.arange(1)
+    np.testing.assert_array_equal(clear.robots.true_ranges(robots), dusty.robots.true_ranges(robots))
+
+
+def test_a_beam_without_a_return_reads_the_farthest_range_and_sees_nothing(small_world):
+    blind = MineEnv(small_world, conditions={"noise": 1.0, "reflectivity": 0.001})
+    observation, info = blind.reset(seed=2)
+    assert observation[:16].min() > 0.99
+    assert info["cells_seen"] <= 1
+
+
+def test_degraded_robots_of_a_vector_are_those_alone(small_world):
+    alone = drive(MineEnv(small_world, conditions="dusty"), 8, seed=4)
+    many = MineVectorEnv(2, small_world, conditions="dusty")
+    observation, _ = many.reset(seed=3)
+    np.testing.assert_array_equal(observation[1], alone[0][0])
+    for expected, info in alone[1:]:
+        observation, *_, infos = many.step(np.tile(AHEAD, (2, 1)))
+        np.testing.assert_array_equal(observation[1], expected)
+        assert infos["cells_seen"][1] == info["cells_seen"]
+    many.close()
 
 
 def test_a_vector_counts_the_same_poses_as_one_robot(small_world):

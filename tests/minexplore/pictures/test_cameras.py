@@ -74,6 +74,15 @@ def test_the_noise_of_depth_grows_with_its_square_and_water_mirrors_it_away():
     assert (wet == 0).all()
 
 
+def test_dust_returns_light_where_nothing_else_is_in_reach():
+    rng, label = np.random.default_rng(0), np.zeros((50, 50), np.uint8)
+    dusty = SensorParams(dust_per_m=0.13, dust_transmittance=0.725)
+    beyond = degrade_depth(np.zeros((50, 50), np.float32), label, 200, 0.1, dusty, rng)
+    clear = degrade_depth(np.zeros((50, 50), np.float32), label, 200, 0.1, SensorParams(depth_noise_px=0.1), rng)
+    assert np.median(beyond) == pytest.approx(-np.log(0.725) / 0.13, rel=0.05)
+    assert (clear == 0).all()
+
+
 def test_a_camera_that_none_sells_is_refused_in_one_line():
     with pytest.raises(ValueError, match=r"camera: fovy_deg = 190: want a number from 5 to 150"):
         CameraParams(fovy_deg=190)

@@ -58,16 +58,3 @@ class OdometryBatch(RobotBatch):
         """Take what `copy_state` returned."""
         super().restore_state(state)
         self._odometry, self._placed = copy.deepcopy(state["odometry"]), state["placed"].copy()
-
-
-def batch_kind(pose: object) -> type[RobotBatch]:
-    """Return the kind of robots whose infos hold the true pose, or that of their wheels' odometry.
-
-    Raises
-    ------
-    ValueError
-        If the pose is neither.
-    """
-    if not isinstance(pose, str) or pose not in POSES:
-        raise ValueError(f"pose = {pose!r}: valid choices are {', '.join(POSES)}")
-    return OdometryBatch if pose == "odometry" else RobotBatch

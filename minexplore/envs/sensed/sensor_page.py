@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from minexplore.envs.sensor_suite import CAMERA_IMAGES, sensor_space
+from minexplore.envs.sensed.sensor_suite import CAMERA_IMAGES, sensor_space
 from minexplore.pictures.cameras import CameraParams
 from minexplore.sensing.odometry import fitted_odometry
 from minexplore.sensing.params import preset_names, preset_numbers
@@ -14,7 +14,8 @@ _WIDE = 118  # characters of a line
 _PAGE = """## Sensors
 
 All sensors are off unless they are asked for, and cost nothing until they are read. The robot's own observation, the
-physics and the rewards do not depend on them.
+physics and the rewards do not depend on them. `conditions` other than `"ideal"` degrade the robot's own beams too: a
+beam that returns from dust sees no cell beyond it, and one without a return reads 10 m and sees none.
 
 ![What each sensor sees: images and LiDARs, ideal above, in dust below](../sensors.jpg)
 

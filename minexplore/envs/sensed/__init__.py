@@ -1,0 +1,1 @@
+"""Robots with further sensors: images, clouds, odometry, and what dust and water do to them."""
