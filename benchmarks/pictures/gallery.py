@@ -24,6 +24,7 @@ from minexplore.__main__ import ahead
 from minexplore.bundle import GeomGroup
 from minexplore.floors.floor import Floor
 from minexplore.splits import STYLES
+from minexplore.task import TaskParams
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.mjcf.bundle import OpenedBundle, open_bundle
@@ -136,7 +137,7 @@ def record_drive(path: Path) -> None:
     observation, _ = env.reset(seed=0)
     pictures: list[Pillow.Image] = []
     for step in range(_WARM_UP + _FRAMES):
-        observation, *_ = env.step(ahead(observation, env.unwrapped.task.beams))  # type: ignore[attr-defined]
+        observation, *_ = env.step(ahead(observation, TaskParams().beams))
         if step >= _WARM_UP:
             frame = Pillow.fromarray(np.asarray(env.render()))
             pictures.append(frame.resize(_CLIP_PX, Pillow.Resampling.LANCZOS))
