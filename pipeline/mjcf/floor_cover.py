@@ -235,7 +235,7 @@ def _sunk_under_rock(free: Polygon, walls: list[BaseGeometry], places: np.ndarra
 
 def _ruts(params: FloorParams, places: np.ndarray, network: DriftNetwork, wander: np.ndarray) -> np.ndarray:
     """Return how much lower the floor is in the two wheel tracks along the nearest leg, which wander by a noise."""
-    lines = [shapely.LineString(leg.stations_m) for leg in network.legs if len(leg.stations_m) > 1]
+    lines = [shapely.LineString(leg.stations_m) for leg in network.legs if len(set(leg.stations_m)) > 1]
     apart = _near(lines, places, params.gauge_m)
     across = (apart - params.gauge_m / 2 + _WANDER_M * wander) / (params.rut_width_m / 2)
     return params.rut_m * (1 - _SHALLOWER * np.clip(wander, -1, 1)) * np.exp(-(across**2))

@@ -73,6 +73,13 @@ _CONVERTED = {
     ".csx": "cSurvey exports it for Survex or Therion: give the .svx or .th",
     ".pos": "stations without legs; give the .3d that Survex wrote with it",
     ".plf": "Compass writes the same plot as .plt",
+    **dict.fromkeys((".dwg", ".dgn"), "the CAD program saves it as .dxf"),
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), "a table of stations is saved as .csv"),
+    **dict.fromkeys(
+        (".kml", ".kmz", ".gml", ".tab", ".mif", ".gdb"),
+        "QGIS exports it as GeoPackage, or `ogr2ogr out.gpkg` and its name",
+    ),
+    **dict.fromkeys((".zip", ".7z", ".gz"), "unpack it, and give the file of the survey"),
     ".th2": "a drawing of Therion without a survey; give the .th file that inputs it",
 }
 

@@ -128,9 +128,12 @@ def test_ruts_lie_lower_than_the_floor_between_them(fitted: BuiltMine, fitted_co
     assert vertices[(aside > 2.3) & (aside < 2.9), 2].mean() > vertices[aside < 0.3, 2].mean() + 0.02
 
 
-def test_a_leg_of_one_station_between_two_junctions_has_a_floor_too(fitted: BuiltMine, fitted_config: Config):
+@pytest.mark.parametrize("stations", [1, 2])
+def test_a_leg_of_no_length_between_two_junctions_has_a_floor_too(
+    fitted: BuiltMine, fitted_config: Config, stations: int
+):
     drift = Leg("a", "x", "y", 20.0, [0.0, 20.0], [(0.0, 2.5), (20.0, 2.5)], [2.5, 2.5])
-    short = Leg("b", "y", "z", 0.0, [0.0], [(20.0, 2.5)], [2.5])
+    short = Leg("b", "y", "z", 0.0, stations * [0.0], stations * [(20.0, 2.5)], stations * [2.5])
     network = dataclasses.replace(fitted.network, legs=[drift, short])
     zone = open_bundle(fitted.bundle).record.zones[:1]
     assert cover_floor(fitted_config.realism.floor, shapely.box(0, 0, 20, 5), network, zone)

@@ -6,6 +6,7 @@ Only PNG, JPEG, TIFF, BMP, PNM and GIF are read. OpenCV alone would choose any o
 from __future__ import annotations
 
 import logging
+import math
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
@@ -149,11 +150,14 @@ def require_size(path: Path, width: int, height: int, max_megapixels: float) -> 
     """Refuse a size in px; see `require_picture_size`."""
     if min(width, height) < 1:
         raise InputError(f"{path}: {width} x {height} px, at least 1 px a side is needed")
+    share = min(MAX_SIDE_PX / max(width, height), math.sqrt(max_megapixels * 1e6 / (width * height)))
+    remedy = f"save it at {math.floor(100 * share)} % of its size, or the part that shows the workings"
     if max(width, height) > MAX_SIDE_PX:
-        raise InputError(f"{path}: {width} x {height} px, the limit is {MAX_SIDE_PX} px a side")
+        raise InputError(f"{path}: {width} x {height} px, the limit is {MAX_SIDE_PX} px a side; {remedy}")
     if width * height > max_megapixels * 1e6:
         raise InputError(
-            f"{path}: {width * height / 1e6:.1f} megapixels, the limit is {max_megapixels:g} (survey.max_megapixels)"
+            f"{path}: {width * height / 1e6:.1f} megapixels, the limit is {max_megapixels:g} (survey.max_megapixels); "
+            f"{remedy}"
         )
 
 

@@ -19,6 +19,15 @@ from pipeline.survey.drawing.image import read_pixels
 from pipeline.types import Mask
 
 _UNKNOWN_GREY = 205  # what map_saver writes for unknown cells
+_EXPECTED = {
+    "image": "the name of the map's picture",
+    "resolution": "the metres of a cell, more than 0",
+    "origin": "three numbers, [x, y, yaw]",
+    "negate": "0 or 1",
+    "occupied_thresh": "a share from 0 to 1, such as 0.65",
+    "free_thresh": "a share from 0 to 1, such as 0.196",
+    "mode": "trinary, scale or raw",
+}
 _LONGEST_BYTES = 255  # of a file's name on Linux
 
 
@@ -118,8 +127,7 @@ def _read_map_file(path: Path) -> _MapFile:
     except ParamsError as error:
         raise InputError(f"{path}: cannot be read as YAML ({str(error).removeprefix(f'{path}:').strip()})") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(f"{path}: {'.'.join(map(str, first['loc'])) or 'map'}: {first['msg']}") from error
+        raise InputError(f"{path}: {_refusal(error)}") from error
     _require_origin(path, header)
     if not math.isfinite(header.resolution):
         raise InputError(f"{path}: resolution = {header.resolution}: expected a finite number, m a cell")
@@ -133,6 +141,17 @@ def _read_map_file(path: Path) -> _MapFile:
     if len(header.image.encode()) > _LONGEST_BYTES:
         raise InputError(f"{path}: image has {len(header.image.encode())} bytes, the limit is {_LONGEST_BYTES}")
     return header
+
+
+def _refusal(error: ValidationError) -> str:
+    """Return the first key that is missing or wrong, its value, and what is expected."""
+    first = error.errors()[0]
+    key = str(first["loc"][0]) if first["loc"] else ""
+    if key not in _EXPECTED:
+        return "not a map: expected keys and values, image, resolution and origin among them"
+    if first["type"] == "missing":
+        return f"{key} is missing; expected {_EXPECTED[key]}"
+    return f"{key} = {first['input']!r:.80}: expected {_EXPECTED[key]}"
 
 
 def _require_origin(path: Path, header: _MapFile) -> None:

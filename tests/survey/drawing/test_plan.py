@@ -92,7 +92,10 @@ def test_a_plan_without_a_large_dark_region_is_refused_with_the_largest_area():
         (b"not an image at all", "not a picture that can be read"),
         (cv2.imencode(".png", np.zeros((30, 30, 3), np.uint8))[1].tobytes(), "all black"),
         (cv2.imencode(".png", np.full((30, 30, 3), 255, np.uint8))[1].tobytes(), "all white"),
-        (cv2.imencode(".png", np.eye(2000, dtype=np.uint8) * 255)[1].tobytes(), r"4\.0 megapixels, the limit is 1"),
+        (
+            cv2.imencode(".png", np.eye(2000, dtype=np.uint8) * 255)[1].tobytes(),
+            r"4\.0 megapixels, the limit is 1 \(survey\.max_megapixels\); save it at 50 % of its size",
+        ),
         (
             cv2.imencode(".png", np.eye(300, dtype=np.uint8) * 255)[1].tobytes()[:200],
             "not a picture|cannot be decoded",

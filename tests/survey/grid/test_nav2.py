@@ -42,7 +42,7 @@ def test_negated_maps_raw_maps_and_unknown_cells_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("image: map.png\n", "resolution: Field required"),
+        ("image: map.png\n", "resolution is missing; expected the metres of a cell"),
         ("- 1\n", "map.yaml"),
         ("image: ../../etc/passwd\nresolution: 1\norigin: [0, 0, 0]\n", "is outside the map's folder, and no plain"),
         (
@@ -55,7 +55,15 @@ def test_negated_maps_raw_maps_and_unknown_cells_are_read(tmp_path):
         ("image: map.png\nresolution: 1\norigin: [1, 2]\n", r"has no yaw; .* write 0: origin: \[1, 2, 0\]"),
         ("image: map.png\nresolution: 1\norigin: [.nan, 2, 0]\n", "expected three finite numbers"),
         ("image: map.png\nresolution: 1\norigin: [1, 2, 0, 0]\n", "expected three finite numbers"),
-        ("image: map.png\nresolution: -1\norigin: [0, 0, 0]\n", "greater than 0"),
+        (
+            "image: map.png\nresolution: -1\norigin: [0, 0, 0]\n",
+            "resolution = -1: expected the metres of a cell, more than 0",
+        ),
+        (
+            "image: map.png\nresolution: 1\norigin: [0, 0, 0]\noccupied_thresh: 65\n",
+            "occupied_thresh = 65: expected a share from 0 to 1, such as 0.65",
+        ),
+        ("- 1\n- 2\n", "not a map: expected keys and values, image, resolution and origin among them"),
         ("image: map.png\nresolution: 1\norigin: [0, x, 0]\n", "origin"),
         ("image: !!python/object/apply:os.system [true]\n", "cannot be read as YAML"),
     ],
