@@ -141,7 +141,7 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
         for k, (a, b) in enumerate(pairwise(leg.stations)):
             if np.linalg.norm(at[k + 1] - at[k]) < _NO_LENGTH_M:
                 skipped += 1
-                repairs.append(f"{a} to {b}: no length, left out: one place")
+                repairs.append(f"{a} to {b}: no length, left out")
                 continue
             rows.append(((index[a], index[b]), across[k], lrud[k : k + 2], (joined[k], joined[k + 1])))
     if not rows:

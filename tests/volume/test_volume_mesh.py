@@ -7,10 +7,13 @@ import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_volumes import beyond, judge
+from pipeline.errors import InputError
+from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
+from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Label, pieces_of, unite
@@ -100,15 +103,23 @@ def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
     assert found.error_m < 0.01
 
 
-def test_bad_stations_are_listed_by_name_and_the_rest_is_built(tmp_path):
-    rows = DRIFT + "A,2b,20,0.0004,2,2,0,3,0\nA,3,40,0,-1,0.5,0,0,0\n"
-    network, _, volume = built(rows, tmp_path)
-    assert [line.split(":")[0] for line in network.repairs if "no length" in line] == ["2 to 2b"]
-    assert [line for line in network.repairs if line.startswith("3: ")] == [
+def test_bad_stations_are_listed_by_name_and_the_rest_is_built():
+    places = np.array([[0.0, 0], [20, 0], [20, 0.0004], [40, 0]])
+    walls = np.array([[2.0, 2], [2, 2], [2, 2], [-1, 0.5]])
+    heights = np.array([[0.0, 3, 0], [0, 3, 0], [0, 3, 0], [0, 0, 0]])
+    network = network_of([SurveyLeg("1", ["1", "2", "2b", "3"], places, walls, heights)], 3.0, 1.0)
+    assert network.repairs == (
         "3: its walls are -0.50 m apart, 0.05 m are taken",
         "3: its roof and floor are 0.00 m apart, 0.05 m are taken",
-    ]
-    assert volume.solid.volume() > 20 * 4 * 1.8
+        "2 to 2b: no length, left out",
+    )
+    assert solve_floors(unite(network, pieces_of(network)), network).solid.volume() > 20 * 4 * 1.8
+
+
+def test_legs_without_a_length_are_refused_in_one_line():
+    leg = SurveyLeg("1", ["1", "2"], np.zeros((2, 2)), np.ones((2, 2)), np.zeros((2, 3)))
+    with pytest.raises(InputError, match=r"^no leg of 1 has a length of 0\.001 m or more$"):
+        network_of([leg], 3.0, 1.0)
 
 
 def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_path):
