@@ -12,8 +12,8 @@ from pipeline.store.codecs import Bundle, decode
 from pipeline.survey.load import _read
 from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, Workings
 from pipeline.volume.world.bundle import bundle_volume
-from pipeline.volume.world.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from pipeline.volume.world.compile import compile_volume
+from pipeline.volume.world.proof.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from stages.contours import trace_free_space
 
 CONFIG = compose(["preset=light"])

@@ -30,8 +30,8 @@ from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import STEEPEST, pieces_of, unite
-from pipeline.volume.world import physics, throws
 from pipeline.volume.world.parts import without_refused
+from pipeline.volume.world.proof import physics, throws
 
 FOLDER, PAGE, PICTURE = (
     Path("artifacts/bench/volume-gate"),

@@ -17,8 +17,8 @@ from pipeline.report.page import WorldView
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
 from pipeline.types import SurveyedLegs, lines_of
-from pipeline.volume.world.certificate import read_volume_record
 from pipeline.volume.world.content import Cells, MineVolume
+from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.topology import LegNetwork
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import GeometryError
+from pipeline.proof.certificate import certify
 from pipeline.volume.union import Label
 from pipeline.volume.world.parts import collect_labelled
-from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, validated
+from pipeline.volume.world.proof.certificate import applying_limits
+from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
 
 # A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
 WINZE = RAMP + "B,2,30,0,0,1,1,3,0\nB,4,30,0,-12,1,1,2,0\nC,4,30,0,-12,2,2,2.5,0\nC,5,30,9,-12,2,2,2.5,0\n"
@@ -45,6 +47,14 @@ def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_i
     assert found.metrics["survey"]["length_m"] == pytest.approx(30 + np.hypot(30, 6), abs=1e-3)
     assert found.metrics["volume"]["free_m3"] == pytest.approx((4 * 1.8 + 3 * 1.2) * 60, rel=1e-6)
     assert found.certificate.contacts >= 300
+
+
+def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_lacks_does_not_hold(ramp, opened):
+    limits = applying_limits(proof(), {"survey": {}, "enclosure": {}})
+    assert {name.partition(".")[0] for name in limits} == {"survey", "enclosure"}
+    quiet = validated(opened, ramp.legs)
+    assert not {"robots.escapes", "balls.escapes", "standing.rest_mm"} & set(quiet.certificate.clauses)
+    assert not certify("", {}, limits).holds
 
 
 def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):

@@ -17,7 +17,7 @@ from minexplore.rotations import rotation_matrices
 from minexplore.volume.models import FEET, code_of
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Volume
-from pipeline.volume.world.physics import places_for_robots, stand
+from pipeline.volume.world.proof.physics import places_for_robots, stand
 
 ROBOTS, STEPS = 32, 30
 _THROWN_STEPS = 8
