@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 
 import manifold3d
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.network import SurveyNetwork
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
@@ -18,6 +20,7 @@ _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors 
 _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
+_OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at
 _RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
 
 
@@ -83,14 +86,17 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
             continue
         tube.append(number)
         if not network.joined[piece.shot, 1]:
-            solids.append(_tube([pieces[k].sections for k in tube], tube, numbers))
+            solids += _tube([pieces[k].sections for k in tube], tube, numbers)
             tube = []
     union = _without_crumbs(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add))
     return label_facets(union, pieces, numbers)
 
 
-def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> manifold3d.Manifold:
-    """Return the solid through rows of sections, each row's first the last of the row before; enter its numbers."""
+def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
+    """Return the solid through rows of sections, each row's first the last of the row before; enter its numbers.
+
+    A tube that would cross itself, as between skew sections of different widths, is the hulls of its sections.
+    """
     rings = np.concatenate([sections[0], *(row[1:] for row in sections[1:])])
     count, k = len(rings), rings.shape[1]
     i, j = np.arange(k), (np.arange(k) + 1) % k
@@ -99,6 +105,8 @@ def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int])
     faces = [wall + k * n for n in range(count - 1)]
     faces[0] = np.concatenate([cap, faces[0]])
     faces[-1] = np.concatenate([faces[-1], cap[:, ::-1] + k * (count - 1)])
+    if len(crossing_facets(rings.reshape(-1, 3), np.concatenate(faces), CROSSING_M)):
+        return _hulls(sections, shots, numbers)
     first = manifold3d.Manifold.reserve_ids(len(shots))
     numbers |= {first + n: shot for n, shot in enumerate(shots)}
     ends = np.cumsum([len(row) - 1 for row in sections])
@@ -113,7 +121,19 @@ def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int])
     solid = manifold3d.Manifold(mesh)
     if solid.status() != manifold3d.Error.NoError:
         raise ValueError(f"volume: legs {shots}: {solid.status()}")
-    return solid
+    return [solid]
+
+
+def _hulls(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
+    """Return the hulls of sections that follow each other, a little longer than these, so that they overlap."""
+    found = []
+    for row, shot in zip(sections, shots, strict=True):
+        for one, two in pairwise(row):
+            ahead = two.mean(axis=0) - one.mean(axis=0)
+            ahead *= _OVERLAP_M / max(float(np.linalg.norm(ahead)), _OVERLAP_M)
+            found.append(manifold3d.Manifold.hull_points(np.concatenate([one - ahead, two + ahead])).as_original())
+            numbers[found[-1].original_id()] = shot
+    return found
 
 
 def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[int, int]) -> Volume:
