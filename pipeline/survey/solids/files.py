@@ -10,17 +10,16 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from ezdxf import disassemble
-from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.mesh import Mesh as MeshEntity
 from ezdxf.entities.polyline import Polyface, Polymesh
 from ezdxf.entities.solid import Face3d
 from ezdxf.filemanagement import readfile
-from ezdxf.lldxf.const import DXFError
 from ezdxf.render.mesh import MeshBuilder
 
 from pipeline.errors import InputError
 from pipeline.params.survey import Unit
+from pipeline.survey.vector.dxf import READING_ERRORS
 
 DXF = ".dxf"
 SUFFIXES = (".obj", ".stl", ".ply", ".glb")
@@ -52,7 +51,7 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
     suffix = path.suffix.lower()
-    found = list(_dxf_meshes(path) if suffix == DXF else _scene_meshes(path, data, suffix))
+    found = _read_dxf(path) if suffix == DXF else list(_scene_meshes(path, data, suffix))
     names = tuple(dict.fromkeys(name for name, _, _ in found))
     unknown = sorted(set(layers or []) - set(names))
     if unknown:
@@ -62,6 +61,8 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         raise InputError(f"{path}: has no triangles; a mesh of the workings is wanted")
     first = np.cumsum([0, *(len(vertices) for _, vertices, _ in chosen)])
     vertices = np.concatenate([vertices for _, vertices, _ in chosen])
+    if any(faces.min(initial=0) < 0 or faces.max(initial=-1) >= len(own) for _, own, faces in chosen):
+        raise InputError(f"{path}: a triangle of a corner that the file does not have")
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: a coordinate that is no finite number")
     faces = np.concatenate([faces + start for (_, _, faces), start in zip(chosen, first[:-1], strict=True)])
@@ -87,9 +88,18 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
             yield str(name), vertices, np.asarray(mesh.faces, np.int64)
 
 
+def _read_dxf(path: Path) -> list[Mesh]:
+    try:
+        return list(_dxf_meshes(path))
+    except OSError as error:
+        raise InputError(f"{path}: not a DXF drawing; does it begin with the section HEADER or ENTITIES?") from error
+    except READING_ERRORS as error:
+        raise InputError(f"{path}: not a DXF drawing that can be read") from error
+
+
 def _dxf_meshes(path: Path) -> Iterator[Mesh]:
     """Yield layer, vertices and triangles of each 3DFACE, polyface or polygon mesh, and MESH of a drawing."""
-    for entity in disassemble.recursive_decompose(_drawing(path).modelspace()):
+    for entity in disassemble.recursive_decompose(readfile(path).modelspace()):
         mesh = _dxf_mesh(entity)
         if mesh is not None and len(mesh.faces):
             mesh.faces = [face for face in mesh.faces if len(set(face)) > 2]
@@ -110,12 +120,5 @@ def _dxf_mesh(entity: DXFEntity) -> MeshBuilder | None:
     return None
 
 
-def _drawing(path: Path) -> Drawing:
-    try:
-        return readfile(path)
-    except (OSError, DXFError) as error:
-        raise InputError(f"{path}: not a DXF drawing that can be read") from error
-
-
 def _dxf_unit(path: Path) -> Unit | None:
-    return _UNITS.get(int(_drawing(path).header.get("$INSUNITS", 0)))
+    return _UNITS.get(int(readfile(path).header.get("$INSUNITS", 0)))

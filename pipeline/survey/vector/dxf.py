@@ -36,7 +36,7 @@ _LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 _RELEASE = re.compile(rb"\$ACADVER\s+1\s+([\w.]{1,12})")
 _RELEASES = {"AC1004": "9", "AC1006": "10", "AC1009": "12", "AC1012": "13", "AC1014": "14", "AC1015": "2000"}
-_ERRORS = (
+READING_ERRORS = (
     DXFError,
     ValueError,
     TypeError,
@@ -76,7 +76,7 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         raise
     except OSError as error:
         raise InputError(f"{path}: not a DXF drawing; does it begin with the section HEADER or ENTITIES?") from error
-    except _ERRORS as error:
+    except READING_ERRORS as error:
         raise InputError(f"{path}: {_unreadable(data)}") from error
     unknown, lines = sorted(set(layers or []) - existing), found.lines
     if unknown and not lines:
@@ -114,7 +114,7 @@ def read_dxf_labels(path: Path) -> np.ndarray:
                     found.append((x, y, plain_number(number[1].replace(",", "."))))
     except InputError:
         raise
-    except _ERRORS as error:
+    except READING_ERRORS as error:
         raise InputError(f"{path}: {_unreadable(data)}") from error
     return np.array(found, dtype=float).reshape(-1, 3)
 

@@ -119,6 +119,29 @@ def test_a_broken_file_is_refused_by_its_name_in_one_line(tmp_path, name, data):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [(b" 20\n0.0\n", b" 20\n1g+20\n"), (b"3DFACE", b"SOLID2")],
+)
+def test_a_broken_drawing_of_faces_is_refused_in_one_line(tmp_path, old, new):
+    vertices, faces, _ = crossing_tunnels()
+    write(tmp_path / "a.dxf", vertices, faces, "3DFACE")
+    data = (tmp_path / "a.dxf").read_bytes()
+    assert old in data
+    (tmp_path / "a.dxf").write_bytes(data.replace(old, new))
+    with pytest.raises(InputError, match=r"a\.dxf|no space|a hole"):
+        closed(tmp_path / "a.dxf")
+
+
+def test_a_triangle_of_a_corner_that_is_not_there_is_refused(tmp_path):
+    vertices, faces, _ = crossing_tunnels()
+    write(tmp_path / "a.ply", vertices, faces)
+    data = (tmp_path / "a.ply").read_bytes()
+    (tmp_path / "a.ply").write_bytes(data[:-4] + b"\xff\xff\x00\x00")
+    with pytest.raises(InputError, match=r"a\.ply: a triangle of a corner|a\.ply: not a mesh"):
+        closed(tmp_path / "a.ply")
+
+
 def test_the_scanned_cave_closes(shared_rock):
     read = read_triangles(shared_rock, shared_rock.read_bytes())
     found = close_solids(read.vertices, read.faces, WELD_M, 3.0)
