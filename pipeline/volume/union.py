@@ -95,7 +95,8 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
 def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
     """Return the solid through rows of sections, each row's first the last of the row before; enter its numbers.
 
-    A tube that would cross itself, as between skew sections of different widths, is the hulls of its sections.
+    Legs that would cross others of the tube, as between skew sections of different widths, are the hulls of their
+    sections.
     """
     rings = np.concatenate([sections[0], *(row[1:] for row in sections[1:])])
     count, k = len(rings), rings.shape[1]
@@ -105,23 +106,37 @@ def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int])
     faces = [wall + k * n for n in range(count - 1)]
     faces[0] = np.concatenate([cap, faces[0]])
     faces[-1] = np.concatenate([faces[-1], cap[:, ::-1] + k * (count - 1)])
-    if len(crossing_facets(rings.reshape(-1, 3), np.concatenate(faces), CROSSING_M)):
-        return _hulls(sections, shots, numbers)
-    first = manifold3d.Manifold.reserve_ids(len(shots))
-    numbers |= {first + n: shot for n, shot in enumerate(shots)}
     ends = np.cumsum([len(row) - 1 for row in sections])
     sizes = np.cumsum([0, *map(len, faces)])
-    runs = 3 * sizes[[0, *ends]]
+    runs = sizes[[0, *ends]]
+    pairs = crossing_facets(rings.reshape(-1, 3), np.concatenate(faces), CROSSING_M)
+    if len(pairs):
+        return _parted(sections, shots, numbers, set(np.searchsorted(runs, pairs.ravel(), side="right") - 1))
+    first = manifold3d.Manifold.reserve_ids(len(shots))
+    numbers |= {first + n: shot for n, shot in enumerate(shots)}
     mesh = manifold3d.Mesh64(
         rings.reshape(-1, 3),
         np.concatenate(faces).astype(np.uint64),
-        run_index=runs,
+        run_index=3 * runs,
         run_original_id=first + np.arange(len(shots)),
     )
     solid = manifold3d.Manifold(mesh)
     if solid.status() != manifold3d.Error.NoError:
         raise ValueError(f"volume: legs {shots}: {solid.status()}")
     return [solid]
+
+
+def _parted(
+    sections: list[np.ndarray], shots: list[int], numbers: dict[int, int], crossing: set[int]
+) -> list[manifold3d.Manifold]:
+    """Return the hulls of the legs that cross others of their tube, and the tubes between them."""
+    found, start = [], 0
+    for n in [*sorted(crossing), len(shots)]:
+        if n > start:
+            found += _tube(sections[start:n], shots[start:n], numbers)
+        found += _hulls(sections[n : n + 1], shots[n : n + 1], numbers)
+        start = n + 1
+    return found
 
 
 def _hulls(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
