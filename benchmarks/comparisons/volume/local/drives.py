@@ -95,7 +95,7 @@ class VolumeDrive:
         stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
         stepper.state[:, self._how] = choice.quaternions.reshape(ROBOTS, -1)
         chosen = time.process_time() - start
-        on_parts: np.ndarray = (~choice.on_plane).any(axis=1)
+        on_parts = np.asarray((~choice.on_plane).any(axis=1))
         return chosen, on_parts, stepper.advance(np.arange(ROBOTS), choice.tiles, task.substeps)
 
     def throw(self, rounds: int, rng: np.random.Generator) -> Thrown:
