@@ -21,8 +21,7 @@ from pipeline.geometry.floor.simplified_outline import (
     simplify_by_wall_error,
     simplify_folded,
 )
-from pipeline.geometry.network.plan_network import plan_network
-from pipeline.geometry.network.skeleton import trace_network
+from pipeline.geometry.network.plan_network import plan_network, seen_network
 from pipeline.geometry.openings.fit import cut_openings, fit_openings
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
@@ -53,7 +52,6 @@ from pipeline.types import (
     Workings,
 )
 
-_LEAST_HOLE_M2 = 0.25  # of a solid's view from above: smaller ones are no pillars
 _APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
 
 
@@ -112,7 +110,7 @@ def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings,
     seen: BaseGeometry = shapely.union_all(shapely.get_parts(workings.polygons))
     outline = seen if isinstance(seen, Polygon | MultiPolygon) else workings.polygons
     drawn = _drawn_again(outline, survey.frame)
-    network = plan_network(legs, params.network.cell_m) if len(legs) else _seen_network(params, outline)
+    network = plan_network(legs, params.network.cell_m) if len(legs) else seen_network(outline, **dict(params.network))
     return {
         "raw": drawn.raw,
         "cleaned": drawn.cleaned,
@@ -126,13 +124,6 @@ def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings,
         "correction": None,
         "corrected": NO_PICTURE,
     }
-
-
-def _seen_network(params: ContoursParams, outline: Polygon | MultiPolygon) -> DriftNetwork:
-    """Return the network of the largest piece of a solid's view from above."""
-    largest = max(shapely.get_parts(outline), key=lambda part: part.area)
-    whole = Polygon(largest.exterior, [ring for ring in largest.interiors if Polygon(ring).area > _LEAST_HOLE_M2])
-    return trace_network(whole, params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m)
 
 
 def _picture(drawn: Polygon | MultiPolygon, correction: Correction | None, frame: Frame) -> Image:

@@ -32,24 +32,24 @@ _CONFIG, _OUT = "compare.thconfig", "compare.3d"
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ProjectVerdict:
     """What became of one file: equal, different, refused, refused by both, or read by us only; and why."""
 
     verdict: str
     why: str
 
 
-def compare_file(path: Path, program: str) -> Verdict:
+def compare_file(path: Path, program: str) -> ProjectVerdict:
     """Return how a project as read here compares with Therion's solution of it."""
     theirs = solve_by_therion(path, program)
     try:
         ours = solve_file(path)
     except MineError as error:
-        return Verdict("refused" if theirs else "refused by both", str(error).removeprefix(f"{path}: ")[:160])
-    return Verdict("only read here", f"{len(ours.names)} stations") if theirs is None else compare(theirs, ours)
+        return ProjectVerdict("refused" if theirs else "refused by both", str(error).removeprefix(f"{path}: ")[:160])
+    return ProjectVerdict("only read here", f"{len(ours.names)} stations") if theirs is None else compare(theirs, ours)
 
 
-def compare(theirs: SolvedSurvey, ours: SolvedSurvey) -> Verdict:
+def compare(theirs: SolvedSurvey, ours: SolvedSurvey) -> ProjectVerdict:
     """Return whether all stations of one survey are in another at the same places, but for one shift of them all.
 
     Therion and Survex put a survey without a fixed station at different places. Stations of one name at several places
@@ -58,13 +58,13 @@ def compare(theirs: SolvedSurvey, ours: SolvedSurvey) -> Verdict:
     at, other = _places(theirs), _places(ours)
     missing = [name for name in at if name not in other]
     if missing:
-        return Verdict("different", f"{len(missing)} of {len(at)} stations are missing, {missing[0]} first")
+        return ProjectVerdict("different", f"{len(missing)} of {len(at)} stations are missing, {missing[0]} first")
     shift = np.median([np.mean(other[name], axis=0) - np.mean(at[name], axis=0) for name in at], axis=0)
     apart_m = max(float(np.linalg.norm(place + shift - other[name], axis=1).min()) for name in at for place in at[name])
     why = f"{len(at)} stations, {len(theirs.legs)} legs, largest distance {apart_m:.3f} m"
     if len(theirs.legs) != len(ours.legs):
-        return Verdict("different", f"{why}; {len(ours.legs)} legs here")
-    return Verdict("equal" if apart_m <= _SAME_M else "different", why)
+        return ProjectVerdict("different", f"{why}; {len(ours.legs)} legs here")
+    return ProjectVerdict("equal" if apart_m <= _SAME_M else "different", why)
 
 
 def _places(survey: SolvedSurvey) -> dict[str, list[np.ndarray]]:
@@ -91,7 +91,7 @@ def solve_by_therion(path: Path, program: str) -> SolvedSurvey | None:
         return read_3d(out) if done.returncode == 0 and out.is_file() else None
 
 
-def table(verdicts: dict[str, Verdict]) -> str:
+def table(verdicts: dict[str, ProjectVerdict]) -> str:
     """Return the verdicts as Markdown: their counts, then a row a file."""
     counts = Counter(found.verdict for found in verdicts.values())
     rows = [(name, found.verdict, found.why.replace("|", "/")) for name, found in verdicts.items()]

@@ -21,7 +21,7 @@ _LIMITS = {"compile3d": 5.0, "surface": 25.0, "validation": 90.0}
 
 
 @dataclass(frozen=True)
-class Run:
+class StageRun:
     """What a command took: seconds, processor seconds with those of its children, and its largest process, MB."""
 
     seconds: float
@@ -41,7 +41,7 @@ def main() -> int:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(name, target)
         subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
-        timed: list[tuple[str, float, Run | None, float | None]] = []
+        timed: list[tuple[str, float, StageRun | None, float | None]] = []
         whole = _run(folder, "dvc", "repro")
         timed.append(("whole pipeline, clean", whole.seconds, whole, 90.0))
         again = [_run(folder, "dvc", "repro") for _ in range(3)]
@@ -64,13 +64,13 @@ def main() -> int:
     return 2 if slow else 0
 
 
-def _row(timed: tuple[str, float, Run | None, float | None]) -> tuple[str, ...]:
+def _row(timed: tuple[str, float, StageRun | None, float | None]) -> tuple[str, ...]:
     title, seconds, run, limit = timed
     cost = (f"{run.processor_s:.1f}", f"{run.peak_mb:,.0f}") if run else ("", "")
     return title, f"{seconds:.1f}", *cost, "" if limit is None else f"{limit:g}"
 
 
-def _run(folder: str, *command: str) -> Run:
+def _run(folder: str, *command: str) -> StageRun:
     """Run a command in the project; exit with its error if it fails."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     start = time.perf_counter()
@@ -82,7 +82,7 @@ def _run(folder: str, *command: str) -> Run:
         if process.returncode:
             errors.seek(0)
             sys.exit(f"{' '.join(command)}: {errors.read().decode(errors='replace')}")
-    return Run(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6)
+    return StageRun(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6)
 
 
 if __name__ == "__main__":

@@ -231,7 +231,7 @@ class RobotBatch(RobotPlaces):
             "collisions": self.collisions[robots].copy(),
             "zone": self.world.zone_names[self.world.zones_at(places[:, 0])],
             "pose_m_rad": poses,
-            "height_m": places[:, 2] - self.robot.wheel_radius_m,
+            "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
             **({"fell": self.fell[robots]} if self.ground.can_fall else {}),

@@ -88,11 +88,6 @@ class RobotParams(Robot):
         half = turn_radps * self.wheel_base_m / 2
         return (forward_mps - half) / self.wheel_radius_m, (forward_mps + half) / self.wheel_radius_m
 
-    @property
-    def between_sides_m(self) -> float:
-        """Return how far the wheels of both sides are apart."""
-        return self.wheel_base_m
-
     def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
         """Return the actuators' controls (k, actuators) of twists (k,); another robot overrides this and `attach`."""
         return np.column_stack(self.wheel_speeds(forward_mps, turn_radps))

@@ -29,6 +29,7 @@ class Robot:
     scanner_radius_m: float
     scanner_height_m: float
     wheel_radius_m: float
+    wheel_base_m: float
 
     @property
     def lamp_height_m(self) -> float:
@@ -38,7 +39,7 @@ class Robot:
     @property
     def between_sides_m(self) -> float:
         """Return how far the wheels of both sides are apart; a robot without wheels has no odometry."""
-        raise NotImplementedError
+        return self.wheel_base_m
 
     def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
         """Return the actuators' controls (k, actuators) of twists (k,)."""

@@ -16,7 +16,7 @@ _ON_EDGE = 1e-9  # of a facet's size: so far beyond its edge a place is still on
 
 
 @dataclass(frozen=True)
-class Hits:
+class ColumnHits:
     """Where plumb lines through places cross facets: the place's number, the height m, and the facet."""
 
     place: np.ndarray
@@ -53,14 +53,14 @@ class FloorColumns:
             self._near[tile] = self._within(low, low + _TILE_M)
         return self._near[tile]
 
-    def hits(self, places_m: np.ndarray) -> Hits:
+    def hits(self, places_m: np.ndarray) -> ColumnHits:
         """Return where plumb lines through places (n, 2) m cross facets."""
         found = [(np.zeros(0, int), np.zeros(0), np.zeros(0, int))]
         for tile, rows in group_by_tile(tiles_at(places_m, _TILE_M)) if len(places_m) else ():
             near = self._about(tile)
             place, facet = self._covered(places_m[rows][:, None], near)
             found.append((rows[place], self._height(places_m[rows[place]], near[facet]), self._level[near[facet]]))
-        return Hits(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        return ColumnHits(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
     def _covered(self, places_m: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return which places (n, 1, 2) which of some facets (k,) cover."""
@@ -78,7 +78,7 @@ class FloorColumns:
         found: np.ndarray = self._corners[facet, 0, 2] + away[:, 0] * slope[:, 0] + away[:, 1] * slope[:, 1]
         return found
 
-    def grid_hits(self, first_m: np.ndarray, step_m: float, count: int) -> Hits:
+    def grid_hits(self, first_m: np.ndarray, step_m: float, count: int) -> ColumnHits:
         """Return the hits of a square grid of so many places a side (row by row).
 
         A place on an edge of two facets belongs to one of them.
@@ -86,9 +86,9 @@ class FloorColumns:
         near = self._within(first_m, first_m + step_m * (count - 1))
         facet, row, col = _scan((self._corners[near][:, :, :2] - first_m) / step_m, count)
         places = first_m + step_m * np.column_stack([col, row])
-        return Hits(row * count + col, self._height(places, near[facet]), self._level[near[facet]])
+        return ColumnHits(row * count + col, self._height(places, near[facet]), self._level[near[facet]])
 
-    def spans(self, hits: Hits, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def spans(self, hits: ColumnHits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return floors and roofs (n, k) m of the free spaces over and under so many places; NaN behind the last."""
         is_floor = self.is_floor[hits.facet]
         order = np.lexsort([hits.height_m, hits.place])

@@ -40,8 +40,13 @@ class VolumeGround:
             self._standing = standing_spans(spans, robot, self.anchor_m)
         except ValueError as error:
             raise ValueError(f"{world.folder}: {error}") from error
-        self._usable = np.flatnonzero(spans.storey >= 0)
-        self._on_floors = spans.places_m[self._usable]
+        usable = np.flatnonzero(spans.storey >= 0)
+        column = np.column_stack([spans.column, spans.row])[usable]
+        keys, first = np.unique(column, axis=0, return_inverse=True)
+        order = np.argsort(first.reshape(-1), kind="stable")
+        groups = np.split(usable[order], np.cumsum(np.bincount(first.reshape(-1)))[:-1])
+        self._in_column = dict(zip(map(tuple, keys.tolist()), groups, strict=True))
+        self._storey = np.zeros(count, int)  # of each robot
         near = np.hypot(*(spans.places_m[:, :2] - self.anchor_m[:2]).T) <= task.region_m
         self.grid = VolumeGrid(spans, self._standing & near, task.cell_m)
         self.models = VolumeModels(world, task, robot, whole)
@@ -49,7 +54,6 @@ class VolumeGround:
         self._columns = FloorColumns(self._facets)
         self._chooser = PlaneChooser(self.models, FloorPlanes(self._columns, Creases(self._facets)))
         self._under = np.full(count, -1)  # facet under each robot when it was last looked for
-        self._storey = np.full(len(self._facets.faces), -1)  # of each facet, once it was looked for
         self._legs = np.array(_leg_names(world))
         self._addresses: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -135,15 +139,17 @@ class VolumeGround:
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
         facet = self._follow(robots, places_m)
-        return {"floor": self._storeys(facet), "leg": self._legs[self._facets.leg[facet]]}
+        return {"floor": self._storeys(robots, places_m), "leg": self._legs[self._facets.leg[facet]]}
 
-    def _storeys(self, facets: np.ndarray) -> np.ndarray:
-        """Return the storey (k,) of facets: that of the span nearest to a facet's middle."""
+    def _storeys(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return the storey (k,) of robots: that of their column's nearest floor with one, or the one before."""
         spans = self.world.volume.spans  # type: ignore[union-attr]
-        for facet in np.unique(facets[self._storey[facets] < 0]).tolist():
-            middle = self._facets.vertices[self._facets.faces[facet]].mean(axis=0)
-            self._storey[facet] = spans.storey[self._usable[np.square(self._on_floors - middle).sum(axis=1).argmin()]]
-        return self._storey[facets]
+        cell = np.floor((places_m[:, :2] - spans.origin_m) / spans.cell_m).astype(int)
+        for robot, key, z in zip(robots.tolist(), map(tuple, cell.tolist()), places_m[:, 2].tolist(), strict=True):
+            own = self._in_column.get(key)
+            if own is not None:
+                self._storey[robot] = spans.storey[own[np.abs(spans.floor_m[own] - z).argmin()]]
+        return self._storey[robots]
 
     def _follow(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the facet (k,) under each robot; one that is still over its facet is not looked for."""

@@ -17,20 +17,18 @@ from pipeline.params.survey import (
     CentrelineSurveyParams,
     GridSurveyParams,
     PassageSurveyParams,
-    SolidSurveyParams,
     Unit,
     VectorSurveyParams,
 )
 from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detect_picture import detect_picture
+from pipeline.survey.detect_solid import detect_solid
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
-from pipeline.survey.solids.files import DXF
-from pipeline.survey.solids.read import read_solid
 from pipeline.survey.vector.drawing_frames import require_walls_alone
 from pipeline.survey.vector.plan_doubts import require_plan
 from pipeline.survey.vector.shapes import Shapes
@@ -39,6 +37,7 @@ from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vec
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
+_DXF = ".dxf"
 _METRIC = ("m", "cm", "mm")
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
 _PIECE = "a station of the drivable piece that is built; null: the longest"
@@ -104,40 +103,14 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as walls, or with a stated half width as centrelines."""
     if stated.half_width_m is None:
         if stated.volume:
-            if path.suffix.lower() == DXF:
-                return _detect_solid(path, stated)
+            if path.suffix.lower() == _DXF:
+                return detect_solid(path, stated)
             raise InputError(
                 f"{path}: --volume builds legs between stations, the solids in a DXF file, or with --half-width M the "
                 "centrelines of drifts; walls are built without it"
             )
         return _detect_vector(path, stated)
     return _detect_centrelines(path, stated)
-
-
-def _detect_solid(path: Path, stated: StatedOptions) -> Detection:
-    """Read triangles as the surface of the workings."""
-    options = stated.model_dump(include={"layers", "unit", "close_m", "up"}, exclude_none=True)
-    params = SolidSurveyParams.model_validate({"kind": "solid", "name": "detect", "file": "data/x", **options})
-    read = read_solid(params.model_copy(update={"file": path.as_posix()}), is_stated=False)
-    place = read.georeference
-    values = {
-        "kind": "solid",
-        "file": path.name,
-        "layers": stated.layers,
-        "unit": place.unit,
-        "up": stated.up,
-        "origin": [*place.origin, read.solid.datum_m / place.metres_per_unit],
-        "close_m": params.close_m,
-        "simplify_m": stated.simplify_m or read.solid.simplify_m,
-    }
-    remarks = {
-        "origin": "of the mine frame, in the file's coordinates",
-        "close_m": "holes up to this width are closed, m",
-        "simplify_m": "the mesh moves by no more than this when it is simplified, m",
-        "up": "axis of the file that points up; null: y in GLB, z in others",
-    }
-    width_m = 2 * read.workings.area / read.workings.length
-    return Detection(values, remarks, [path], width_m, has_heights=True)
 
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
@@ -317,5 +290,5 @@ _DETECTORS: dict[FileKind, Callable[[Path, StatedOptions], Detection]] = {
     FileKind.GRID: _detect_grid,
     FileKind.VECTOR: _detect_drawing,
     FileKind.STATIONS: _detect_stations,
-    FileKind.SOLID: _detect_solid,
+    FileKind.SOLID: detect_solid,
 }

@@ -36,7 +36,6 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
 from pipeline.survey.passages.sheets import lay_out_sheets
-from pipeline.survey.solids.read import read_solid
 from pipeline.survey.start import start_in_plan, start_over
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
@@ -92,7 +91,7 @@ class _Drawn:
 
 
 @dataclass(frozen=True)
-class _Content:
+class _SurveyContent:
     """What stage 1 hands on of a survey."""
 
     plan: Image
@@ -176,12 +175,12 @@ def _subject(params: SurveyParams) -> str:
     return params.file
 
 
-def _read(params: SurveyParams) -> _Content:
+def _read(params: SurveyParams) -> _SurveyContent:
     with reading_by(params):
         return _read_by_kind(params)
 
 
-def _read_by_kind(params: SurveyParams) -> _Content:
+def _read_by_kind(params: SurveyParams) -> _SurveyContent:
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
@@ -215,10 +214,12 @@ def _read_by_kind(params: SurveyParams) -> _Content:
         licences,
         heights,
     )
-    return _Content(read.plan, survey, read.workings, read.legs, read.solid)
+    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid)
 
 
 def _read_solid(params: SolidSurveyParams) -> _Drawn:
+    from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load, and few have solids
+
     found = read_solid(params)
     frame = frame_of(params.file, found.workings, params)
     plan = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)

@@ -26,7 +26,7 @@ _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives the
 class FloorFigures:
     """How the floor follows the survey, m: largest and median error; largest step on the legs' ways, and elsewhere.
 
-    A leg's way is what is within 0.5 m of its surveyed floor. All steps are told apart by whether legs meet there.
+    A leg's way is what is within 0.5 m of its surveyed floor. Steps where legs meet and other steps are measured apart.
     """
 
     error_m: float  # without those that lie in another working

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.comparisons.therion_projects import Verdict, compare, main, table
+from benchmarks.comparisons.therion_projects import ProjectVerdict, compare, main, table
 from pipeline.survey.solved.model import SolvedSurvey
 
 
@@ -47,7 +47,7 @@ def test_a_station_elsewhere_or_missing_and_a_leg_too_many_are_different(ours, w
 
 
 def test_the_table_counts_verdicts_and_a_missing_program_is_named(tmp_path: Path, capsys):
-    assert "| equal | 2 |" in table({"x.th": Verdict("equal", ""), "y.th": Verdict("equal", "")})
+    assert "| equal | 2 |" in table({"x.th": ProjectVerdict("equal", ""), "y.th": ProjectVerdict("equal", "")})
     (tmp_path / "x.th").write_text("survey x\nendsurvey\n")
     assert main([str(tmp_path), "--therion", "no-such-program"]) == 2
     assert "no-such-program" in capsys.readouterr().err

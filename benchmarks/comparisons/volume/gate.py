@@ -57,7 +57,7 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     clock.append(time.process_time())
     volume = solve_floors(rough, network)
     clock.append(time.process_time())
-    np.savez_compressed(folder / "volume.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
+    np.savez_compressed(folder / "solved.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
     built = build_shell(volume, _bar)
     clock.append(time.process_time())
     row |= dict(zip(("union_s", "floors_s", "shell_s"), np.diff(clock).tolist(), strict=True))
@@ -213,7 +213,7 @@ def main() -> int:
             ours, bodies, today = (json.loads(file.read_text()) for file in files)
             rows[name] = (ours | bodies, today)
     write_table(PAGE, tables(rows))
-    draw({CASES[n].title: FOLDER / n / "volume.npz" for n in rows}, Path("docs") / PICTURE)
+    draw({CASES[n].title: FOLDER / n / "solved.npz" for n in rows}, Path("docs") / PICTURE)
     return 0
 
 

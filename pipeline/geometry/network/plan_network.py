@@ -7,10 +7,14 @@ from itertools import pairwise
 
 import networkx as nx
 import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
 
+from pipeline.geometry.network.skeleton import trace_network
 from pipeline.types import DriftNetwork, Leg, SurveyedLegs, lines_of
 
 _DIGITS = 2
+_LEAST_PILLAR_M2 = 0.25  # of a hole in a view from above: smaller ones are no pillars
 
 
 def plan_network(surveyed: SurveyedLegs, cell_m: float) -> DriftNetwork:
@@ -111,3 +115,12 @@ def _length(place: dict[str, np.ndarray], way: list[str]) -> float:
 def _plan(place: np.ndarray) -> tuple[float, float]:
     x, y = place[:2].round(_DIGITS).tolist()
     return x, y
+
+
+def seen_network(
+    outline: Polygon | MultiPolygon, cell_m: float, min_leg_m: float, station_spacing_m: float
+) -> DriftNetwork:
+    """Return the network of the largest piece of a view from above; the others are those of `trace_network`."""
+    largest = max(shapely.get_parts(outline), key=lambda part: part.area)
+    pillars = [ring for ring in largest.interiors if Polygon(ring).area > _LEAST_PILLAR_M2]
+    return trace_network(Polygon(largest.exterior, pillars), cell_m, min_leg_m, station_spacing_m)

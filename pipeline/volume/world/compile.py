@@ -56,7 +56,7 @@ def compile_volume(
         raise GeometryError(f"{subject}: {error}") from error
 
 
-def _files_of(params: Compile3dParams, made: _Made) -> Bundle:
+def _files_of(params: Compile3dParams, made: _VolumeDraft) -> Bundle:
     volume, cells, surveyed = made.volume, made.cells, made.surveyed
     robot = robot_size(params.volume)
     parts, refused = without_refused(build_shell(made.solved))
@@ -81,7 +81,7 @@ def _files_of(params: Compile3dParams, made: _Made) -> Bundle:
 
 
 @dataclass(frozen=True)
-class _Made:
+class _VolumeDraft:
     """A volume about its own middle and in the mine frame, its cells, and its legs."""
 
     solved: Volume
@@ -93,7 +93,7 @@ class _Made:
     is_solid: bool
 
 
-def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _Made:
+def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     if network.repairs:
         more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
@@ -101,10 +101,10 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _Made:
     solved = solve_floors(unite(network, pieces_of(network)), network)
     volume = in_mine_frame(solved, offset)
     cells = cells_of(volume, params.grid_cell_m, robot_size(params.volume))
-    return _Made(solved, volume, offset, cells, surveyed, network, False)
+    return _VolumeDraft(solved, volume, offset, cells, surveyed, network, False)
 
 
-def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _Made:
+def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _VolumeDraft:
     robot = robot_size(params.volume)
     solved = volume_of_solid(solid, robot.steepest)
     bare = mine_volume(solved, solved.source)
@@ -114,7 +114,7 @@ def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) 
     volume = mine_volume(solved, nearest_leg(solved, surveyed))
     surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))
     network = replace(network, places_m=network.places_m + offset)
-    return _Made(solved, volume, np.zeros(3), cells, surveyed, network, True)
+    return _VolumeDraft(solved, volume, np.zeros(3), cells, surveyed, network, True)
 
 
 def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:

@@ -56,7 +56,7 @@ def test_robots_start_at_the_highest_end_or_where_the_user_states(world, tmp_pat
 def test_a_start_far_from_all_floors_is_refused_with_file_place_limit_and_option(tmp_path):
     legs = legs_of_table(ADIT, tmp_path, entrance_m=(500.0, 0.0, 895.0))
     with pytest.raises(GeometryError, match=r"a\.csv: survey\.entrance_m = \[500\.0, 0\.0, 895\.0\]: within 15 m"):
-        compile_volume(CONFIG.compile3d, legs, "a.csv")
+        compile_volume(CONFIG.compile3d, legs, subject="a.csv")
 
 
 def test_a_mine_that_is_a_crawl_throughout_is_refused_with_what_a_robot_needs(tmp_path):
@@ -98,4 +98,4 @@ def test_what_a_survey_lacks_is_listed_by_station_and_built(tmp_path, capsys):
 def test_a_survey_whose_legs_have_no_length_is_refused_with_its_file(tmp_path):
     legs = dataclasses.replace(legs_of_table(ADIT, tmp_path), positions_m=np.zeros((3, 3)))
     with pytest.raises(GeometryError, match=r"a\.csv: no leg of 1 has a length"):
-        compile_volume(CONFIG.compile3d, legs, "a.csv")
+        compile_volume(CONFIG.compile3d, legs, subject="a.csv")

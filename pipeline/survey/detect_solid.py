@@ -1,0 +1,43 @@
+"""Detect unit, origin and detail of a solid of workings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.params.stated import StatedOptions
+from pipeline.params.survey import SolidSurveyParams
+from pipeline.survey.detection import Detection
+
+
+def detect_solid(path: Path, stated: StatedOptions) -> Detection:
+    """Read triangles as the surface of the workings.
+
+    Raises
+    ------
+    InputError
+        If they cannot be read, or have a hole wider than `--close` allows.
+    """
+    from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load
+
+    options = stated.model_dump(include={"layers", "unit", "close_m", "up"}, exclude_none=True)
+    params = SolidSurveyParams.model_validate({"kind": "solid", "name": "detect", "file": "data/x", **options})
+    read = read_solid(params.model_copy(update={"file": path.as_posix()}), is_stated=False)
+    place = read.georeference
+    values = {
+        "kind": "solid",
+        "file": path.name,
+        "layers": stated.layers,
+        "unit": place.unit,
+        "up": stated.up,
+        "origin": [*place.origin, read.solid.datum_m / place.metres_per_unit],
+        "close_m": params.close_m,
+        "simplify_m": stated.simplify_m or read.solid.simplify_m,
+    }
+    remarks = {
+        "origin": "of the mine frame, in the file's coordinates",
+        "close_m": "holes up to this width are closed, m",
+        "simplify_m": "the mesh moves by no more than this when it is simplified, m",
+        "up": "axis of the file that points up; null: y in GLB, z in others",
+    }
+    width_m = 2 * read.workings.area / read.workings.length
+    return Detection(values, remarks, [path], width_m, has_heights=True)
