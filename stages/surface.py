@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.floors.floor import Floor
 from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
@@ -47,20 +47,22 @@ def model_surface(
     floor: Floor,
     openings: Openings = NO_OPENINGS,
     network: SurveyedLegs = NO_LEGS,
+    volume: Path | None = None,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
-    So they are of a survey that is built as one volume, which has no visible rock yet.
+    A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs.
 
     Surfaces are made and measured in the plan, as if openings were floor. Then the roof is opened where shafts come
     down, and all is folded by the floor.
     """
-    if len(network):
-        if params.overlay != "none":
-            warn_user("surface: a world that is one volume shows its collision parts; it has no visible rock yet")
-        return _NO_ROCK
     if params.overlay == "none":
         return _NO_ROCK
+    if len(network) and volume is not None:
+        from pipeline.volume.surface.build import rock_of_volume  # open3d takes a second to load
+
+        rock = rock_of_volume(params, volume)
+        return {**_NO_ROCK, "rough": rock.files, "texture": _texture(params.texture), "mesh_checks": rock.report}
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
     free, floor = without_openings(free_space.polygon, openings), filled_floor(floor, openings)
@@ -135,6 +137,7 @@ STAGE = Stage(
         "floor": Artifact("compile3d/floor.npz", Floor),
         "openings": Artifact("compile3d/openings.json", Openings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
+        "volume": Artifact("compile3d/volume", Bundle),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),
