@@ -104,7 +104,7 @@ def _policies_of(env_id: str) -> list[str]:
 
 def expected_head(policy_name: str, env_id: str, env: MineVectorEnv, seeds: list[int]) -> Head:
     """Return the head of a policy's results as an evaluation would write it now."""
-    policy = make_policy(policy_name, 1, env.task, env.robot, not env.world.floor.is_flat)
+    policy = make_policy(policy_name, 1, env.task, env.robot, env.world.has_heights)
     return head_of(env_id, env, policy_label(policy_name), policy, seeds)
 
 

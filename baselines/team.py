@@ -67,7 +67,7 @@ def drive_team(env_id: str, robots: int, seed: int) -> TeamEpisode:
     """
     env = MineParallelEnv(robots, **gymnasium.spec(env_id).kwargs)
     try:
-        if not env.world.floor.is_flat:
+        if env.world.has_heights:
             raise BaselineError(f"{env_id}: its mine has heights; the team's map knows level mines only")
         policy = AssignedFrontiers(robots, env.task, env.robot)
         observation, info = env.reset(seed=seed)

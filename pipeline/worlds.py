@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from minexplore.bundle import RECORD, VOLUME
 from pipeline.errors import ArtifactError
 from pipeline.guard.reading_process import one_line
 from pipeline.metrics.limits import flatten, format_limit
@@ -71,17 +73,29 @@ def read_figures(name: str) -> dict[str, Any]:
 def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
     params = read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams)
+    if is_volume_world(world_folder(name)):
+        return params.volume.limits
     return applying_limits(params, read_figures(name))
+
+
+def is_volume_world(folder: Path) -> bool:
+    """Return whether the world of a folder is one volume, by the files of its bundle."""
+    return (folder / "realism" / "world" / VOLUME).is_file()
 
 
 def describe_start(folder: Path) -> str:
     """Return where robots start in the world of a folder, as `--start` takes it, and how to change it."""
+    how = "`--start` of `new`, or survey.entrance_m, changes it"
     bundle = folder / "realism" / "world"
+    if is_volume_world(folder):
+        stated = json.loads((bundle / RECORD).read_text())
+        x, y, z = stated["spawn"]["anchor_m"]
+        return f"{x:.1f},{y:.1f},{z + stated['volume']['datum_m']:.1f} m; {how}"
     record = read_record(bundle)
     place = read_floor(bundle, record).fold(np.array([[*record.spawn.anchor_m, 0.0]]))[0]
     survey: Survey = decode(folder / "survey" / "survey.json", Survey)
     elevation = f",{place[2] + survey.heights.datum_m:.1f}" if survey.heights else ""
-    return f"{place[0]:.1f},{place[1]:.1f}{elevation} m; `--start` of `new`, or survey.entrance_m, changes it"
+    return f"{place[0]:.1f},{place[1]:.1f}{elevation} m; {how}"
 
 
 def list_worlds() -> str:

@@ -42,9 +42,9 @@ def validate_world(
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     if len(network):
-        from pipeline.volume.world.certificate import validate_volume  # open3d takes a second to load
+        from pipeline.volume.world.certificate import open_volume, validate_volume  # open3d takes a second to load
 
-        found = validate_volume(params.volume, world, network)
+        found = validate_volume(params.volume, open_volume(world), network)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE}
     validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))

@@ -124,7 +124,7 @@ class MineWithHeights:
         return mine
 
     def _build(self, params: SurveyParams, config: Config, folder: Path, report: bool) -> None:
-        plan, self.survey, polygons = _read(params)
+        plan, self.survey, polygons, _ = _read(params)
         traced = trace_free_space(config.contours, plan, self.survey, Workings(polygons))
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
         self.free_space, self.network = traced["free_space"], traced["topology"]

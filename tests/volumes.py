@@ -26,6 +26,7 @@ TEE = HEADER + (
     "A,1,0,0,2.5,2.5,100,3.5,0\nA,2,60,0,2.5,2.5,96,3.5,0\nA,3,120,30,2.5,2.5,90,3.5,0\n"
     "B,2,60,0,2,2,96,3,0\nB,4,60,50,2,2,99,3,0\n"
 )
+_FAR_M = 5000.0
 
 
 def spiral_with_side_drift() -> str:
@@ -64,6 +65,9 @@ def surveyed(legs: list[SurveyLeg]) -> SurveyedLegs:
         places.append(np.column_stack([leg.positions_m, leg.heights_m[:, 0]]))
         lrud.append(np.column_stack([leg.walls_m, leg.heights_m[:, 1:]]))
         names += leg.stations
+    middle = np.concatenate(places).mean(axis=0).round()
+    if np.abs(middle).max() > _FAR_M:  # as stage 1 does with a national grid
+        places = [one - middle for one in places]
     first = np.cumsum([0, *map(len, places)]).astype(np.int32)
     length = sum(float(np.linalg.norm(np.diff(one, axis=0), axis=1).sum()) for one in places)
     none = text_array([])

@@ -57,7 +57,9 @@ def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
 
 
 def require_fences(env_id: str, world: World) -> None:
-    """Refuse a world whose shafts have no fence: a robot that falls is faster than any along the floor."""
+    """Refuse a volume, and a world whose shafts have no fence: a robot that falls is faster than any on the floor."""
+    if world.volume is not None:
+        raise BaselineError(f"{env_id}: its mine is one volume; bounds are of mines whose floors are drawn in plan")
     if len(world.open_shafts):
         raise BaselineError(f"{env_id}: robots can fall down its shafts; a bound needs realism.fence_openings=true")
 

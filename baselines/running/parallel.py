@@ -125,7 +125,7 @@ def _drive_part(
     policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any], confined: Confined | None
 ) -> list[Episode]:
     env = make_env(env_id, len(seeds))
-    heights = not env.world.floor.is_flat
+    heights = env.world.has_heights
     try:
         if confined is None:
             policy = make_policy(policy_name, len(seeds), env.task, env.robot, heights)

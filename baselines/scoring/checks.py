@@ -59,7 +59,7 @@ def _read_facts(env_id: str, arguments: str) -> Facts:
             task=params_facts(env.task),
             robot=params_facts(env.robot),
             cells=env.robots.grid.total,
-            heights=not env.world.floor.is_flat,
+            heights=env.world.has_heights,
         )
     finally:
         env.close()

@@ -41,7 +41,7 @@ def build_level(legs: dict[str, Leg], folder: Path) -> Path:
     path = folder / "stations.csv"
     path.write_text(table(legs))
     params = PassageSurveyParams(kind="passages", name="level", file="data/x", heights=None)
-    plan, survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
+    plan, survey, polygons, _ = _read(params.model_copy(update={"file": path.as_posix()}))
     survey = dataclasses.replace(survey, heights=None)
     traced = trace_free_space(config.contours, plan, survey, Workings(polygons))
     finish_world(config, survey, traced, folder / "world")

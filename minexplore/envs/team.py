@@ -41,7 +41,7 @@ class Team(RobotBatch):
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
         """Place a robot, at rest, at a pose; see `RobotBatch.place`."""
         super().place(robot, x_m, y_m, yaw_rad, z_m)
-        self.data.qpos[self._qpos_at[robot]] = self.qpos[robot]
+        self.data.qpos[self._qpos_at[robot]] = self.qpos[robot, : self._qpos_at.shape[1]]
         self.data.qvel[self._qvel_at[robot]] = 0.0
 
     def _sample_place(self, rng: np.random.Generator) -> list[float]:
@@ -66,7 +66,8 @@ class Team(RobotBatch):
         for _ in range(self.task.substeps):
             mujoco.mj_step(self.model, self.data)
             touched |= self.data.sensordata > 0
-        self.qpos[:], self.qvel[:] = self.data.qpos[self._qpos_at], self.data.qvel[self._qvel_at]
+        for own, of_model, at in ((self.qpos, self.data.qpos, self._qpos_at), (self.qvel, self.data.qvel, self._qvel_at)):
+            own[:, : at.shape[1]] = of_model[at]  # behind them are sprung castors, which nothing else looks at
         return touched[robots]
 
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -86,7 +86,7 @@ class Renderer:
             self._clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
             self._fovy_deg = float(self.model.vis.global_.fovy)
             self._at = np.concatenate([qpos_address(self.model, f"robot_{i}") for i in range(self.robots)])
-        self.data.qpos[self._at] = qpos.ravel()
+        self.data.qpos[self._at] = qpos[:, : len(self._at) // self.robots].ravel()  # behind them are sprung castors
         mujoco.mj_forward(self.model, self.data)
         return self.model, self.data
 

@@ -78,18 +78,14 @@ class FloorColumns:
         return found
 
     def grid_hits(self, first_m: np.ndarray, step_m: float, count: int) -> Hits:
-        """Return the hits of a square grid of so many places (row by row), each facet at the places in its box."""
-        found = [(np.zeros(0, int), np.zeros(0), np.zeros(0, int))]
-        for facet in self._within(first_m, first_m + step_m * (count - 1)).tolist():
-            low = np.maximum(np.ceil((self._low[facet] - first_m) / step_m - 1e-6), 0).astype(int)
-            high = np.minimum(np.floor((self._high[facet] - first_m) / step_m + 1e-6), count - 1).astype(int) + 1
-            col, row = np.arange(low[0], high[0]), np.arange(low[1], high[1])
-            place = (row[:, None] * count + col).ravel()
-            where = first_m + step_m * np.column_stack([np.tile(col, len(row)), np.repeat(row, len(col))])
-            inside, _ = self._covered(where[:, None], np.array([facet]))
-            height = self._height(where[inside], np.full(len(inside), facet))
-            found.append((place[inside], height, np.full(len(inside), self._level[facet])))
-        return Hits(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        """Return the hits of a square grid of so many places a side (row by row).
+
+        A place on an edge of two facets belongs to one of them.
+        """
+        near = self._within(first_m, first_m + step_m * (count - 1))
+        facet, row, col = _scan((self._corners[near][:, :, :2] - first_m) / step_m, count)
+        places = first_m + step_m * np.column_stack([col, row])
+        return Hits(row * count + col, self._height(places, near[facet]), self._level[near[facet]])
 
     def spans(self, hits: Hits, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return floors and roofs (n, k) m of the free spaces over and under so many places; NaN behind the last."""
@@ -130,3 +126,32 @@ class FloorColumns:
             away, edge = places_m - self._start[at, k], self._edge[at, k]
             inside &= away[:, 0] * edge[:, 0] + away[:, 1] * edge[:, 1] >= -_ON_EDGE * self._size[at]
         return inside
+
+
+def _scan(corners: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return triangle, row and column of the whole numbers below `count` that triangles (f, 3, 2) cover.
+
+    Each row cuts two sides of a triangle, and the columns between are its own.
+    """
+    sides = []
+    for k in range(3):
+        a, b = corners[:, k], corners[:, (k + 1) % 3]
+        swap = ((a[:, 1] > b[:, 1]) | ((a[:, 1] == b[:, 1]) & (a[:, 0] > b[:, 0])))[:, None]
+        low, high = np.where(swap, b, a), np.where(swap, a, b)  # the same of both triangles beside a side
+        begin, end = (np.clip(np.ceil(side[:, 1]), 0, count).astype(int) for side in (low, high))
+        triangle = np.repeat(np.arange(len(corners)), end - begin)
+        row = begin[triangle] + _count_up(end - begin)
+        one, two = low[triangle], high[triangle]
+        x = one[:, 0] + (row - one[:, 1]) / (two[:, 1] - one[:, 1]) * (two[:, 0] - one[:, 0])
+        sides.append(np.column_stack([triangle, row, np.clip(np.ceil(x), 0, count).astype(int)]))
+    each = np.concatenate(sides)
+    each = each[np.lexsort((each[:, 2], each[:, 1], each[:, 0]))]
+    left, right = each[0::2], each[1::2]
+    wide = right[:, 2] - left[:, 2]
+    return np.repeat(left[:, 0], wide), np.repeat(left[:, 1], wide), np.repeat(left[:, 2], wide) + _count_up(wide)
+
+
+def _count_up(counts: np.ndarray) -> np.ndarray:
+    """Return 0, 1, ... below each count, one after another."""
+    found: np.ndarray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return found

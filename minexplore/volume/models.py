@@ -12,6 +12,7 @@ from minexplore.bundle import MINE_BODY
 from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.physics.local_models import MARGIN_M, physics_spec
 from minexplore.physics.robot import (
+    FASTEST_FALL_MPS,
     FLOOR_BIT,
     ROBOT_BIT,
     ROCK_BIT,
@@ -27,7 +28,8 @@ from minexplore.world import World
 
 TILE_M, EXACT_TILE_M = (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
-_BELOW_M, _ABOVE_M = 0.6, 0.6  # what any robot can touch about its axle in one control step
+_ABOVE_M = 0.6  # what any robot can touch over its axle in one control step
+_GRAVITY_MPS2 = 9.81
 _SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
 FEET = ("left", "right", "front", "rear")
 WHEELS = FEET[:2]
@@ -132,8 +134,11 @@ class VolumeModels:
         """Return the lowest and the highest corner (3,) m of the box that a robot in a tile can reach in one step."""
         if number == _WHOLE:
             return np.full(3, -np.inf), np.full(3, np.inf)
-        aside = self.robot.radius_m + self.task.max_forward_mps * self.task.control_s + MARGIN_M
-        below, above = (_BELOW_M, _ABOVE_M) if on_parts else (-_BAND_M[0], _BAND_M[1])
+        step_s, beside = self.task.control_s, self.robot.radius_m + MARGIN_M
+        aside = beside + self.task.max_forward_mps * step_s
+        below, above = -_BAND_M[0], _BAND_M[1]
+        if on_parts:  # a robot that may fall, in any position
+            below, above = beside + (FASTEST_FALL_MPS + _GRAVITY_MPS2 * step_s / 2) * step_s, _ABOVE_M
         low, high = self._boxes[number]
         return low - [aside, aside, below], high + np.array([aside, aside, above])
 

@@ -81,7 +81,7 @@ class MineWarpEnv(VectorEnv):
         self.task, self.robot = coerce_params(TaskParams, task), coerce_params(RobotParams, robot)
         self.device = require_device(device)
         self.world = load_world(find_world(world))
-        if not self.world.floor.is_flat:
+        if self.world.has_heights:
             raise ValueError(
                 f"{self.world.folder}: the environment on Warp drives on level floors; this mine has heights"
             )

@@ -96,10 +96,14 @@ def report(name: str) -> None:
     """Write a world's report.html, a single page that needs no network."""
     from pipeline.compose import compose
     from pipeline.report.page import write_page
-    from pipeline.worlds import changed_params, env_id, world_folder
+    from pipeline.worlds import changed_params, env_id, is_volume_world, world_folder
 
-    folder = world_folder(name)
-    print(write_page(folder, env_id(name), changed_params(name, compose([]))))
+    folder, view = world_folder(name), None
+    if is_volume_world(folder):
+        from pipeline.volume.world.page import volume_view
+
+        view = volume_view(folder)
+    print(write_page(folder, env_id(name), changed_params(name, compose([])), view))
 
 
 def add_to(commands: Any) -> None:

@@ -11,12 +11,13 @@ from typing import Any
 import cv2
 import jinja2
 import numpy as np
+from matplotlib.figure import Figure
 from pydantic import TypeAdapter
 
 from minexplore import __version__
 from pipeline.metrics.limits import format_limit
 from pipeline.mjcf.bundle import WorldRecord, read_floor, read_record
-from pipeline.params.validation import ValidationParams
+from pipeline.params.validation import Limit, ValidationParams
 from pipeline.report.figures.levels import draw_levels, draw_long_section, leg_grades
 from pipeline.report.figures.mine import draw_mine, to_svg
 from pipeline.report.figures.scene import scene_page
@@ -24,7 +25,7 @@ from pipeline.report.figures.style import to_image
 from pipeline.report.results import NO_FIGURE, flat_walls_note, read_metrics
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import replace_folder
-from pipeline.store.manifest import Manifest, read_manifest
+from pipeline.store.manifest import read_manifest
 from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, Survey
 
 FOLDER, PAGE = "report", "report.html"
@@ -55,7 +56,22 @@ class _Figure:
     holds: bool | None
 
 
-def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> Path:
+@dataclass(frozen=True)
+class WorldView:
+    """What of a report depends on what a world is: its record, its plan, its 3D view (HTML), and the metrics' limits.
+
+    `levels` are pictures and grades of a mine with heights, `volume` what of its survey one volume is.
+    """
+
+    record: Any
+    plan: Figure
+    scene: str
+    limits: dict[str, Limit]
+    levels: dict[str, Any] | None = None
+    volume: dict[str, Any] | None = None
+
+
+def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], view: WorldView | None = None) -> Path:
     """Write the report of a world: `report/report.html`, and its plan as SVG and PNG in print quality.
 
     Parameters
@@ -66,6 +82,8 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         The Gymnasium id of the world.
     changed : dict
         Parameter to (default, value of this world), where they differ.
+    view : WorldView, optional
+        Of a world that is one volume; None is a level mine, or one with heights.
 
     Returns
     -------
@@ -77,17 +95,16 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     ArtifactError
         If an artifact is missing; the message names it.
     """
-    record = read_record(root / "realism" / "world")
     free_space, network = (
         decode(root / "contours/free_space.geojson", FreeSpace),
         _read(root, "contours/topology.json", DriftNetwork),
     )
-    plan = draw_mine(free_space.polygon, network, record)
-    svg = to_svg(plan)
     survey = _read(root, "survey/survey.json", Survey)
+    view = view or _view(root, survey, free_space, network)
+    record, svg = view.record, to_svg(view.plan)
     metrics = read_metrics(root / "validation")
     manifests = [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
-    groups = _figures(metrics, manifests[-1])
+    groups = _figures(metrics, view.limits)
     limited = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
     template = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
@@ -105,7 +122,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         mine_svg=svg[svg.index(b"<svg") :].decode(),
         glance=_pictures(root, _GLANCE),
         texture=_pictures(root, _TEXTURE),
-        scene=scene_page(root / "realism" / "world", record, free_space, network),
+        scene=view.scene,
         groups=groups,
         held=sum(limited),
         limited=len(limited),
@@ -113,7 +130,8 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
         certificate=_read(root, "validation/certificate.json", dict),
         replay=_replay(root),
         network=network,
-        levels=_levels(root, record, survey, free_space, network),
+        levels=view.levels,
+        volume=view.volume,
         widths=_width_quantiles(network),
         manifests=manifests,
         changed=changed,
@@ -123,18 +141,31 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]]) -> 
     )
     replace_folder(
         root / FOLDER,
-        {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(plan))},
+        {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(view.plan))},
     )
     return root / FOLDER / PAGE
+
+
+def _view(root: Path, survey: Survey, free_space: FreeSpace, network: DriftNetwork) -> WorldView:
+    """Return what the report shows of a level mine, or of one with heights."""
+    bundle = root / "realism" / "world"
+    record = read_record(bundle)
+    params = read_manifest(root / "validation" / "manifest.json").params
+    return WorldView(
+        record,
+        draw_mine(free_space.polygon, network, record),
+        scene_page(bundle, record, free_space, network),
+        TypeAdapter(ValidationParams).validate_python(params).limits,
+        _levels(root, record, survey, free_space, network),
+    )
 
 
 def _read(root: Path, file: str, kind: Any) -> Any:
     return decode(root / file, kind)
 
 
-def _figures(metrics: dict[str, Any], validation: Manifest) -> dict[str, list[_Figure]]:
+def _figures(metrics: dict[str, Any], limits: dict[str, Limit]) -> dict[str, list[_Figure]]:
     """Return all figures by group; figures with a limit come first."""
-    limits = TypeAdapter(ValidationParams).validate_python(validation.params).limits
     groups: dict[str, list[_Figure]] = {}
     for key in sorted(metrics, key=lambda k: k not in limits):
         group, _, rest = key.partition(".")

@@ -69,7 +69,7 @@ def labels(tmp_path):
 def read(plan, heights):
     params = VectorSurveyParams(kind="vector", name="a", file="data/x")
     found = heights.as_posix() if heights else None
-    return _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
+    return _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))[:3]
 
 
 def floor_of(plan, survey, workings, monkeypatch):

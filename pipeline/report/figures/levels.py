@@ -108,11 +108,11 @@ def draw_long_section(floor: Floor, height_m: float, datum_m: float) -> Figure:
         np.array([at.vertices[list(edge)] - [*at.offset_m[at.sheet[face]], 0.0] for face, edge in at.wall_edges()])
         for at in (floor, floor.raised(height_m))
     )
-    along = _long_axis(feet.reshape(-1, 3)[:, :2])
+    along = long_axis(feet.reshape(-1, 3)[:, :2])
     x, z, top = feet[:, :, :2] @ along, feet[:, :, 2] + datum_m, heads[:, :, 2] + datum_m
     walls = np.stack([np.column_stack([x, x[:, ::-1]]), np.column_stack([z, top[:, ::-1]])], axis=2)
     wide, high = max(float(np.ptp(x)), 1.0), float(top.max() - z.min())
-    times = next((k for k in _TIMES if k * high / wide * _WIDE_IN < _SECTION_IN), 1)
+    times = times_as_high(wide, high)
     figure = new_figure(_WIDE_IN, float(np.clip(_WIDE_IN * times * high / wide + 0.9, 2.0, 10.0)))
     axis = figure.add_subplot()
     axis.add_collection(PolyCollection(list(walls), facecolor="#d9cbbf", edgecolor="none", alpha=0.5))
@@ -145,7 +145,12 @@ def _legs_in_place(network: DriftNetwork, floor: Floor) -> list[tuple[np.ndarray
     return rows
 
 
-def _long_axis(places_m: np.ndarray) -> np.ndarray:
+def times_as_high(wide_m: float, high_m: float) -> int:
+    """Return how many times as large heights are drawn, so that a long mine's section is not a line."""
+    return next((k for k in _TIMES if k * high_m / wide_m * _WIDE_IN < _SECTION_IN), 1)
+
+
+def long_axis(places_m: np.ndarray) -> np.ndarray:
     """Return the direction (2,) along which places (k, 2) spread most, towards the east."""
     _, vectors = np.linalg.eigh(np.cov(places_m.T))
     axis = vectors[:, -1]

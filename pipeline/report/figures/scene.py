@@ -42,11 +42,17 @@ def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace, network
     It has two ways to look: from above, without the roof, and along the main drift with a headlamp that moves with the
     camera.
     """
-    page = scene_to_html(mine_scene(bundle, record, free_space))
     _, drift = resample(np.array(network.main_drift_m), 1.0)
     west, south, east, north = free_space.polygon.bounds
-    x, y = (drift - [(west + east) / 2, (south + north) / 2]).round(2).T
-    places = np.column_stack([x, np.full(len(x), _EYE_M), -y]).tolist()
+    x, y = (drift - [(west + east) / 2, (south + north) / 2]).T
+    return walked_page(mine_scene(bundle, record, free_space), np.column_stack([x, y, np.zeros(len(x))]))
+
+
+def walked_page(scene: trimesh.Scene, drift_m: np.ndarray) -> str:
+    """Return the page of a scene; the headlamp goes along places (n, 3) m on a floor, about the scene's middle."""
+    page = scene_to_html(scene)
+    x, y, z = drift_m.T
+    places = np.column_stack([x, z + _EYE_M, -y]).round(2).tolist()
     script = (Path(__file__).parent / "headlamp.js").read_text().replace("$DRIFT", json.dumps(places))
     before, end, after = page.rpartition("</body>")
     if not end:
@@ -65,12 +71,18 @@ def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trim
         bounds = _add_folded(scene, read_floor(bundle, record), record.height_m)
     else:
         bounds = _add_flat(scene, bundle, record, free_space)
-    west, south, low, east, north, high = bounds
+    look_at(scene, *bounds)
+    return scene
+
+
+def look_at(
+    scene: trimesh.Scene, west: float, south: float, low: float, east: float, north: float, high: float
+) -> None:
+    """Move a scene's middle to the origin, turn its heights along y, and look at it from above."""
     scene.apply_translation([-(west + east) / 2, -(south + north) / 2, -(low + high) / 2])
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
     short, long = sorted((east - west, north - south))
     scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
-    return scene
 
 
 def _add_folded(scene: trimesh.Scene, floor: Floor, height_m: float) -> list[float]:
@@ -82,25 +94,30 @@ def _add_folded(scene: trimesh.Scene, floor: Floor, height_m: float) -> list[flo
         foot, top = floor.vertices[list(edge)] - aside, roof.vertices[list(edge)] - aside
         walls += [[foot[0], foot[1], top[1]], [foot[0], top[1], top[0]]]
     corners = np.array(walls).reshape(-1, 3)
-    scene.add_geometry(_coloured(corners, np.arange(len(corners)).reshape(-1, 3), _ROCK_RGB))
+    scene.add_geometry(coloured(corners, np.arange(len(corners)).reshape(-1, 3), _ROCK_RGB))
+    add_bands(scene, places)
+    return [*places.min(axis=(0, 1)).tolist(), *places.max(axis=(0, 1)).tolist()]
+
+
+def add_bands(scene: trimesh.Scene, places: np.ndarray) -> None:
+    """Add the triangles (n, 3, 3) m of floors, coloured by elevation."""
     level = places[:, :, 2].mean(axis=1)
     band = np.minimum(_BANDS - 1, ((level - level.min()) / max(np.ptp(level), 1e-9) * _BANDS).astype(int))
     for k in np.unique(band).tolist():
         rgb = np.round(np.array(_LOW_RGB) + k / (_BANDS - 1) * np.subtract(_HIGH_RGB, _LOW_RGB)).astype(int)
         own = places[band == k].reshape(-1, 3)
-        scene.add_geometry(_coloured(own, np.arange(len(own)).reshape(-1, 3), tuple(rgb.tolist())))
-    return [*places.min(axis=(0, 1)).tolist(), *places.max(axis=(0, 1)).tolist()]
+        scene.add_geometry(coloured(own, np.arange(len(own)).reshape(-1, 3), tuple(rgb.tolist())))
 
 
 def _add_flat(scene: trimesh.Scene, bundle: Path, record: WorldRecord, free_space: FreeSpace) -> list[float]:
     """Add rock and floor zones of a flat mine; return the bounds, m."""
     for name, (vertices, faces) in _rock(bundle, record, free_space).items():
-        scene.add_geometry(_coloured(vertices, faces, _ROCK_RGB), node_name=name, geom_name=name)
+        scene.add_geometry(coloured(vertices, faces, _ROCK_RGB), node_name=name, geom_name=name)
     for zone in record.zones:
         part = free_space.polygon.intersection(shapely.box(zone.west_m, zone.south_m, zone.east_m, zone.north_m))
         if part.area > 0:
             rgb = tuple(round(255 * v) for v in zone.rgba[:3])
-            scene.add_geometry(_coloured(*_level(part, 0.0), rgb), node_name=zone.geom, geom_name=zone.geom)
+            scene.add_geometry(coloured(*_level(part, 0.0), rgb), node_name=zone.geom, geom_name=zone.geom)
     west, south, east, north = free_space.polygon.bounds
     return [west, south, 0.0, east, north, 0.0]
 
@@ -136,7 +153,8 @@ def _level(part: shapely.Polygon, height_m: float) -> tuple[np.ndarray, np.ndarr
     return np.column_stack([points, np.full(len(points), height_m)]), faces
 
 
-def _coloured(vertices: np.ndarray, faces: np.ndarray, rgb: tuple[int, ...]) -> trimesh.Trimesh:
+def coloured(vertices: np.ndarray, faces: np.ndarray, rgb: tuple[int, ...]) -> trimesh.Trimesh:
+    """Return a mesh of one colour that is seen from both sides."""
     material = trimesh.visual.material.PBRMaterial(
         baseColorFactor=[*rgb, 255], doubleSided=True, roughnessFactor=1.0, metallicFactor=0.0
     )

@@ -81,9 +81,10 @@ def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: in
 
 def _warn(built: BuiltVolume) -> None:
     """Print what of the survey is built, and where the volume is closed."""
+    share = 100 * built.built_m / max(built.piece_m, 1e-9)
     warn_user(
-        f"compile3d: {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed are built as one volume "
-        f"({100 * built.built_m / max(built.piece_m, 1e-9):.1f} % of this piece's {built.piece_m:.0f} m)"
+        f"compile3d: built as one volume are {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed, {share:.1f} % "
+        f"of this piece of {built.piece_m:.0f} m"
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:

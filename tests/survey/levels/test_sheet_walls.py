@@ -57,7 +57,7 @@ def built(text, config, folder):
     path = folder / "stations.csv"
     path.write_text(HEADER + text)
     params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
-    plan, survey, polygons = _read(params.model_copy(update={"file": path.as_posix()}))
+    plan, survey, polygons, _ = _read(params.model_copy(update={"file": path.as_posix()}))
     traced = trace_free_space(config.contours, plan, survey, Workings(polygons))
     rock = compile_rock(config.compile3d, traced["free_space"], traced["topology"], survey)
     return traced["free_space"].polygon, rock["floor"], rock["collision"]

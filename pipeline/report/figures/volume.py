@@ -1,0 +1,89 @@
+"""A world that is one volume on paper and in a browser: floors from above by height, a long section, its mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from minexplore.bundle import ROOF
+from pipeline.report.figures.levels import long_axis, times_as_high
+from pipeline.report.figures.scene import add_bands, coloured, look_at
+from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, new_figure
+
+_WIDE_IN = 9.0
+_WALL, _ROOF = 1, 2  # labels of facets
+_ROCK_RGB = (150, 139, 127)
+
+
+def draw_floors(
+    places_m: np.ndarray, cell_m: float, lines_m: Sequence[np.ndarray], start_m: Sequence[float], datum_m: float
+) -> Figure:
+    """Draw floors from above, coloured by elevation, with the legs over them and where robots start.
+
+    Parameters
+    ----------
+    places_m : (s, 3) float64, m
+        Middles of the floors' cells; the highest in a column is seen.
+    cell_m : float
+    lines_m : sequence of (n, 3) float64, m
+    start_m : (x, y, z), m
+    datum_m : float
+        Elevation of z = 0.
+    """
+    west, south = places_m[:, :2].min(axis=0)
+    east, north = places_m[:, :2].max(axis=0)
+    wide, high = max(east - west, 1.0), max(north - south, 1.0)
+    figure = new_figure(_WIDE_IN, float(np.clip(_WIDE_IN * high / wide + 0.7, 2.4, 10.0)))
+    axis = figure.add_subplot()
+    column, row = np.round((places_m[:, :2] - [west, south]) / cell_m).astype(int).T
+    top = np.full((int(row.max()) + 1, int(column.max()) + 1), np.nan)
+    order = np.argsort(places_m[:, 2], kind="stable")
+    top[row[order], column[order]] = places_m[order, 2] + datum_m
+    half = cell_m / 2
+    shown = axis.imshow(
+        top, origin="lower", extent=(west - half, east + half, south - half, north + half), cmap="cividis"
+    )
+    axis.add_collection(LineCollection([line[:, :2] for line in lines_m], colors=STEEL, linewidths=0.5))
+    axis.plot(start_m[0], start_m[1], marker="*", color=OCHRE, ms=9, mec="black", mew=0.4)
+    figure.colorbar(shown, ax=axis, label="elevation of the highest floor, m", shrink=0.8)
+    axis.set(xlim=(west - 2, east + 2), ylim=(south - 2, north + 2), aspect="equal")
+    axis.set(xlabel="east, m", ylabel="north, m")
+    axis.grid(False)
+    return figure
+
+
+def draw_section(floors_m: np.ndarray, roofs_m: np.ndarray, datum_m: float) -> Figure:
+    """Draw the floor and the roof (m, 2, 3) m of every leg, seen across the direction in which the mine is longest."""
+    along = long_axis(floors_m.reshape(-1, 3)[:, :2])
+    x, z, top = floors_m[:, :, :2] @ along, floors_m[:, :, 2] + datum_m, roofs_m[:, :, 2] + datum_m
+    walls = np.stack([np.column_stack([x, x[:, ::-1]]), np.column_stack([z, top[:, ::-1]])], axis=2)
+    wide, high = max(float(np.ptp(x)), 1.0), float(top.max() - z.min())
+    times = times_as_high(wide, high)
+    figure = new_figure(_WIDE_IN, float(np.clip(_WIDE_IN * times * high / wide + 0.9, 2.0, 10.0)))
+    axis = figure.add_subplot()
+    axis.add_collection(PolyCollection(list(walls), facecolor="#d9cbbf", edgecolor="none", alpha=0.5))
+    axis.add_collection(LineCollection(list(np.stack([x, top], axis=2)), colors=GREY, linewidths=0.4))
+    axis.add_collection(LineCollection(list(np.stack([x, z], axis=2)), colors=ROCK, linewidths=0.8))
+    bearing = np.degrees(np.arctan2(along[0], along[1])) % 360
+    axis.set(xlabel=f"distance along bearing {bearing:.0f}°, m", ylabel="elevation, m", aspect=times)
+    axis.set(xlim=(x.min() - 2, x.max() + 2), ylim=(z.min() - 1, top.max() + 1))
+    axis.set_title("floor brown, roof grey" + (f"; heights {times} times as large" if times > 1 else ""), fontsize=8)
+    return figure
+
+
+def facet_scene(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray) -> trimesh.Scene:
+    """Return the facets of a volume as a scene: floors coloured by elevation, walls, and a roof that can be hidden."""
+    scene = trimesh.Scene()
+    for kind, name in ((_WALL, "walls"), (_ROOF, ROOF)):
+        own = vertices[faces[label == kind]].reshape(-1, 3)
+        if len(own):
+            mesh = coloured(own, np.arange(len(own)).reshape(-1, 3), _ROCK_RGB)
+            scene.add_geometry(mesh, node_name=name, geom_name=name)
+    if (label == 0).any():
+        add_bands(scene, vertices[faces[label == 0]])
+    look_at(scene, *vertices.min(axis=0).tolist(), *vertices.max(axis=0).tolist())
+    return scene

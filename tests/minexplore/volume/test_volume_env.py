@@ -1,0 +1,237 @@
+"""Environments in worlds that are one volume: the interface of all others, with places in three dimensions."""
+
+import copy
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import minexplore
+from minexplore.envs.env import MineEnv
+from minexplore.envs.multi_agent import MineParallelEnv
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.vector import MineVectorEnv
+from minexplore.physics.robot import RobotParams
+from minexplore.task import TaskParams
+from minexplore.world import load_world
+from pipeline.volume.enclosure import Inside
+from pipeline.volume.world.content import MineVolume
+from tests.volumes import HEADER, TEE, build_volume, spiral_with_side_drift
+
+DRY = {"terrain": False}
+PIT = HEADER + (
+    "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
+    "B,2,20,0,2,2,0,3,0\nB,3,20,0,1,1,-12,3,0\nC,3,20,0,2,2,-12,3,0\nC,4,40,0,2,2,-12,3,0\n"
+)
+
+
+class OtherRobot(RobotParams):
+    """A robot that is built by its own function, so that nobody knows its feet."""
+
+    def attach(self, spec, name):
+        """Add the same robot."""
+        super().attach(spec, name)
+
+
+def inside_of(world):
+    """Return what says how far places of the mine frame are from rock."""
+    facets = world.volume.facets
+    return Inside(MineVolume(facets.vertices.copy(), facets.faces, facets.label, facets.leg).measured())
+
+
+def spread(batch, rng, clearance_m=0.5):
+    """Place all robots of a batch anywhere that they reach."""
+    spans = batch.world.volume.spans
+    places = spans.places_m[batch.ground._standing & (spans.clearance_m >= clearance_m)]
+    for robot, (x, y, z) in enumerate(places[rng.choice(len(places), batch.count)].tolist()):
+        batch.place(robot, x, y, rng.uniform(-np.pi, np.pi), z)
+
+
+def drive_all_out(world, seconds, seed=0, robots=32):
+    """Drive robots at full throttle from anywhere; return how far each is from rock, and how many touched any."""
+    rng = np.random.default_rng(seed)
+    batch = RobotBatch(world, TaskParams(stall_steps=10**6), RobotParams(), robots)
+    rngs = [np.random.default_rng(k) for k in range(robots)]
+    batch.reset(np.arange(robots), rngs)
+    spread(batch, rng)
+    for step in range(round(10 * seconds)):
+        if step % 10 == 0:
+            turn = rng.uniform(-1, 1, robots)
+        batch.step(np.column_stack([np.ones(robots), turn]), rngs)
+    place = batch.qpos[:, :3] - world.T_world_mine[:3, 3]
+    return inside_of(world).distance_m(place), batch.collisions
+
+
+def test_gymnasiums_checker_accepts_an_environment_in_a_volume(over):
+    made = gymnasium.make("MineXplore/World-v0", world=over)
+    check_env(made.unwrapped, skip_render_check=True)
+
+
+def test_many_robots_step_as_one_does_bit_for_bit(ramp):
+    many, rng = MineVectorEnv(3, ramp), np.random.default_rng(0)
+    alone = [MineEnv(ramp) for _ in range(3)]
+    observation, _ = many.reset(seed=5)
+    for k, env in enumerate(alone):
+        assert (env.reset(seed=5 + k)[0] == observation[k]).all()
+    for _ in range(30):
+        action = rng.uniform([0.2, -1], 1, (3, 2))
+        observation, reward, _, _, info = many.step(action)
+        for k, env in enumerate(alone):
+            own = env.step(action[k])
+            assert (own[0] == observation[k]).all()
+            assert own[1] == reward[k]
+            assert all(np.array_equal(value, info[name][k]) for name, value in own[4].items())
+
+
+def test_a_seed_gives_one_episode_and_a_copy_goes_on_as_its_original(ramp):
+    env, other = MineEnv(ramp), MineEnv(ramp)
+    for one in (env, other):
+        one.reset(seed=3)
+    for step in range(20):
+        if step == 10:
+            other = copy.deepcopy(env)
+        found = [one.step(np.array([0.8, 0.3]))[0] for one in (env, other)]
+        assert (found[0] == found[1]).all()
+
+
+def test_the_info_names_the_floor_and_the_leg_of_passages_over_each_other(over):
+    batch = RobotBatch(minexplore.load(over), TaskParams(), RobotParams(), 2)
+    rngs = [np.random.default_rng(k) for k in range(2)]
+    batch.reset(np.arange(2), rngs)
+    batch.place(0, 15.0, 0.0, 0.0, 8.0)
+    batch.place(1, 15.0, 0.0, 0.0, 0.0)
+    info = batch.step(np.zeros((2, 2)), rngs).info
+    assert info["leg"].tolist() == ["a to b", "e to f"]
+    assert info["floor"][0] != info["floor"][1]
+    assert info["height_m"] == pytest.approx([8.0, 0.0], abs=0.01)
+
+
+def test_beams_mark_the_cells_of_their_own_passage_and_not_those_under_it(over):
+    batch = RobotBatch(minexplore.load(over), TaskParams(**DRY), RobotParams(), 1)
+    rngs = [np.random.default_rng(0)]
+    batch.reset(np.zeros(1, int), rngs)
+    batch.place(0, 15.0, 0.0, 0.0, 8.0)
+    batch.seen[:] = False
+    batch.step(np.zeros((1, 2)), rngs)
+    low = batch.grid.low_m[batch.seen[0]]
+    assert len(low) > 15
+    assert (low > 7).all()
+    assert batch.grid.total > len(np.unique(batch.grid.square))  # some lie over each other
+
+
+def test_ranges_are_those_of_the_drift_that_was_surveyed(box):
+    batch = RobotBatch(minexplore.load(box), TaskParams(**DRY, beams=4), RobotParams(), 1)
+    batch.reset(np.zeros(1, int), [np.random.default_rng(0)])
+    batch.place(0, 8.0, 0.5, 0.0, 0.0)
+    assert batch.true_ranges(np.zeros(1, int))[0] == pytest.approx([10.0, 1.5, 8.0, 2.5], abs=1e-3)
+
+
+def test_a_robot_climbs_a_ramp_as_fast_as_it_is_told_and_touches_nothing(ramp):
+    batch = RobotBatch(minexplore.load(ramp), TaskParams(**DRY), RobotParams(), 1)
+    rngs = [np.random.default_rng(0)]
+    batch.reset(np.zeros(1, int), rngs)
+    batch.place(0, 18.0, 0.0, 0.0, 0.0)
+    for _ in range(100):
+        info = batch.step(np.array([[1.0, 0.0]]), rngs).info
+    x, _, yaw = info["pose_m_rad"][0]
+    assert x == pytest.approx(18.0 + 15.0, abs=1.0)
+    assert abs(yaw) < np.radians(4)  # a robot that starts at full torque slips a little
+    assert info["height_m"][0] == pytest.approx(0.15 * (x - 20.0), abs=0.02)
+    assert info["collisions"][0] == 0
+
+
+def test_a_robot_at_rest_on_a_ramp_stays(ramp):
+    batch = RobotBatch(minexplore.load(ramp), TaskParams(**DRY), RobotParams(), 1)
+    rngs = [np.random.default_rng(0)]
+    batch.reset(np.zeros(1, int), rngs)
+    batch.place(0, 30.0, 0.0, 0.3, 3.0)
+    for step in range(60):
+        pose = batch.step(np.zeros((1, 2)), rngs).info["pose_m_rad"][0]
+        start = pose if step == 9 else None if step < 9 else start
+    assert np.linalg.norm(pose[:2] - start[:2]) < 0.01
+
+
+def test_boxes_under_feet_and_the_floors_parts_carry_a_robot_alike(ramp):
+    world = minexplore.load(ramp)
+    found = []
+    for robot, whole in ((RobotParams(), False), (RobotParams(), True), (OtherRobot(), False)):
+        batch = RobotBatch(world, TaskParams(**DRY), robot, 1, whole=whole)
+        rngs = [np.random.default_rng(0)]
+        batch.reset(np.zeros(1, int), rngs)
+        batch.place(0, 18.0, 0.0, 0.0, 0.0)
+        for _ in range(50):
+            info = batch.step(np.array([[0.5, 0.0]]), rngs).info
+        x, y, yaw = info["pose_m_rad"][0]
+        found.append([x, info["height_m"][0], y, yaw])
+    for other in found[1:]:
+        assert other[:2] == pytest.approx(found[0][:2], abs=0.01)
+        assert other[2:] == pytest.approx(found[0][2:], abs=0.2)  # wheels slip a little where the ramp begins
+
+
+def test_a_robot_that_drives_into_a_pit_falls_no_faster_than_it_is_braked_and_lands(tmp_path):
+    world = minexplore.load(build_volume(PIT, tmp_path))
+    batch = RobotBatch(world, TaskParams(**DRY), RobotParams(), 1)
+    rngs = [np.random.default_rng(0)]
+    batch.reset(np.zeros(1, int), rngs)
+    batch.place(0, 18.2, 0.0, 0.0, 0.0)
+    fastest = 0.0
+    for _ in range(75):
+        info = batch.step(np.array([[1.0, 0.0]]), rngs).info
+        fastest = max(fastest, -batch.qvel[0, 2])
+    assert 2.5 < fastest < 5.0
+    assert info["height_m"][0] < -11
+    assert inside_of(world).distance_m(batch.qpos[:, :3] - world.T_world_mine[:3, 3])[0] > 0
+
+
+def test_wheels_have_the_friction_of_the_zone_that_they_are_in(box):
+    world = minexplore.load(box)
+    batch = RobotBatch(world, TaskParams(), RobotParams(), 1)
+    rngs = [np.random.default_rng(0)]
+    batch.reset(np.zeros(1, int), rngs)
+    border = world.floor_zones[0].east_m
+    batch.place(0, border, 0.0, -np.pi / 2, 0.0)  # heads south: the left wheel is in the east
+    place = batch._mine_places(np.zeros(1, int))
+    number, code = batch.ground.prepare(batch.stepper, np.zeros(1, int), place)[0].tolist()
+    model = batch.local_models.model((number, code))
+    frictions = [model.geom(f"robot_{side}").friction[0] for side in ("left", "right")]
+    assert frictions == [zone.friction for zone in (world.floor_zones[1], world.floor_zones[0])]
+
+
+def test_a_team_shares_cells_and_touches_rock_in_a_volume(over):
+    env = MineParallelEnv(2, world=over, task=DRY)
+    env.reset(seed=0)
+    for _ in range(30):
+        observation, _, _, _, info = env.step({agent: np.array([1.0, 0.0]) for agent in env.agents})
+    assert info["robot_0"]["team_cells_seen"] == env.team.team_seen.sum()
+    assert {one["leg"] for one in info.values()} == {"a to b"}
+    assert all(np.isfinite(row).all() for row in observation.values())
+    assert env.team.collisions.sum() > 0
+
+
+@pytest.mark.parametrize("mine", ["ramp", pytest.param("tee", marks=pytest.mark.slow)])
+def test_robots_at_full_throttle_stay_in_the_volume(mine, ramp, tmp_path):
+    world = minexplore.load(ramp if mine == "ramp" else build_volume(TEE, tmp_path))
+    distance, collisions = drive_all_out(world, 3.0)
+    assert collisions.sum() > 0
+    assert (distance > 0.1).all()
+
+
+@pytest.mark.slow
+def test_robots_at_full_throttle_stay_in_a_spiral(tmp_path):
+    world = minexplore.load(build_volume(spiral_with_side_drift(), tmp_path))
+    distance, collisions = drive_all_out(world, 5.0)
+    assert collisions.sum() > 0
+    assert (distance > 0.1).all()
+
+
+def test_a_robot_that_fits_nowhere_is_one_error(box):
+    with pytest.raises(ValueError, match="no place where the robot fits"):
+        MineEnv(box, robot=dataclasses.replace(RobotParams(), radius_m=3.0))
+
+
+def test_cells_beyond_the_region_do_not_count(over):
+    world = load_world(over)
+    near, far = (RobotBatch(world, TaskParams(region_m=r), RobotParams(), 1).grid.total for r in (15.0, np.inf))
+    assert 0 < near < far / 3

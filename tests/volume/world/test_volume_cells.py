@@ -1,0 +1,109 @@
+"""Columns through a volume, the floors that a robot fits on, storeys, reach, and the maps of them."""
+
+import dataclasses
+
+import manifold3d
+import numpy as np
+import pytest
+
+from pipeline.volume.world.cells import cells_of
+from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.maps import octree_of, storey_maps
+from pipeline.volume.world.reach import RobotSize, components_of, neighbours_of, reached_from
+from pipeline.volume.world.spans import spans_of
+from tests.octomap import FREE, OCCUPIED, BinaryTree
+
+ROBOT = RobotSize(steepest=0.364, step_m=0.05, height_m=0.655, radius_m=0.35)
+
+
+def volume_of(solid):
+    """Return a solid as a volume all of whose facets are floors, walls or roofs by their direction."""
+    mesh = solid.to_mesh64()
+    vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int32)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    up = normal[:, 2] / np.linalg.norm(normal, axis=1)
+    label = np.where(up < -0.7, 0, np.where(up > 0.7, 2, 1)).astype(np.int32)
+    return MineVolume(vertices, faces, label, np.zeros(len(faces), np.int32))
+
+
+def box(x, y, z, east, north, up):
+    return manifold3d.Manifold.cube([east, north, up]).translate([x, y, z])
+
+
+# Two passages of 10 x 2 m, one 4 m over the other, and a shaft of 1 x 1 m between them at the east end.
+SHAFT = box(0, 0, 0, 10, 2, 2) + box(0, 0, 4, 10, 2, 2) + box(8.5, 0.5, 0.5, 1, 1, 4.5)
+
+
+@pytest.mark.parametrize("cell", [0.25, 0.1, 0.37])
+def test_columns_through_a_box_have_its_floor_and_its_height_wherever_the_grid_lies(cell):
+    volume = volume_of(box(0, 0, 0, 10, 2, 2))
+    found = spans_of(volume.vertices, volume.faces, np.array([-1.0, -1.0]), cell)
+    assert len(found.column) == pytest.approx(20 / cell**2, rel=0.1)
+    assert np.allclose(found.floor_m, 0)
+    assert np.allclose(found.roof_m, 2)
+
+
+def test_a_column_through_vertices_and_edges_has_one_span():
+    volume = volume_of(box(0, 0, 0, 4, 4, 2).refine(4))  # its edges run through the middles of cells
+    found = spans_of(volume.vertices, volume.faces, np.array([-0.5, -0.5]), 1.0)
+    assert len(np.unique(found.column * 100 + found.row)) == len(found.column) == 16
+
+
+def test_columns_have_the_volume_of_the_free_space_with_floors_over_each_other_and_a_shaft():
+    volume = volume_of(SHAFT)
+    found = spans_of(volume.vertices, volume.faces, np.array([0.0, 0.0]), 0.25)
+    assert (found.roof_m - found.floor_m).sum() * 0.25**2 == pytest.approx(SHAFT.volume(), rel=1e-9)
+    in_shaft = found.roof_m - found.floor_m > 2.5
+    assert in_shaft.sum() * 0.25**2 == pytest.approx(1.0)
+    assert np.allclose((found.roof_m - found.floor_m)[in_shaft], 6)
+
+
+def test_floors_over_each_other_are_two_storeys_and_a_robot_stays_on_its_own():
+    cells = cells_of(volume_of(SHAFT), 0.25, ROBOT)
+    assert sorted(np.unique(cells.storey).tolist()) == [0, 1]
+    pairs = neighbours_of(cells, ROBOT)
+    start = int(np.argmin(np.linalg.norm(cells.places_m - [2, 1, 4], axis=1)))
+    reached = reached_from(cells, pairs, start, ROBOT)
+    assert np.allclose(cells.floor_m[reached], 4)
+    assert reached.sum() == (cells.floor_m == 4).sum()
+
+
+def test_clearance_is_the_distance_from_the_wall_and_a_crawl_is_no_floor_to_stand_on():
+    solid = box(0, 0, 0, 10, 4, 2) + box(10, 1, 0, 10, 1, 0.5)
+    cells = cells_of(volume_of(solid), 0.25, ROBOT)
+    inside = cells.places_m[:, 0] < 8
+    wall = np.minimum(cells.places_m[:, 1], 4 - cells.places_m[:, 1])
+    expected = np.minimum.reduce([wall, cells.places_m[:, 0], np.full(len(wall), 2 - 0.655 / 2)])
+    assert np.allclose(cells.clearance_m[inside], expected[inside], atol=1e-4)
+    assert (cells.storey[cells.places_m[:, 0] > 10.5] == -1).all()
+
+
+def test_a_step_and_a_slope_that_a_robot_does_not_take_part_a_floor():
+    step = box(0, 0, 0, 5, 2, 2) + box(5, 0, -0.5, 5, 2, 2)
+    assert cells_of(volume_of(step), 0.25, ROBOT).storey.max() == 1
+    assert cells_of(volume_of(step), 0.25, dataclasses.replace(ROBOT, step_m=0.6)).storey.max() == 0
+
+
+def test_the_disc_of_a_robot_does_not_pass_a_gap_that_is_narrower():
+    solid = box(0, 0, 0, 4, 3, 2) + box(4, 1.2, 0, 1, 0.6, 2) + box(5, 0, 0, 4, 3, 2)
+    cells = cells_of(volume_of(solid), 0.1, ROBOT)
+    start = int(np.argmin(np.linalg.norm(cells.places_m - [2, 1.5, 0], axis=1)))
+    reached = reached_from(cells, neighbours_of(cells, ROBOT), start, ROBOT)
+    assert cells.places_m[reached, 0].max() < 5
+    assert cells.storey.max() == 0  # a storey is what is level; width is the robot's matter
+
+
+def test_connected_sets_are_numbered_from_the_largest():
+    usable = np.array([True, True, True, False, True, True])
+    assert components_of(6, np.array([[0, 1], [2, 3], [3, 4], [4, 5], [5, 2]]), usable).tolist() == [1, 1, 0, -1, 0, 0]
+
+
+def test_the_octree_has_all_the_free_space_and_a_map_has_each_storey():
+    cells = cells_of(volume_of(SHAFT), 0.25, ROBOT)
+    tree = BinaryTree(octree_of(cells))
+    assert tree.volume_m3(FREE) == pytest.approx(SHAFT.volume(), rel=1e-9)
+    assert tree.query(np.array([[5, 1, 5], [5, 1, 2.1], [9, 1, 3]])).tolist() == [FREE, OCCUPIED, FREE]
+    maps = storey_maps(cells)
+    assert sorted(maps) == ["map_00.png", "map_00.yaml", "map_01.png", "map_01.yaml"]
+    assert b"# storey 1: floor" in maps["map_01.yaml"]

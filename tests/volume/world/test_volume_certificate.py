@@ -1,0 +1,123 @@
+"""The certificate of a volume world: it holds for what was built, and a fault of each kind breaks its own clause."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from pipeline.errors import GeometryError
+from pipeline.volume.union import Label
+from pipeline.volume.world.parts import collect_labelled
+from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, legs_of_table, validated
+
+# A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
+WINZE = RAMP + "B,2,30,0,0,1,1,3,0\nB,4,30,0,-12,1,1,2,0\nC,4,30,0,-12,2,2,2.5,0\nC,5,30,9,-12,2,2,2.5,0\n"
+
+
+@pytest.fixture(scope="module")
+def ramp(tmp_path_factory):
+    return VolumeWorld(RAMP, tmp_path_factory.mktemp("ramp"))
+
+
+@pytest.fixture(scope="module")
+def opened(ramp):
+    return ramp.opened()
+
+
+def broken(found):
+    """Return the names of the clauses that do not hold."""
+    return {name for name, clause in found.certificate.clauses.items() if not clause.holds}
+
+
+def with_parts(world, change):
+    """Return a bundle with other corners of its parts; `change` returns those of a part, or None to leave it out."""
+    kept = [(change(k, world.parts[k]), int(world.parts.label[k])) for k in range(len(world.parts))]
+    kept = [(corners, label) for corners, label in kept if corners is not None]
+    return dataclasses.replace(world, parts=collect_labelled([c for c, _ in kept], [label for _, label in kept]))
+
+
+def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_in_conf(ramp, opened):
+    found = validated(opened, ramp.legs, robot_contacts=300, ball_contacts=300)
+    assert broken(found) == set()
+    assert set(found.certificate.clauses) == set(CONFIG.validation.volume.limits)
+    assert found.metrics["survey"]["length_m"] == pytest.approx(30 + np.hypot(30, 6), abs=1e-3)
+    assert found.metrics["volume"]["free_m3"] == pytest.approx((4 * 1.8 + 3 * 1.2) * 60, rel=1e-6)
+    assert found.certificate.contacts >= 300
+
+
+def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
+    mutant = with_parts(opened, lambda k, corners: None if k == 0 else corners)
+    found = validated(mutant, ramp.legs)
+    assert broken(found) >= {"enclosure.missing_m2", "enclosure.bare_m2", "enclosure.unlike"}
+
+
+def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
+    floor = int(np.flatnonzero(opened.parts.label == Label.FLOOR)[0])
+    mutant = with_parts(opened, lambda k, corners: corners + [0, 0, 0.02] if k == floor else corners)
+    assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_um", "enclosure.unlike"}
+
+
+def test_a_part_that_is_thinned_is_thinner_than_a_body_sinks_in(ramp, opened):
+    floor = int(np.flatnonzero(opened.parts.label == Label.FLOOR)[0])
+
+    def thinned(k, corners):
+        level = corners[:, 2].max()
+        return np.column_stack([corners[:, :2], level + 0.05 * (corners[:, 2] - level)]) if k == floor else corners
+
+    assert np.ptp(opened.parts[floor][:, 2]) == pytest.approx(0.3, abs=0.01)  # the part is under the level drift
+    assert broken(validated(with_parts(opened, thinned), ramp.legs)) >= {"enclosure.thin_m2"}
+
+
+def test_a_facet_that_is_turned_over_encloses_no_space(ramp, opened):
+    faces = opened.mine.faces.copy()
+    faces[0] = faces[0][::-1]
+    mutant = dataclasses.replace(opened, mine=dataclasses.replace(opened.mine, faces=faces))
+    with pytest.raises(GeometryError, match="its mesh encloses no space"):
+        validated(mutant, ramp.legs)
+
+
+def test_a_leg_that_is_left_out_lowers_the_share_that_is_built(tmp_path, opened):
+    longer = legs_of_table(RAMP + "A,4,90,0,-6,2,2,3,0\n", tmp_path)
+    found = validated(opened, longer)
+    assert "survey.share_built" in broken(found)
+    assert found.metrics["survey"]["share_built"] == pytest.approx(60.594 / 90.594, abs=2e-3)
+
+
+def test_a_floor_that_lies_over_the_survey_is_off_by_as_much(ramp, opened):
+    volume = opened.mine.measured()
+    floor = np.unique(volume.faces[volume.label == Label.FLOOR])
+    vertices = opened.mine.vertices.copy()
+    vertices[floor, 2] += 0.03
+    mutant = dataclasses.replace(opened, mine=dataclasses.replace(opened.mine, vertices=vertices))
+    found = validated(mutant, ramp.legs)
+    assert found.metrics["floor"]["error_mm"] == pytest.approx(30, abs=0.1)
+    assert "floor.error_mm" in broken(found)
+
+
+def test_a_model_whose_corners_are_rounded_is_unlike_its_parts(ramp, opened):
+    rounded = re.sub(rb"(-?\d+\.\d)\d+", rb"\1", opened.model)
+    found = validated(dataclasses.replace(opened, model=rounded), ramp.legs)
+    assert broken(found) >= {"enclosure.compiled_mm", "enclosure.unlike"}
+
+
+def test_a_model_without_a_part_or_with_a_geom_of_its_own_is_unlike_its_parts(ramp, opened):
+    more = opened.model.replace(b"</body>", b'<geom name="more" type="box" size="1 1 1"/></body>', 1)
+    assert validated(dataclasses.replace(opened, model=more), ramp.legs).metrics["enclosure"]["unlike"] > 0
+
+
+def test_a_robot_that_starts_in_a_pit_reaches_little_of_the_floors(tmp_path):
+    world = VolumeWorld(WINZE, tmp_path)
+    opened = world.opened()
+    whole = validated(opened, world.legs).metrics["reach"]["share"]
+    foot = dataclasses.replace(opened.record.spawn, anchor_m=(30.0, 5.0, opened.record.volume.low_m))
+    pit = validated(dataclasses.replace(opened, record=dataclasses.replace(opened.record, spawn=foot)), world.legs)
+    assert whole > 0.5 > pit.metrics["reach"]["share"]
+
+
+def test_robots_and_balls_escape_where_the_largest_wall_is_left_out(ramp, opened):
+    walls = np.flatnonzero(opened.parts.label == Label.WALL)
+    largest = max(walls.tolist(), key=lambda k: float(np.prod(np.sort(np.ptp(opened.parts[k], axis=0))[1:])))
+    mutant = with_parts(opened, lambda k, corners: None if k == largest else corners)
+    found = validated(mutant, ramp.legs, robot_contacts=6000, ball_contacts=3000)
+    assert broken(found) >= {"robots.escapes", "balls.escapes"}

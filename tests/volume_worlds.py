@@ -1,0 +1,72 @@
+"""Worlds that are one volume, built by stages 1, 3 and 5 in memory and measured by stage 6."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.compose import compose
+from pipeline.params.survey import PassageSurveyParams
+from pipeline.params.validation import VolumeProofParams
+from pipeline.store.codecs import Bundle, decode
+from pipeline.survey.load import _read
+from pipeline.types import SurveyedLegs, Workings
+from pipeline.volume.world.bundle import bundle_volume
+from pipeline.volume.world.certificate import Validated, VolumeBundle, open_volume, validate_volume
+from pipeline.volume.world.compile import compile_volume
+from stages.contours import trace_free_space
+
+CONFIG = compose(["preset=light"])
+HEADER = "leg,station,easting_m,northing_m,elevation_m,left_m,right_m,up_m,down_m\n"
+RAMP = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,30,0,0,2,2,3,0\nA,3,60,0,-6,2,2,3,0\n"
+
+
+def legs_of_table(text: str, folder: Path, **values: Any) -> SurveyedLegs:
+    """Return what stage 1 writes of a station table."""
+    return _stage_1(text, folder, values)[3]
+
+
+def _stage_1(text: str, folder: Path, values: dict[str, Any]) -> tuple:
+    path = folder / "survey.csv"
+    path.write_text(text)
+    params = PassageSurveyParams.model_validate(
+        {"kind": "passages", "name": "test", "file": "data/x", "volume": True, **values}
+    )
+    return _read(params.model_copy(update={"file": path.as_posix()}))
+
+
+class VolumeWorld:
+    """A station table built as one volume; its bundle is in `folder / "world"`."""
+
+    def __init__(self, text: str, folder: Path, **values: Any) -> None:
+        """Run the functions of stages 1, 2, 3 and 5; `values` are those of the survey's section."""
+        plan, self.survey, polygons, self.legs = _stage_1(text, folder, values)
+        self.traced = trace_free_space(CONFIG.contours, plan, self.survey, Workings(polygons), self.legs)
+        self.compiled, self.bundle = folder / "compiled", folder / "world"
+        _write(self.compiled, compile_volume(CONFIG.compile3d, self.legs))
+        _write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
+
+    def opened(self) -> VolumeBundle:
+        """Return the bundle, checked as stage 6 does."""
+        return open_volume(self.bundle)
+
+    def decoded(self, name: str, kind: Any) -> Any:
+        """Return a file of the bundle."""
+        return decode(self.bundle / name, kind)
+
+
+def proof(**values: Any) -> VolumeProofParams:
+    """Return the parameters of stage 6 with nothing thrown, and other values."""
+    quiet = {"robot_contacts": 0, "ball_contacts": 0}
+    return CONFIG.validation.volume.model_copy(update=quiet | values)
+
+
+def validated(world: VolumeBundle, legs: SurveyedLegs, **values: Any) -> Validated:
+    """Return what stage 6 measures of a bundle that was read."""
+    return validate_volume(proof(**values), world, legs)
+
+
+def _write(folder: Path, files: Bundle) -> None:
+    folder.mkdir()
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
