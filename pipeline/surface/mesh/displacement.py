@@ -65,7 +65,7 @@ def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -
 
 
 def bound_by_room(wanted_m: np.ndarray, room: Room, bounds: Bounds) -> np.ndarray:
-    """Return displacements (n,) m, positive into the workings: `bound * tanh(wanted / bound)`, whatever their median."""
+    """Return displacements (n,) m, positive into the workings: `bound * tanh(wanted / bound)`, of any median."""
     wide = _wide(room.half_m, room.narrowest_m, bounds)
     narrow = bounds.narrow_share * np.minimum(room.half_m, bounds.narrow_half_width_m)
     max_inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * room.free_m)

@@ -78,8 +78,8 @@ def _spacing_m(params: SurfaceParams, volume: MineVolume) -> float:
     size = f"{area / 2:.0f} m2 of walls and roofs would need {faces / 1e6:.1f} million faces of rock"
     if spacing_m > _WIDEST_M:
         raise InputError(
-            f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine, or none of the "
-            "rock (preset=light)"
+            f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine, or none of "
+            "the rock (preset=light)"
         )
     warn_user(
         f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing_m:g} m apart "

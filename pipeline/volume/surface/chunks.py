@@ -60,9 +60,7 @@ def _tiles(mesh: SurfaceMesh, tile_m: float) -> np.ndarray:
     """Return the column and row (m, 2) of each face's tile; faces alone in one join the nearest tile of their piece."""
     centre = mesh.vertices[mesh.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - mesh.vertices[:, :2].min(axis=0)) / tile_m).astype(np.int64)
-    _, number, count = np.unique(
-        np.column_stack([mesh.piece, tile]), axis=0, return_inverse=True, return_counts=True
-    )
+    _, number, count = np.unique(np.column_stack([mesh.piece, tile]), axis=0, return_inverse=True, return_counts=True)
     alone = count[number.reshape(-1)] < _LEAST_FACES
     merged = tile.copy()
     for face in np.flatnonzero(alone):

@@ -45,7 +45,8 @@ def displace_rock(
     """Displace the rock by `wanted_m` (n,) m, positive into the workings, within its bounds.
 
     Floors stay, and the rock over them within `foot_m` moves the less the nearer it is. Where the mesh crosses itself
-    or four faces share an edge, the displacement is halved, and after some rounds taken back. What then still crosses does so in the volume itself.
+    or four faces share an edge, the displacement is halved, and after some rounds taken back. What then still crosses
+    does so in the volume itself.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m)
     mesher = Mesher(fine, simplification)

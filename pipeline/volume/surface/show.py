@@ -18,7 +18,7 @@ from minexplore.bundle import (
     mesh_of,
     surface_geom,
 )
-from minexplore.looks import CUT_MATERIAL, CUT_RGBA, LOOKS
+from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN, Look
 from pipeline.store.codecs import Bundle, encode
 from pipeline.store.palette_png import encode_palette_png
 from pipeline.types import Image
@@ -45,14 +45,12 @@ def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> Non
     if not names:
         return
     asset, default = _only(root, "asset"), _only(root, "default")
-    rock = _only(asset, "material[@name='rock']")
-    del rock.attrib["rgba"]
-    sheen = {"specular": f"{LOOKS[look].specular:g}", "shininess": f"{LOOKS[look].shininess:g}"}
-    rock.attrib.update(texture="rock", **sheen)
+    _dress(root, LOOKS[look])
     asset.insert(0, ElementTree.Element("texture", name="rock", type="2d", file=ROCK_TEXTURE))
-    cut = {"rgba": " ".join(f"{value:g}" for value in CUT_RGBA), "specular": "0", "shininess": "0"}
-    ElementTree.SubElement(asset, "material", name=CUT_MATERIAL, **cut)
-    _only(default, f"default[@class='{ROCK_CLASS}']/geom").set("material", CUT_MATERIAL)
+    if look != PLAIN:
+        cut = {"rgba": _text(CUT_RGBA), "specular": "0", "shininess": "0"}
+        ElementTree.SubElement(asset, "material", name=CUT_MATERIAL, **cut)
+        _only(default, f"default[@class='{ROCK_CLASS}']/geom").set("material", CUT_MATERIAL)
     seen = ElementTree.SubElement(default, "default", {"class": SURFACE_CLASS})
     group = str(GeomGroup.ROUGH_SURFACE.value)
     ElementTree.SubElement(seen, "geom", type="mesh", group=group, material="rock", contype="0", conaffinity="0")
@@ -60,6 +58,23 @@ def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> Non
     for name in names:
         ElementTree.SubElement(asset, "mesh", name=name, file=mesh_file(name), inertia="shell")
         ElementTree.SubElement(body, "geom", {"name": surface_geom(name), "class": SURFACE_CLASS, "mesh": name})
+
+
+def _dress(root: ElementTree.Element, look: Look) -> None:
+    """Give a model the haze of a look, its rock the sheen, and its lights the fading of those in level mines."""
+    rock = _only(root, "asset/material[@name='rock']")
+    del rock.attrib["rgba"]
+    rock.attrib.update(texture="rock", specular=f"{look.specular:g}", shininess=f"{look.shininess:g}")
+    for light in root.iter("light"):
+        light.attrib.update(castshadow="false", attenuation="1 0 0.004", exponent="8")
+    if look.hazy:
+        visual, (begin, end) = _only(root, "visual"), look.haze_m
+        _only(visual, "map").attrib.update(fogstart=f"{begin / EXTENT_M:g}", fogend=f"{end / EXTENT_M:g}")
+        ElementTree.SubElement(visual, "rgba", fog=_text((*look.haze_rgb, 1.0)))
+
+
+def _text(values: Sequence[float]) -> str:
+    return " ".join(f"{value:g}" for value in values)
 
 
 def _only(element: ElementTree.Element, path: str) -> ElementTree.Element:
