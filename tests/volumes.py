@@ -51,7 +51,7 @@ def build_volume(source: str | Path, folder: Path, name: str = "test", overrides
     compiled, bundle = folder / "compiled", folder / "world"
     for place, files in ((compiled, compile_volume(config.compile3d, surveyed(legs))), (bundle, None)):
         place.mkdir()
-        files = files or bundle_volume(config.realism, _survey(name), _plan(), compiled)
+        files = files or bundle_volume(config.realism, survey_of_volume(name), plan_of_volume(), compiled)
         for file, data in files.items():
             (place / file).write_bytes(data)
     return bundle
@@ -77,11 +77,11 @@ def surveyed(legs: list[SurveyLeg]) -> SurveyedLegs:
     )  # fmt: skip
 
 
-def _survey(name: str) -> Survey:
+def survey_of_volume(name: str) -> Survey:
     return Survey(name, "volume", frame_for(shapely.box(0, 0, 10, 10)), Scale(8.0, "stated"), [], None, {}, ["a.csv"])
 
 
-def _plan() -> FreeSpace:
+def plan_of_volume() -> FreeSpace:
     """Return a plan view; a volume's world only quotes its frame and areas."""
     square = shapely.box(0, 0, 10, 10)
     return FreeSpace(square, Areas(100.0, 0.0, 224.0, 0, 100.0, 0.0), 0.05, frame_for(square))

@@ -14,7 +14,8 @@ from pipeline.volume.world.content import MineVolume
 
 _LIFT_M = 2e-3  # of the rays' starts off the surface, over the rounding of 32 bits
 _CONES = ((0.0, 1), (35.0, 6), (65.0, 6))  # angle from the way across, deg, and rays
-_ACROSS = 7  # of these rays, the first: they measure the width
+_ACROSS = (0, 1, 4)  # of these rays: from walls they lie level, and the median of the three measures the width
+_STEEP = 0.9  # of a way's height: it has no level way across
 _AT_ONCE = 100_000  # points
 _FAR_M = 100.0  # where a ray hits nothing
 
@@ -40,14 +41,13 @@ def _radii(scene: Any, points: np.ndarray, inward: np.ndarray) -> tuple[np.ndarr
     """Return half width, ball in the workings and ball in the rock, each (n,) m."""
     free, along = _distances(scene, points, inward)
     behind, _ = _distances(scene, points, -inward)
-    half = np.median(free[:, :_ACROSS] * along[:_ACROSS], axis=1) / 2
+    half = np.median((free * along)[:, _ACROSS], axis=1) / 2
     return half, (free / along).min(axis=1) / 2, (behind / along).min(axis=1) / 2
 
 
 def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distances (n, rays) m along the cones' rays, and the cosines (rays,) of their angles."""
-    aside = np.eye(3)[np.abs(ways).argmin(axis=1)]
-    first = np.cross(ways, aside)
+    first = np.cross(ways, np.where(np.abs(ways[:, 2:]) < _STEEP, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
     second = np.cross(ways, first)
     rays, cosines = [], []
