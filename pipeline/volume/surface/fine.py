@@ -9,11 +9,13 @@ import numpy as np
 from scipy.sparse import coo_array, diags_array
 
 from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.volume.surface.slivers import without_slivers
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
 
 FLOOR = 2  # beside WALL and ROOF: floors stay where they are and are not written
-_PIECES = {Label.FLOOR: FLOOR, Label.WALL: WALL, Label.ROOF: ROOF}
+_ROOF_NZ = 0.7  # of a normal out of the free space, as the labels of facets have it
+_MERGED_M = 1.5e-3  # by which facets of several legs that are nearly one plane may move
 _SMOOTHED_M = 0.5  # over which the way into the workings turns at an edge
 
 
@@ -21,14 +23,13 @@ _SMOOTHED_M = 0.5  # over which the way into the workings turns at an edge
 class FineRock:
     """The closed mesh of a volume in fine triangles that face the workings, m, mine frame.
 
-    `piece` (m,) is `WALL`, `ROOF` or `FLOOR`, `leg` (m,) the number of the survey's leg. `direction` (n, 3) are unit
-    vectors into the workings; a point that only floors touch has none (0, 0, 0).
+    `piece` (m,) is `WALL`, `ROOF` or `FLOOR`. `direction` (n, 3) are unit vectors into the workings; a point that only
+    floors touch has none (0, 0, 0).
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     piece: np.ndarray
-    leg: np.ndarray
     direction: np.ndarray
 
     @property
@@ -48,25 +49,42 @@ class FineRock:
 
 
 def refine(volume: MineVolume, spacing_m: float) -> FineRock:
-    """Cut the facets of a volume until no edge is longer than a spacing."""
-    key = len(Label) * volume.leg.astype(np.int64) + volume.label
-    order = np.argsort(key, kind="stable")
-    found, starts = np.unique(key[order], return_index=True)
-    first = manifold3d.Manifold.reserve_ids(len(found))
+    """Cut the facets of a volume until no edge is longer than a spacing.
+
+    Facets of several legs are merged before, slivers are folded away, and what is no floor is wall or roof by its
+    slope.
+    """
+    merged = _solid(volume.vertices, volume.faces, volume.label == Label.FLOOR).simplify(_MERGED_M)
+    vertices, faces, of_floor = _arrays(merged)
+    faces, of_floor = without_slivers(vertices, faces, of_floor)
+    vertices, faces, of_floor = _arrays(_solid(vertices, faces, of_floor).refine_to_length(spacing_m))
+    faces = faces[:, ::-1].astype(np.int32)
+    corners = vertices[faces]
+    down = -_unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[:, 2]
+    piece = np.where(of_floor, FLOOR, np.where(down > _ROOF_NZ, ROOF, WALL)).astype(np.uint8)
+    return FineRock(vertices, faces, piece, _directions(vertices, faces[~of_floor], spacing_m))
+
+
+def _solid(vertices: np.ndarray, faces: np.ndarray, of_floor: np.ndarray) -> manifold3d.Manifold:
+    """Return a solid whose floors (m,) have the first of two numbers."""
+    order = np.argsort(~of_floor, kind="stable")
+    number = manifold3d.Manifold.reserve_ids(2)
     mesh = manifold3d.Mesh64(
-        volume.vertices,
-        volume.faces[order].astype(np.uint64),
-        run_index=3 * np.append(starts, len(order)),
-        run_original_id=first + np.arange(len(found)),
+        vertices,
+        faces[order].astype(np.uint64),
+        run_index=3 * np.array([0, of_floor.sum(), len(order)]),
+        run_original_id=np.array([number, number + 1], np.uint32),
     )
-    fine = manifold3d.Manifold(mesh).refine_to_length(spacing_m).to_mesh64()
-    runs = np.diff(np.asarray(fine.run_index).astype(np.int64)) // 3
-    number = np.repeat(found[np.asarray(fine.run_original_id, np.int64) - first], runs)
-    vertices = np.array(fine.vert_properties)[:, :3]
-    faces = np.asarray(fine.tri_verts, np.int64)[:, ::-1].astype(np.int32)
-    piece = np.array([_PIECES[label] for label in Label], np.uint8)[number % len(Label)]
-    direction = _directions(vertices, faces[piece != FLOOR], spacing_m)
-    return FineRock(vertices, faces, piece, (number // len(Label)).astype(np.int32), direction)
+    return manifold3d.Manifold(mesh)
+
+
+def _arrays(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the vertices, faces and floors of such a solid."""
+    mesh = solid.to_mesh64()
+    runs = np.diff(np.asarray(mesh.run_index).astype(np.int64)) // 3
+    number = np.asarray(mesh.run_original_id, np.int64)
+    of_floor = np.repeat(number == number.min(), runs)
+    return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), of_floor
 
 
 def _directions(vertices: np.ndarray, faces: np.ndarray, spacing_m: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The visible rock of a volume against its collision walls: gaps, intrusion, holes, crossings, and what width is left."""
+"""The visible rock of a volume against its collision walls: gaps, intrusion, holes, crossings, and the width left."""
 
 from __future__ import annotations
 
