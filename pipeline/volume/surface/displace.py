@@ -53,7 +53,8 @@ def displace_rock(
     mesher = Mesher(fine, simplification)
     moved, mended = np.ones(len(given), bool), np.zeros((0, 3))
     for repair in range(_ROUNDS + 1):
-        vertices = np.round(fine.vertices + given[:, None] * fine.direction, _DIGITS)
+        vertices = fine.vertices + given[:, None] * fine.direction
+        vertices = np.where(given[:, None] == 0, vertices, np.round(vertices, _DIGITS))  # facets that touch stay exact
         points, faces, changed = mesher.mesh(vertices, moved)
         wrong = np.concatenate([find_crossings(points, faces, faces[changed]), find_shared_edges(points, faces)])
         if not len(wrong) and not changed.all():  # tiles meet elsewhere, too
@@ -64,7 +65,10 @@ def displace_rock(
         if repair >= _REFINE_AFTER:
             mesher.refine(wrong)
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=_RADIUS_M)
-        given = damp(given, near, _RADIUS_M, _FACTOR if repair < _FLAT_AFTER else 0.0)
+        if repair < _FLAT_AFTER:
+            given = damp(given, near, _RADIUS_M, _FACTOR)
+        else:
+            given = damp(given, np.maximum(near - _RADIUS_M / 2, 0.0), _RADIUS_M / 2, 0.0)
         moved = np.isfinite(near)
     raise AssertionError("unreachable")
 

@@ -81,7 +81,7 @@ def _solid(vertices: np.ndarray, faces: np.ndarray, of_floor: np.ndarray) -> man
 def _arrays(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the vertices, faces and floors of such a solid."""
     mesh = solid.to_mesh64()
-    runs = np.diff(np.asarray(mesh.run_index).astype(np.int64)) // 3
+    runs: np.ndarray = np.diff(np.asarray(mesh.run_index).astype(np.int64)) // 3
     number = np.asarray(mesh.run_original_id, np.int64)
     of_floor = np.repeat(number == number.min(), runs)
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), of_floor

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import open3d
+from scipy.spatial import cKDTree
 
 from minexplore.bundle import MESHES, mesh_of
 from pipeline.metrics.rock.sampling import sample_triangles
@@ -20,6 +21,8 @@ from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLES = 100_000  # of the rock, by area
 _ON_EDGE_M = 2e-3  # of the floor: the rock's points have 0.1 mm, its meshes 32 bits
+_BESIDE_M = 1.0  # about such a place the relief is taken back, and the simplified mesh has edges as long
+_FOLDED = -0.999  # cosine between normals
 _APART_M = 1.0  # along the legs, of the places that the widths and the rays are of
 _MIDDLE = (0.25, 0.75)  # of a leg: at its ends others meet it, or it ends
 _RAYS = 64  # from each place
@@ -39,8 +42,10 @@ def measure_rock(
 
     `gap_*` are distances from samples of the rock to the facets of the volume, `into_free_m` is the largest of those
     inside it. `open_m` is the length of the rock's border that is not on the floor's border, `bare_m` the length of the
-    floor's border without rock on it. `leaks` counts rays from the legs that end on no rock and no floor, or on a face
-    from behind. `narrowest_kept` is the share of the distance to the walls that is left where it is least.
+    floor's border without rock on it. `crossings` counts places where the rock crosses itself; those where facets of
+    the volume do so, or lie on each other, are `folded`. `leaks` counts rays from the legs that end on no rock and no
+    floor, or on a face from behind. `narrowest_kept` is the share of the distance to the walls that is left where it is
+    least.
     """
     if not rock:
         return {"shown": 0}
@@ -62,10 +67,30 @@ def measure_rock(
         "into_free_m": round(float(away.max(initial=0.0)), _DIGITS),
         "open_m": round(open_m, _DIGITS),
         "bare_m": round(bare_m, _DIGITS),
-        "crossings": len(find_crossings(vertices, faces)),
+        **_crossings(vertices, faces, volume),
         "leaks": _leaks(places, (vertices, faces), (volume.vertices, volume.faces[is_floor]), rng),
         "narrowest_kept": round(_kept(places, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
     }
+
+
+def _crossings(vertices: np.ndarray, faces: np.ndarray, volume: Volume) -> dict[str, int]:
+    places = find_crossings(vertices, faces)
+    own = np.concatenate([find_crossings(volume.vertices, volume.faces), _folds(volume)])
+    apart = cKDTree(own).query(places)[0] if len(own) and len(places) else np.full(len(places), np.inf)
+    return {"crossings": int((apart > _BESIDE_M).sum()), "folded": int((apart <= _BESIDE_M).sum())}
+
+
+def _folds(volume: Volume) -> np.ndarray:
+    """Return the middles (n, 3) m of edges whose two facets lie on each other."""
+    faces, normal = volume.faces, volume.normals
+    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    ends = np.sort(np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    order = np.lexsort(ends.T)
+    one, other = order[0::2], order[1::2]  # the mesh is closed: an edge has two facets
+    count = len(faces)
+    on_each_other = np.einsum("ij,ij->i", unit[one % count], unit[other % count]) < _FOLDED
+    found: np.ndarray = volume.vertices[ends[one[on_each_other]]].mean(axis=1)
+    return found
 
 
 def _borders_m(vertices: np.ndarray, faces: np.ndarray, others: np.ndarray, floors: np.ndarray) -> tuple[float, float]:

@@ -32,7 +32,7 @@ def rock_files(rough: Path, texture: Image) -> Bundle:
     return {**chunks, ROCK_TEXTURE: encode_palette_png(texture) or encode(Path(ROCK_TEXTURE), texture)}
 
 
-def chunk_names(files: Sequence[str] | Bundle) -> list[str]:
+def chunk_names(files: Bundle) -> list[str]:
     """Return the names of the visible meshes among a bundle's files."""
     return sorted(mesh_of(name) for name in files if name.startswith(MESHES))
 
@@ -49,7 +49,7 @@ def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> Non
     asset.insert(0, ElementTree.Element("texture", name="rock", type="2d", file=ROCK_TEXTURE))
     if look != PLAIN:
         cut = {"rgba": _text(CUT_RGBA), "specular": "0", "shininess": "0"}
-        ElementTree.SubElement(asset, "material", name=CUT_MATERIAL, **cut)
+        ElementTree.SubElement(asset, "material", {"name": CUT_MATERIAL, **cut})
         _only(default, f"default[@class='{ROCK_CLASS}']/geom").set("material", CUT_MATERIAL)
     seen = ElementTree.SubElement(default, "default", {"class": SURFACE_CLASS})
     group = str(GeomGroup.ROUGH_SURFACE.value)
