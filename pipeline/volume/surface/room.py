@@ -17,6 +17,7 @@ _CONES = ((0.0, 1), (35.0, 6), (65.0, 6))  # angle from the way across, deg, and
 _ACROSS = (0, 1, 4)  # of these rays: from walls they lie level, and the median of the three measures the width
 _STEEP = 0.9  # of a way's height: it has no level way across
 _AT_ONCE = 100_000  # points
+_UPRIGHT = 0.3  # height of an upright wall's normal: higher up, walls lean in
 _NARROWEST = 5  # per cent of the walls' points: corners and noses of rock are narrower than any passage
 _FAR_M = 100.0  # where a ray hits nothing
 
@@ -65,4 +66,5 @@ def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.nda
 
 def _narrowest(rock: FineRock, half: np.ndarray) -> float:
     on_wall = np.unique(rock.faces[rock.piece == WALL])
+    on_wall = on_wall[(np.abs(rock.direction[on_wall, 2]) < _UPRIGHT) & ~rock.is_fixed[on_wall]]
     return float(np.percentile(half[on_wall], _NARROWEST)) if len(on_wall) else _FAR_M

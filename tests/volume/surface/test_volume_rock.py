@@ -100,7 +100,7 @@ def test_room_is_half_the_width_across_a_drift_and_half_the_rock_behind_a_thin_w
     assert room.half_m[thin] == pytest.approx(2.0, abs=0.05)
     assert room.rock_m[thin] == pytest.approx(0.15, abs=0.01)
     assert room.free_m[thin].min() > 0.4  # the height over the floor
-    assert room.narrowest_m == pytest.approx(2.0, abs=0.1)
+    assert 1.7 < room.narrowest_m < 2.1  # corners among them
 
 
 @pytest.mark.parametrize("source", [BOX, THIN])
