@@ -27,6 +27,7 @@ from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
 
 _WIDEST_M = 0.5
+_SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
 _FACES = 2.2  # of a square whose side is the spacing
 
 
@@ -56,13 +57,15 @@ def displaced_rock(params: SurfaceParams, volume: MineVolume) -> DisplacedRock:
     spacing_m = _spacing_m(params, volume)
     fine = refine(volume, spacing_m)
     rough = params.rough
-    simplification = Simplification(rough.kept_share, rough.tile_m) if rough.kept_share else None
+    simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted = _wanted_m(params, fine)
     room = room_about(fine, volume)
     rock = displace_rock(fine, wanted, room, bounds_of(rough), params.floor_chamfer_m, simplification)
     if len(rock.crossings):
         place = rock.crossings[0].round(1).tolist()
-        warn_user(f"surface: the visible rock crosses itself at {len(rock.crossings)} places; the first is {place} m")
+        warn_user(
+            f"surface: the visible rock crosses or touches itself at {len(rock.crossings)} places, the first {place} m"
+        )
     return rock
 
 

@@ -12,10 +12,10 @@ from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.volume.surface.fine import FineRock
 
-_ROUNDS = 8
+_ROUNDS = 10
 _RADIUS_M, _FACTOR = 0.6, 0.5  # about a crossing, as the rough surface of a level mine has it
-_FLAT_AFTER = 3  # rounds: then the rock about a crossing stays on its collision walls
-_REFINE_AFTER = 5  # rounds: then what is wrong may come from the simplification
+_FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision walls
+_REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
 _DIGITS = 4  # 0.1 mm
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
 
