@@ -62,10 +62,17 @@ def limits_of(params: ValidationParams) -> dict[str, Limit]:
     return {**params.limits, **{f"{_CLAUSE}{name}": limit for name, limit in params.certificate.limits.items()}}
 
 
+def volume_limits_table() -> str:
+    """Return each figure of a world that is one volume with its limit."""
+    limits = compose([]).validation.volume.limits
+    return noted_table(("figure", "limit"), ((f"`{name}`", format_limit(limit)) for name, limit in limits.items()))
+
+
 TABLES = {
     "reference/formats.md": options_table,
     "reference/configuration.md": configuration_table,
     "reference/metrics.md": limits_table,
+    "reference/heights.md": volume_limits_table,
     "security.md": defence_table,
 }
 

@@ -37,6 +37,12 @@ control step.
 |---|---|---|---|---|---|---|---|---|
 {geoms}
 
+In a world that is one volume, each wheel has the friction of the zone that it is in when a control step begins. Each
+foot stands on a box whose top is the plane of the floor under it, set at the beginning of a control step, where that
+plane is within 5 mm of the floor as far as the foot reaches. Where it is not, as at edges and steps, the foot touches
+the parts of the floor themselves; so do all feet of a team, of another robot and with `whole`. Walls are cut to what
+the chassis can reach.
+
 Places are in the robot's frame: origin midway between the wheels' centres, x ahead, z up. The bumper touches
 other robots.
 
@@ -52,7 +58,8 @@ Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random
 `numpy.random.Generator(numpy.random.PCG64(seed))`; robot i of a vector or a team has the seed `seed + i`.
 
 - `reset` draws, in this order: where the anchor is too narrow, `integers(n)` over the n free cells of the entrance
-  region, row by row; the yaw, `uniform(-pi, pi)`; the beams' noise, `standard_normal(beams)`.
+  region, row by row, in a volume in the order of `cells.npz`; the yaw, `uniform(-pi, pi)`; the beams' noise,
+  `standard_normal(beams)`.
 - `step` draws, in this order: in a zone with noise, `normal(0, speed_noise_mps)` for the forward speed; the beams'
   noise, `standard_normal(beams)`.
 """

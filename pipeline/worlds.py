@@ -104,9 +104,9 @@ def list_worlds() -> str:
     for name in world_names():
         try:
             figures = read_figures(name)
-            cells = [format(figures[key], form) for _, key, form in _COLUMNS]
+            cells = [format(figures[key], form) if key in figures else "-" for _, key, form in _COLUMNS]
             digest = verify_world(world_folder(name) / "realism" / "world")[:12]
-        except (ArtifactError, KeyError, ValueError, TypeError):  # a figure is missing, or no number
+        except (ArtifactError, ValueError, TypeError):  # no figures, or one that is no number
             cells, digest = ["-"] * len(_COLUMNS), "unfinished"
         rows.append([name, *cells, digest, env_id(name)])
     return _table(rows)

@@ -61,7 +61,7 @@ def compile_rock(
     if len(network):
         from pipeline.volume.world.compile import compile_volume  # open3d takes a second to load
 
-        return {**_nothing(params), "volume": compile_volume(params, network)}
+        return {**_nothing(params), "volume": compile_volume(params, network, (survey.sources or [survey.name])[0])}
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m

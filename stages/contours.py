@@ -79,7 +79,7 @@ def trace_free_space(
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
     simplified = _simplify(params, survey, corrected.workings)
-    network = simplified.network  # of the drifts: openings are no islands in it
+    drifts = simplified.network  # openings are no islands in it
     openings = _find_openings(params, survey, simplified.outline)
     outline = cut_openings(simplified.outline, openings) if openings.collars else simplified.outline
     traced = _drawn_again(cut_openings(corrected.workings, openings), frame) if openings.collars else corrected
@@ -89,10 +89,10 @@ def trace_free_space(
         "traced": Workings(MultiPolygon(shapely.get_parts(traced.workings).tolist())),
         "free_space": FreeSpace(outline, _measure_areas(outline, traced, frame), simplified.moved_m, frame),
         "openings": openings,
-        "topology": network,
-        "topology_dot": network_dot(network),
-        "widths": width_table(network),
-        "picture": draw_contours(traced.raw, outline, network, frame),
+        "topology": drifts,
+        "topology_dot": network_dot(drifts),
+        "widths": width_table(drifts),
+        "picture": draw_contours(traced.raw, outline, drifts, frame),
         "correction": None if correction is None else correction.report,
         "corrected": _picture(drawn.workings, correction, frame),
     }

@@ -42,7 +42,10 @@ def validate_world(
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     if len(network):
-        from pipeline.volume.world.certificate import open_volume, validate_volume  # open3d takes a second to load
+        from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
+            open_volume,
+            validate_volume,
+        )
 
         found = validate_volume(params.volume, open_volume(world), network)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
@@ -126,7 +129,9 @@ def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
     timings, figures = flatten(outputs["timings"]), flatten(outputs["metrics"])
     if "survey.share_built" in figures:  # of a volume
-        require_limits(figures, {name: limit for name, limit in params.volume.limits.items() if name in figures})
+        from pipeline.volume.world.proof.certificate import applying_limits as limits_of_volume
+
+        require_limits(figures, limits_of_volume(params.volume, outputs["metrics"]))
         return
     limits = applying_limits(params, figures)
     if params.overlay != "none" and not is_rock_judged(params, figures):

@@ -12,8 +12,8 @@ from pipeline.store.codecs import Bundle, decode
 from pipeline.survey.load import _read
 from pipeline.types import SurveyedLegs, Workings
 from pipeline.volume.world.bundle import bundle_volume
-from pipeline.volume.world.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from pipeline.volume.world.compile import compile_volume
+from pipeline.volume.world.proof.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from stages.contours import trace_free_space
 
 CONFIG = compose(["preset=light"])
@@ -26,9 +26,10 @@ def legs_of_table(text: str, folder: Path, **values: Any) -> SurveyedLegs:
     return _stage_1(text, folder, values)[3]
 
 
-def _stage_1(text: str, folder: Path, values: dict[str, Any]) -> tuple:
-    path = folder / "survey.csv"
-    path.write_text(text)
+def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> tuple:
+    path = source if isinstance(source, Path) else folder / "survey.csv"
+    if isinstance(source, str):
+        path.write_text(source)
     params = PassageSurveyParams.model_validate(
         {"kind": "passages", "name": "test", "file": "data/x", "volume": True, **values}
     )
@@ -36,11 +37,11 @@ def _stage_1(text: str, folder: Path, values: dict[str, Any]) -> tuple:
 
 
 class VolumeWorld:
-    """A station table built as one volume; its bundle is in `folder / "world"`."""
+    """A station table, or a file, built as one volume; its bundle is in `folder / "world"`."""
 
-    def __init__(self, text: str, folder: Path, **values: Any) -> None:
+    def __init__(self, source: str | Path, folder: Path, **values: Any) -> None:
         """Run the functions of stages 1, 2, 3 and 5; `values` are those of the survey's section."""
-        plan, self.survey, polygons, self.legs = _stage_1(text, folder, values)
+        plan, self.survey, polygons, self.legs = _stage_1(source, folder, values)
         self.traced = trace_free_space(CONFIG.contours, plan, self.survey, Workings(polygons), self.legs)
         self.compiled, self.bundle = folder / "compiled", folder / "world"
         _write(self.compiled, compile_volume(CONFIG.compile3d, self.legs))

@@ -62,7 +62,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     rock in the step. An episode returns at most 100.
 
     A cell is seen when a beam passes through it on the way to its return. Reachable are the cells in which the robot can
-    stand, connected to the entrance.
+    stand, connected to the entrance. In a world that is one volume, floors over each other are different cells: a beam
+    marks the one whose floor is the next under it, and the robot reaches what its width, its height, slopes of 20 deg
+    and steps of 5 cm let it.
 
     ## Starting State
     The anchor near the entrance, or a random free place of the entrance region where the anchor is too narrow; yaw
@@ -77,7 +79,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
     `pose_m_rad` (x, y, yaw in the mine frame), `height_m` (of the floor under the robot, mine frame), `pitch_rad`,
     `roll_rad` (against the level); in a world with shafts that are not fenced also `fell`: whether the robot has
-    fallen into one in this episode, which goes on from where it lands. Robots fall at 3 m/s at most.
+    fallen into one in this episode, which goes on from where it lands. Robots fall at 3 m/s at most. In a world that is
+    one volume also `floor`, the number of the storey, the largest 0, and `leg`, the stations of the survey's leg.
 
     ## Copies
     `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An

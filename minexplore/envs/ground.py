@@ -16,13 +16,16 @@ from minexplore.volume.ground import VolumeGround
 from minexplore.world import World
 
 
-class Ground(Protocol):
+class RobotGround(Protocol):
     """What robots of a batch drive on. Places are of the mine frame; (k, 3) m are those of their axles."""
 
     models: Any
-    grid: CellGrid
     T_world_mine: np.ndarray
     can_fall: bool  # into shafts, which `info` then says
+
+    @property
+    def grid(self) -> CellGrid:
+        """Return the cells that count."""
 
     @property
     def start_m(self) -> np.ndarray:
@@ -69,18 +72,18 @@ class PlanGround:
         self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
 
     def entrance_places(self, clearance_m: float) -> np.ndarray:
-        """Return the places (n, 2) m, plan, of the entrance region with a clearance; see `Ground`."""
+        """Return the places (n, 2) m, plan, of the entrance region with a clearance; see `RobotGround`."""
         spawn, places = self.world.record["spawn"], self.world.places_m(clearance_m)
         found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
         return found
 
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
-        """Return the pose of a robot at a place (2,) m of the plan; see `Ground`."""
+        """Return the pose of a robot at a place (2,) m of the plan; see `RobotGround`."""
         x, y = place_m[:2]
         return free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad, self.floor)
 
     def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places in the plan, in which sheets lie side by side; see `Ground`."""
+        """Return the places in the plan, in which sheets lie side by side; see `RobotGround`."""
         if len(self.floor.offset_m) == 1:
             return places_m[:, :2]
         faces = self._faces[robots]
@@ -91,17 +94,17 @@ class PlanGround:
         return places
 
     def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
-        """Slow the robots that fall down a shaft; see `Ground`."""
+        """Slow the robots that fall down a shaft; see `RobotGround`."""
         if self.can_fall:
             falling = robots[self.world.open_shafts.inside(places_m) >= 0]
             qvel[falling, 2] = np.maximum(qvel[falling, 2], -FASTEST_FALL_MPS)
 
     def fallen(self, places_m: np.ndarray) -> np.ndarray:
-        """Return which robots have fallen into a shaft; see `Ground`."""
+        """Return which robots have fallen into a shaft; see `RobotGround`."""
         return self.world.open_shafts.fallen(places_m) if self.can_fall else np.zeros(len(places_m), bool)
 
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places in the plan; see `Ground`."""
+        """Return the places in the plan; see `RobotGround`."""
         return self.plan_places(robots, places_m)
 
     def prepare_team(
@@ -114,7 +117,8 @@ class PlanGround:
         return {}
 
 
-def ground_of(world: World, task: TaskParams, robot: RobotParams, count: int, whole: bool) -> Ground:
+def ground_of(world: World, task: TaskParams, robot: RobotParams, count: int, whole: bool) -> RobotGround:
     """Return what so many robots drive on in a world."""
-    kind = PlanGround if world.volume is None else VolumeGround
-    return kind(world, task, robot, count, whole)
+    if world.volume is None:
+        return PlanGround(world, task, robot, count, whole)
+    return VolumeGround(world, task, robot, count, whole)

@@ -66,7 +66,10 @@ class Team(RobotBatch):
         for _ in range(self.task.substeps):
             mujoco.mj_step(self.model, self.data)
             touched |= self.data.sensordata > 0
-        for own, of_model, at in ((self.qpos, self.data.qpos, self._qpos_at), (self.qvel, self.data.qvel, self._qvel_at)):
+        for own, of_model, at in (
+            (self.qpos, self.data.qpos, self._qpos_at),
+            (self.qvel, self.data.qvel, self._qvel_at),
+        ):
             own[:, : at.shape[1]] = of_model[at]  # behind them are sprung castors, which nothing else looks at
         return touched[robots]
 

@@ -32,7 +32,7 @@ class OpenShafts:
         self._aside = floor.offset_m[sheet]
         self._below = [opening["below"] for opening in openings]
         self._floor = floor
-        self._roof_m = float(max(record["height_m"], *record.get("heights", {}).get("roof_m", (0.0,))))
+        self._roof_m = float(max(record.get("height_m", 0.0), *record.get("heights", {}).get("roof_m", (0.0,))))
         self.top_m, self.bottom_m = (np.array([o[name] for o in openings]) for name in ("top_m", "bottom_m"))
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""The arrays of a world that is one closed volume of free space: its facets, the rock's parts, and floors by columns."""
+"""The arrays of a world that is one closed volume of free space: its facets, parts of rock, and floors by columns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class FacetLabel(IntEnum):
 
 
 @dataclass(frozen=True)
-class Facets:
+class VolumeFacets:
     """The boundary of the free space: a closed triangle mesh.
 
     Attributes
@@ -77,7 +77,7 @@ class Parts:
 
 
 @dataclass(frozen=True)
-class Spans:
+class FloorSpans:
     """Floors in columns of square cells: span k is over `origin_m` + (column, row) * cell to the next cell's corner.
 
     Attributes
@@ -118,6 +118,6 @@ class Spans:
 class VolumeArrays:
     """All of a volume that a world's files hold."""
 
-    facets: Facets
+    facets: VolumeFacets
     parts: Parts
-    spans: Spans
+    spans: FloorSpans

@@ -85,11 +85,7 @@ class LocalModels:
         BundleError
             If MuJoCo refuses a part; the message is MuJoCo's.
         """
-        spec = self.spec(tile)
-        geoms = len(spec.geoms)
-        if geoms <= _MOST_GEOMS:
-            spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
-        return self.world.compile(spec)
+        return self.world.compile(with_little_memory(self.spec(tile)))
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
@@ -232,6 +228,14 @@ class _PartIndex:
         near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)
         found = [self._parts[number] for number in np.flatnonzero(near)]
         return [part for part in found if meets(part.outline, box.low[None], box.high[None])[0]]
+
+
+def with_little_memory(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return a local model's spec with as much memory as its contacts take; a large one keeps MuJoCo's."""
+    geoms = len(spec.geoms)
+    if geoms <= _MOST_GEOMS:
+        spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
+    return spec
 
 
 def physics_spec(task: TaskParams) -> mujoco.MjSpec:

@@ -126,8 +126,12 @@ class CoverageGrid:
         rows, cols = self.reachable.shape
         return (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
-        """Mark cells as seen in `seen` (m, rows, cols) by their observers; return how many are new to each (m,)."""
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
+        """Mark cells, rows and columns, as seen in `seen` (m, rows, cols) by their observers.
+
+        Return how many are new to each (m,).
+        """
+        row, col = cell
         useful = self.reachable[row, col]
         flat = np.ravel_multi_index((observer[useful], row[useful], col[useful]), seen.shape)
         view = seen.reshape(-1)

@@ -27,7 +27,7 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.floors.floor import Floor
-from minexplore.floors.volume_arrays import FacetLabel, Facets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tiles_at
@@ -92,7 +92,7 @@ def floor_meshes(world: World) -> Meshes:
     return meshes
 
 
-def facet_meshes(facets: Facets) -> Meshes:
+def facet_meshes(facets: VolumeFacets) -> Meshes:
     """Return the boundary of a volume, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
     middles = facets.vertices[facets.faces].mean(axis=1)[:, :2]
     meshes: Meshes = {}
@@ -102,7 +102,7 @@ def facet_meshes(facets: Facets) -> Meshes:
     return meshes
 
 
-def volume_meshes(world: World, facets: Facets) -> Meshes:
+def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
     """Return what beams end on in a world that is one volume: floors and visible rock, or else all its facets."""
     if not has_visible_rock(world.record):
         return facet_meshes(facets)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import Spans
+from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.sensing.coverage import cut_at_lines
 
 _APART_M = 1.0  # floors of one square that are so far apart in height are two cells: no robot fits between them
@@ -18,7 +18,7 @@ class VolumeGrid:
     are reachable; they are numbered by square, and in a square from the lowest.
     """
 
-    def __init__(self, spans: Spans, standing: np.ndarray, cell_m: float) -> None:
+    def __init__(self, spans: FloorSpans, standing: np.ndarray, cell_m: float) -> None:
         """Take the spans that a robot reaches, a mask (s,)."""
         self.cell_m = cell_m
         self.origin_m = np.floor(spans.origin_m / cell_m) * cell_m
@@ -62,9 +62,10 @@ class VolumeGrid:
         found = np.flatnonzero((cell >= 0) & (z < self.high_m[cell]))
         return ray[found], cell[found]
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, cells) by their observers; return how many are new to each (m,)."""
-        flat = observer * self.total + cell
+        (number,) = cell
+        flat = observer * self.total + number
         view = seen.reshape(-1)
         new = np.unique(flat[~view[flat]])
         view[new] = True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 
 _TILE_M = 2.0  # facets are looked up by square tiles seen from above
@@ -27,7 +27,7 @@ class Hits:
 class FloorColumns:
     """The facets of a volume, looked up from above."""
 
-    def __init__(self, facets: Facets) -> None:
+    def __init__(self, facets: VolumeFacets) -> None:
         """Index the facets that are not plumb."""
         normal = facets.normals
         self.normals = normal
@@ -69,7 +69,8 @@ class FloorColumns:
         for k in range(3):
             away, edge = places_m - self._start[near, k], self._edge[near, k]
             inside &= away[..., 0] * edge[:, 0] + away[..., 1] * edge[:, 1] >= slack
-        return np.nonzero(inside)
+        place, facet = np.nonzero(inside)
+        return place, facet
 
     def _height(self, places_m: np.ndarray, facet: np.ndarray) -> np.ndarray:
         """Return the height (n,) m of the planes of facets (n,) at places (n, 2) m."""

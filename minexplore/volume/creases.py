@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 
 _STEP_M = 0.05  # between places of a crease
+_MOST = 5_000_000  # places of all creases; a larger mine has them farther apart
 _LEAST_TURN = 0.02  # of slope, rise over run: at samples 5 cm apart the floor is then within 0.25 mm
 _LIES = 0.05  # of a normal's length: steeper facets are walls
 
@@ -14,7 +15,7 @@ _LIES = 0.05  # of a normal's length: steeper facets are walls
 class Creases:
     """Places along the edges between two facets of the floor that differ in slope."""
 
-    def __init__(self, facets: Facets) -> None:
+    def __init__(self, facets: VolumeFacets) -> None:
         """Find the edges and cut them into pieces."""
         normal = facets.normals
         size = np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
@@ -28,7 +29,8 @@ class Creases:
         one, two = owner[order[0::2]], owner[order[1::2]]  # the mesh is closed: each edge has two facets
         turned = lies[one] & lies[two] & (np.abs(slope[one] - slope[two]).max(axis=1) > _LEAST_TURN)
         a, b = np.moveaxis(facets.vertices[edge[order[0::2][turned]]], 1, 0)
-        count = np.ceil(np.linalg.norm(b - a, axis=1) / _STEP_M).astype(int) + 1
+        length = np.linalg.norm(b - a, axis=1)
+        count = np.ceil(length / max(_STEP_M, float(length.sum()) / _MOST)).astype(int) + 1
         number = np.repeat(np.arange(len(a)), count)
         share = (np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)) / np.maximum(count - 1, 1)[number]
         self._places = a[number] + share[:, None] * (b[number] - a[number])

@@ -1,4 +1,4 @@
-"""What robots of a batch drive on in a volume: where they start, their models step by step, and what lies under them."""
+"""What robots of a batch drive on in a volume: where they start, their models step by step, what lies under them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class VolumeGround:
-    """A volume as `RobotBatch` needs it; see `minexplore.envs.ground.Ground`."""
+    """A volume as `RobotBatch` needs it; see `minexplore.envs.ground.RobotGround`."""
 
     can_fall = False
 

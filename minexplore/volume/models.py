@@ -10,7 +10,7 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY
 from minexplore.floors.volume_arrays import FacetLabel
-from minexplore.physics.local_models import MARGIN_M, physics_spec
+from minexplore.physics.local_models import MARGIN_M, physics_spec, with_little_memory
 from minexplore.physics.robot import (
     FASTEST_FALL_MPS,
     FLOOR_BIT,
@@ -58,8 +58,18 @@ class VolumeModels:
     on a box each, which the state moves; then the model has only the walls that the chassis can reach.
     """
 
-    def __init__(self, world: World, task: TaskParams, robot: RobotParams, whole: bool = False) -> None:
-        """Take a world's parts; with `whole` every model is that of all parts."""
+    def __init__(
+        self,
+        world: World,
+        task: TaskParams,
+        robot: RobotParams,
+        whole: bool = False,
+        exact_tile_m: tuple[float, float] = EXACT_TILE_M,
+    ) -> None:
+        """Take a world's parts; with `whole` every model is that of all parts.
+
+        `exact_tile_m` is the width and the height of the tiles of models in which feet touch the floor's parts.
+        """
         assert world.volume is not None
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine
@@ -68,7 +78,7 @@ class VolumeModels:
         self._low, self._high = self._parts.boxes_m
         self._bits = np.array([_BITS[label] for label in FacetLabel])[self._parts.label]
         self._zones = world.active_zones(task.terrain)
-        self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, EXACT_TILE_M))}
+        self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
 
@@ -96,7 +106,7 @@ class VolumeModels:
         BundleError
             If MuJoCo refuses a part; the message is MuJoCo's.
         """
-        return self.world.compile(self.spec(tile))
+        return self.world.compile(with_little_memory(self.spec(tile)))
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a model's spec; without a tile it holds all parts, and robots whose feet touch them."""
@@ -143,7 +153,7 @@ class VolumeModels:
         return low - [aside, aside, below], high + np.array([aside, aside, above])
 
     def _add_robot(self, spec: mujoco.MjSpec, name: str, code: int, has_boxes: bool) -> None:
-        """Add a robot; one on boxes is alone, and without the geoms that then touch nothing: each costs a test a part."""
+        """Add a robot; one on boxes is alone, without the geoms that then touch nothing: each costs a test a part."""
         if has_boxes:
             _add_boxes(spec, name)
         self.robot.attach(spec, name)

@@ -74,7 +74,8 @@ class FloorPlanes:
     def __init__(self, columns: FloorColumns, creases: Creases) -> None:
         """Take what finds the floors, and the lines at which they turn."""
         self._columns, self._creases = columns, creases
-        self._tiles: OrderedDict[tuple[int, int, int], tuple[int, _Tile]] = OrderedDict()  # oldest use first
+        self._tiles: OrderedDict[tuple[int, int, int], int] = OrderedDict()  # slots; oldest use first
+        self._in_slot: dict[int, _Tile] = {}
         self._grids: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
         self._table = np.zeros((0, _NODES, _NODES, len(REACHES_M), 4), np.float32)  # NaN where none was made yet
 
@@ -124,10 +125,10 @@ class FloorPlanes:
                 if slot == len(self._table):
                     self._table = np.concatenate([self._table, np.zeros((max(slot, 4), *self._table.shape[1:]), "f4")])
             else:
-                slot = self._tiles.popitem(last=False)[1][0]
+                slot = self._tiles.popitem(last=False)[1]
             self._table[slot] = np.nan
-            self._tiles[row] = slot, self._tile(row)
-        return np.array([self._tiles[row][0] for row in rows], dtype=int)
+            self._tiles[row], self._in_slot[slot] = slot, self._tile(row)
+        return np.array([self._tiles[row] for row in rows], dtype=int)
 
     def _tile(self, row: tuple[int, int, int]) -> _Tile:
         first, bottom = np.array(row[:2]) * TILE_M - _AROUND_M, row[2] * _SLAB_M
@@ -149,13 +150,12 @@ class FloorPlanes:
         return self._grids[tile]
 
     def _make(self, slot: int, nodes: np.ndarray, reach: int) -> None:
-        """Make the planes of nodes (m, 2), column and row, of the tile in a slot, and of those in one block with them."""
-        tile = next(tile for other, tile in self._tiles.values() if other == slot)
+        """Make the planes of nodes (m, 2), column and row, of the tile in a slot, and of all in their blocks."""
         blocks = np.array(sorted({(x, y) for x, y in (nodes // _BLOCK * _BLOCK).tolist()}))
         within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
         nodes = (blocks[:, None] + within).reshape(-1, 2)
         nodes = nodes[(nodes < _NODES).all(axis=1)]
-        made = _fit(tile, nodes, REACHES_M[reach])
+        made = _fit(self._in_slot[slot], nodes, REACHES_M[reach])
         self._table[slot, nodes[:, 1], nodes[:, 0], reach] = made
 
 
@@ -193,6 +193,10 @@ def _off_at(
     Between the samples the floor is farthest from the plane where it turns. Places that are not about the node's floor
     are another floor's.
     """
+    if not len(nodes_m):
+        return np.zeros(0)
+    low, high = nodes_m.min(axis=0) - reach_m, nodes_m.max(axis=0) + reach_m
+    creases = creases[((creases[:, :2] >= low) & (creases[:, :2] <= high)).all(axis=1)]
     away = creases[None, :, :2] - nodes_m[:, None]
     near = away[..., 0] ** 2 + away[..., 1] ** 2 <= reach_m**2
     near &= np.abs(creases[None, :, 2] - floor_m[:, None]) < _LEDGE_M
@@ -216,10 +220,12 @@ def fit_planes(places_m: np.ndarray, rise_m: np.ndarray, is_free: np.ndarray) ->
     row = np.column_stack([places_m, np.ones(len(places_m))])
     weight = is_free.astype(float)
     # Sums by `einsum`, as products by BLAS are rounded by how many rows there are.
-    squares = np.einsum("mk,ki,kj->mij", weight, row, row) + 1e-9 * np.eye(3)
+    products = (row[:, :, None] * row[:, None]).reshape(-1, 9)
+    squares = np.einsum("mk,kp->mp", weight, products).reshape(-1, 3, 3) + 1e-9 * np.eye(3)
     plane = np.linalg.solve(squares, np.einsum("mk,ki->mi", rise_m * weight, row)[..., None])[..., 0]
     height = plane[:, :1] * row[:, 0] + plane[:, 1:2] * row[:, 1] + plane[:, 2:]
-    off = np.where(is_free, rise_m - height, np.nan)
-    highest, lowest = np.nanmax(off, axis=1, initial=-np.inf), np.nanmin(off, axis=1, initial=np.inf)
+    off = rise_m - height
+    highest = np.where(is_free, off, -np.inf).max(axis=1, initial=-np.inf)
+    lowest = np.where(is_free, off, np.inf).min(axis=1, initial=np.inf)
     plane[:, 2] += (highest + lowest) / 2
     return np.column_stack([plane, (highest - lowest) / 2])

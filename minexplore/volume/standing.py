@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import Spans
+from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.physics.robot import RobotParams
 
 _STEEPEST = 0.364  # rise over run, as of the legs that are flat enough to drive on
@@ -12,7 +12,7 @@ _STEP_M = 0.05  # a castor's radius
 _NEXT = ((1, 0), (0, 1))  # a robot goes on to the next cell east or north, and back
 
 
-def standing_spans(spans: Spans, robot: RobotParams, anchor_m: np.ndarray) -> np.ndarray:
+def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) -> np.ndarray:
     """Return which spans (s,) a robot can stand on that are connected to the one nearest to a place (3,) m.
 
     Raises
@@ -42,7 +42,7 @@ def standing_spans(spans: Spans, robot: RobotParams, anchor_m: np.ndarray) -> np
     return standing
 
 
-def _beside(spans: Spans, fits: np.ndarray, top_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _beside(spans: FloorSpans, fits: np.ndarray, top_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs, as numbers in `fits`, between which a robot of some height can drive."""
     column, row, floor = spans.column[fits].astype(np.int64), spans.row[fits].astype(np.int64), spans.floor_m[fits]
     roof = floor + spans.headroom_m[fits]

@@ -33,9 +33,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add an option for each field of `StatedOptions`."""
     for name, field in StatedOptions.model_fields.items():
         typed, kind = option(name), _type_of(name)
-        reading = {"action": "store_const", "const": True} if kind is bool else _reading(kind)
-        metavar = {} if kind is bool else {"metavar": typed.metavar}
-        parser.add_argument(*typed.flags, dest=name, help=field.description, **metavar, **reading)
+        reading: dict[str, Any] = {"action": "store_const", "const": True} if kind is bool else _reading(kind)
+        if kind is not bool:
+            reading["metavar"] = typed.metavar
+        parser.add_argument(*typed.flags, dest=name, help=field.description, **reading)
 
 
 def stated_options(source: Path, typed: argparse.Namespace) -> StatedOptions:

@@ -47,7 +47,7 @@ def worlds(
     from pipeline.build.splits import LIST, read_list, write_list
     from pipeline.errors import InputError
     from pipeline.import_mine import import_workings
-    from pipeline.worlds import DEFAULT, world_folder, world_params
+    from pipeline.worlds import DEFAULT, is_volume_world, world_folder, world_params
 
     if (split == "variants") != (of == DEFAULT):
         raise InputError(f"--split {split} --of {of}: variants of the {DEFAULT} world have the split variants")
@@ -58,6 +58,8 @@ def worlds(
     if of is None:
         members = generated(split, count, overrides)
     else:
+        if is_volume_world(world_folder(of)):
+            raise InputError(f"--of {of}: variants are made of the plan of a level mine, and this world is one volume")
         workings = import_workings(of, world_folder(of) / "contours/free_space.geojson")
         members = variants(of, workings, split, count, height_sd_m, world_params(of), overrides)
     if light:

@@ -26,8 +26,10 @@ from minexplore.bundle import (
     RECORD,
     SLAB_M,
     SURFACE_BODY,
+    VOLUME_FORMAT,
     BundleError,
     GeomGroup,
+    is_volume,
     line_of,
     rock_geom,
     smooth_mesh,
@@ -206,7 +208,9 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
     require_plain(folder / RECORD)
     try:
         data = (folder / RECORD).read_bytes()
-        read_json(RECORD, data)
+        stated = read_json(RECORD, data)
+        if isinstance(stated, dict) and is_volume(stated):
+            raise ArtifactError(f"{folder}: a world of one volume ({VOLUME_FORMAT}), which this command does not read")
         return TypeAdapter(WorldRecord).validate_json(data, strict=True)
     except FileNotFoundError:
         raise ArtifactError(f"{folder / RECORD}: missing; not a world bundle") from None

@@ -31,7 +31,7 @@ from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, require_connected, require_no_crossing
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
@@ -42,7 +42,7 @@ from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
-from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, surveyed_legs
+from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
 from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
 
 VectorSurvey = (
@@ -201,7 +201,8 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
         _require_short(path, whole.legs)
         _, georeference = locate(path, Shapes([footprint(path, whole.legs)], "m"), "m", params.origin)
         place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        return _whole(path, whole, params, place, georeference.origin)
+        surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
+        return _Workings(seen, place, legs=surveyed)
     reader = leg_reader(path)
     if isinstance(params.grade, dict):  # of the legs of a station table
         legs, crs = read_station_legs(path, params.grade), None
@@ -225,21 +226,10 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     if params.volume:
         whole = WholeSurvey(plan_legs(path, survey, params.half_width_m), [], None)
         _require_short(path, whole.legs)
-        return _whole(path, whole, params, georeference, (0.0, 0.0))
+        surveyed, seen = whole_in_frame(path, whole, params, (0.0, 0.0))
+        return _Workings(seen, georeference, legs=surveyed)
     built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
     return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
-
-
-def _whole(
-    path: Path,
-    whole: WholeSurvey,
-    params: PassageSurveyParams | CentrelineSurveyParams,
-    place: Georeference,
-    origin: tuple[float, float],
-) -> _Workings:
-    """Return a survey that is built as one volume, with its view from above; `origin` is that of the mine frame."""
-    surveyed = surveyed_legs(path, whole, params, origin)
-    return _Workings(as_polygons(footprint(path, legs_of(surveyed))), place, legs=surveyed)
 
 
 def _build(

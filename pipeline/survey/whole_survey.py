@@ -9,13 +9,15 @@ from pathlib import Path
 
 import networkx as nx
 import numpy as np
+from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
+from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
@@ -103,6 +105,17 @@ def surveyed_legs(
         sum(map(_length_m, survey.legs)),
         datum,
     )
+
+
+def whole_in_frame(
+    path: Path,
+    survey: WholeSurvey,
+    params: PassageSurveyParams | CentrelineSurveyParams,
+    origin: tuple[float, float],
+) -> tuple[SurveyedLegs, MultiPolygon]:
+    """Return the legs that are built, in the mine frame, and their view from above; see `surveyed_legs`."""
+    legs = surveyed_legs(path, survey, params, origin)
+    return legs, as_polygons(footprint(path, legs_of(legs)))
 
 
 def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:

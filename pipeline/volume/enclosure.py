@@ -9,12 +9,10 @@ import numpy as np
 import open3d
 
 from pipeline.volume.rock.tiles import Tiles
-from pipeline.volume.shell import ShellPart
+from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 
 _INTO_FREE_M = 1e-6  # parts move into the free space by this, so that they overlap what they cover
-_THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick
-_SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 
 
 @dataclass(frozen=True)
@@ -50,14 +48,14 @@ def measure_enclosure(volume: Volume, parts: list[ShellPart], most_tiles: int, r
         missing += _area_of(open_part, own)
         measured += _area_of(tile, own)
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
-    real = area > _SLIVER_M2
+    real = area > SLIVER_M2
     return Enclosure(
         intrusion,
         missing,
         float(np.linalg.norm(normal, axis=1).sum() / 2),
         measured,
         float(depth[real].min()),
-        float(area[depth < _THIN_M].sum()),
+        float(area[depth < THIN_M].sum()),
         float(area[depth > 0.299].sum() / area.sum()),
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import drop, leg_floor_samples
@@ -18,17 +19,22 @@ _ABOVE_M = 0.1  # over a surveyed floor, from where the floor is looked for
 _STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
 _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
 _NEAR_M = 5.0
+_WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
 
 @dataclass(frozen=True)
 class FloorFigures:
-    """How the floor follows the survey, m: largest and median error; largest step where legs meet, and elsewhere."""
+    """How the floor follows the survey, m: largest and median error; largest step on the legs' ways, and elsewhere.
+
+    A leg's way is what is within 0.5 m of its surveyed floor. All steps are told apart by whether legs meet there.
+    """
 
     error_m: float  # without those that lie in another working
     median_m: float
     over_1cm: float  # share of the samples on the floor that are farther from it than 1 cm, without the same
     over_floor: float  # share of the legs' samples that have floor under them, the others are over other passages
-    step_m: float
+    way_step_m: float  # on the way of a drivable leg
+    step_m: float  # where legs meet
     other_step_m: float
     steep_share: float  # of the floor's area over 20 deg
     share_built: float  # of all the surveyed length
@@ -74,7 +80,7 @@ def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> Floo
     other = _other_working(union, places, owner)
     listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
     error = np.abs(off)[on_floor & ~listed]
-    ledges, step, other_step = _steps(volume, network)
+    ledges, steps = _steps(volume, network, places)
     normal = volume.normals[volume.label == Label.FLOOR]
     area = np.linalg.norm(normal, axis=1)
     steep = area[-normal[:, 2] < np.cos(np.radians(20)) * area].sum() / area.sum()
@@ -83,8 +89,7 @@ def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> Floo
         float(np.median(error)),
         float((error > _OFF_M).mean()),
         float(on_floor.mean()),
-        step,
-        other_step,
+        *steps,
         float(steep),
         _share_built(volume, network),
         tuple(_in_other_working(network, owner, other, listed, off)),
@@ -123,8 +128,10 @@ def _in_other_working(
         yield InOtherWorking(network.leg_name(leg), network.leg_name(working), len(heights) / int(count[leg]), worst)
 
 
-def _steps(volume: Volume, network: SurveyNetwork) -> tuple[tuple[Ledge, ...], float, float]:
-    """Return the steps of more than 1 cm, and the largest, m, where two legs meet and elsewhere.
+def _steps(
+    volume: Volume, network: SurveyNetwork, ways: np.ndarray
+) -> tuple[tuple[Ledge, ...], tuple[float, float, float]]:
+    """Return the steps of more than 1 cm, and the largest, m, on the ways, where two legs meet, and elsewhere.
 
     A step is from a floor's facet down or up to another floor 5 cm beyond its edge, the least between their planes on
     the way: floors that meet in a kink have none. Legs meet that are within 5 m of each other along the survey.
@@ -153,13 +160,15 @@ def _steps(volume: Volume, network: SurveyNetwork) -> tuple[tuple[Ledge, ...], f
     shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
     pairs = np.column_stack([shot[edges[good, 2]], shot[hit[good]]])
     step, length = step[good], length[good]
+    on_way = cKDTree(ways).query(middle[good], distance_upper_bound=_WAY_M)[0] < _WAY_M
     meets = np.array([i == j or j in near[i] for i, j in pairs.tolist()], bool)
     ledges = []
     for leg, other in np.unique(np.sort(pairs[step > _OFF_M], axis=1), axis=0).tolist():
         these = (np.sort(pairs, axis=1) == (leg, other)).all(axis=1) & (step > _OFF_M)
         names = network.leg_name(leg), network.leg_name(other)
         ledges.append(Ledge(*names, float(step[these].max()), float(length[these].sum())))
-    return tuple(ledges), float(step[meets].max(initial=0.0)), float(step[~meets].max(initial=0.0))
+    largest = [float(step[some].max(initial=0.0)) for some in (on_way, meets, ~meets)]
+    return tuple(ledges), (largest[0], largest[1], largest[2])
 
 
 def _slope_along(normals: np.ndarray, out: np.ndarray) -> np.ndarray:

@@ -10,15 +10,24 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.keyed import simplified
 from pipeline.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import Label, Volume, label_facets, simplified
+from pipeline.volume.slivers import without_slivers
+from pipeline.volume.thin_rock import without_thin_rock
+from pipeline.volume.union import Label, Volume, label_facets
 
 EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
 _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
+_HALVINGS = 6  # of rises at facets that would cross
+_ROUNDS = 3  # of floors: each folds the walls that the one before turned over
+_NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
+_OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
+_LONE = 1e-6  # holds vertices that are joined to no floor
 _FADE_M = 1.0  # over the floor, and beside it: the walls' vertices move less with distance
 _STEEPEST_FADE = 2.0  # heights that a rise fades over, at least: else walls turn over
 _PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
@@ -30,20 +39,41 @@ _OWN_FLOOR_M = 0.01  # of a steep leg: a floor that is deeper is that of another
 def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     """Return the volume with a continuous floor through the floors of all legs that are flat enough.
 
-    Ledges between floors of legs that are near each other along the survey become part of the floor. The heights are
-    the harmonic function on the floor's mesh, seen from above, that has the legs' heights along them and no slope
-    across walls. Only heights of shared vertices change, so that the mesh stays closed.
+    Ledges between floors that overlap become part of the floor, and walls that the floor's new heights turn over. On
+    the floor's mesh, seen from above, the heights are those that keep its slopes as well as can be, with the legs'
+    heights along them and no slope across ledges. Only heights of shared vertices change, so that the mesh stays
+    closed.
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
-    is_ledge = ledges_of(fine, network)
-    folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge)
-    rise = _solve(folded, network)
-    vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
+    is_ledge = ledges_of(fine)
+    for _ in range(_ROUNDS):
+        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge)
+        rise = _solve(folded, network)
+        turned = turned_walls(folded, rise, fine) & ~is_ledge
+        if not turned.any():
+            break
+        is_ledge |= turned
     faces = folded.first[folded.volume.faces]
     real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    rise = _uncrossed(folded.volume.vertices, faces[real], rise)
+    vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
-    return simplified(moved, vertices, label, _SIMPLE_M)
+    return without_thin_rock(without_slivers(simplified(moved, vertices, label, _SIMPLE_M)))
+
+
+def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, until none do."""
+    rise = rise.copy()
+    changed = np.abs(rise) > 0
+    for _ in range(_HALVINGS):
+        pairs = crossing_facets(vertices + rise[:, None] * [0, 0, 1.0], faces, CROSSING_M, changed[faces].any(axis=1))
+        changed[:] = False
+        changed[faces[np.unique(pairs)]] = True
+        if not changed.any():
+            break
+        rise[changed] *= 0.5
+    return rise
 
 
 def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
@@ -73,7 +103,7 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     )
     solved = local[first] >= 0
     rise[solved] = heights[local[first[solved]]] + level - volume.vertices[solved, 2]
-    return _fade(volume.vertices, np.flatnonzero(solved), rise)
+    return _fade(folded, np.flatnonzero(solved), rise)
 
 
 def _sums(number: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
@@ -148,29 +178,62 @@ def _along_legs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
 
-    A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor. A place of a leg
-    that is too steep to drive counts where the union has its floor: the floor of a flat leg does not rise to a steep
-    one that climbs out of it.
+    A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor. If the floor is
+    that of a drivable leg elsewhere in the survey, or the leg is too steep to drive, it counts only where that is its
+    own floor: a floor does not rise to a leg that climbs out of it or passes over it.
     """
     shots = np.unique([piece.shot for piece in volume.pieces if not piece.is_plumb])
     drivable = np.zeros(len(network.shots), bool)
     drivable[[piece.shot for piece in volume.pieces if piece.is_drivable]] = True
     places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
     hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))
-    deepest = np.where(drivable[owner], DEEPEST_M, _OWN_FLOOR_M)
-    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < deepest)
+    under = np.array([piece.shot for piece in volume.pieces])[volume.source[hit]]
+    count = len(network.shots)
+    near = [shot * count + np.append(other, shot) for shot, other in enumerate(network.near_pairs(_NEAR_M))]
+    meets = drivable[owner] & (np.isin(owner * count + under, np.concatenate(near)) | ~drivable[under])
+    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < np.where(meets, DEEPEST_M, _OWN_FLOOR_M))
     return hit[good], plan_weights(volume.vertices, volume.faces[hit[good]], places[good]), places[good, 2]
 
 
-def _fade(vertices: np.ndarray, used: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """Let vertices over the floor's rim move with it, less with height, so that walls keep their order."""
-    reach = max(_FADE_M, _STEEPEST_FADE * float(np.abs(rise[used]).max(initial=0.0)))
-    near, at = cKDTree(vertices[used]).query(vertices, distance_upper_bound=np.hypot(_FADE_M, reach))
+def _fade(folded: FoldedLedges, used: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Let the walls' vertices move with the floor's rim, less with height, so that walls keep their order.
+
+    Their rise is harmonic on the mesh, and none from so high above the rim that no wall turns over.
+    """
+    volume = folded.volume
+    vertices = volume.vertices
+    reach = np.maximum(_FADE_M, _STEEPEST_FADE * np.abs(rise[used]))
+    near, at = cKDTree(vertices[used]).query(vertices, distance_upper_bound=float(reach.max(initial=0.0)))
     moving = np.isfinite(near)
+    moving[moving] = near[moving] < reach[at[moving]]
     moving[used] = False
-    number = used[at[moving]]
-    apart = np.abs(vertices[moving] - vertices[number])
-    beside = np.linalg.norm(apart[:, :2], axis=1)
-    over = np.maximum(_FADE_M, _STEEPEST_FADE * np.abs(rise[number]))
-    rise[moving] = rise[number] * np.clip(1 - apart[:, 2] / over, 0, 1) * np.clip(1 - beside / _FADE_M, 0, 1)
+    local = np.full(len(vertices), -1)
+    local[moving] = np.arange(int(moving.sum()))
+    a, b = (np.concatenate([folded.first[volume.faces[:, k]] for k in order]) for order in ((0, 1, 2), (1, 2, 0)))
+    some = (moving[a] | moving[b]) & (a != b)
+    a, b = a[some], b[some]
+    weight = 1 / np.maximum(np.linalg.norm(vertices[a] - vertices[b], axis=1), _LEAST_M)
+    ours = moving[a]
+    pair = ours & moving[b]
+    count = int(moving.sum())
+    fixed = ours & ~moving[b]
+    pull = np.bincount(local[a[ours]], weight[ours], count) + np.bincount(local[b[moving[b]]], weight[moving[b]], count)
+    stiff = coo_matrix((weight[pair], (local[a[pair]], local[b[pair]])), (count, count))
+    target = np.bincount(local[a[fixed]], weight[fixed] * rise[b[fixed]], count)
+    other = moving[b] & ~ours
+    target += np.bincount(local[b[other]], weight[other] * rise[a[other]], count)
+    laplacian = coo_matrix((pull + _LONE, (np.arange(count), np.arange(count))), (count, count)) - stiff - stiff.T
+    rise[moving] = spsolve(laplacian.tocsc(), target)
     return rise
+
+
+def turned_walls(folded: FoldedLedges, rise: np.ndarray, fine: Volume) -> np.ndarray:
+    """Return which facets (f,) of the fine mesh are low walls that turn over as their corners rise."""
+    volume = folded.volume
+    moved = volume.vertices + rise[:, None] * [0, 0, 1.0]
+    a, b, c = np.moveaxis(moved[folded.first[volume.faces]], 1, 0)
+    turned = (np.sum(np.cross(b - a, c - a) * volume.normals, axis=1) < 0) & ~folded.is_floor
+    low = np.ptp(volume.vertices[volume.faces, 2], axis=1) < DEEPEST_M
+    found = np.zeros(len(fine.faces), bool)
+    found[folded.parent[turned & low]] = True
+    return found & (fine.normals[:, 2] < _OVERHANG * np.linalg.norm(fine.normals, axis=1))

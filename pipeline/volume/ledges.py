@@ -5,74 +5,81 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Label, Solid, Volume
 
-DEEPEST_M = 0.6  # of a ledge between two floors of legs that are near each other; deeper ones are as surveyed
-NEAR_M = 5.0  # along the survey: legs so near share one floor where their sections overlap
+DEEPEST_M = 0.6  # of a ledge between two floors that overlap; deeper ones are as surveyed
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
 _PLUMB = 0.02  # of a facet's normal: so steep a ledge has no area seen from above
-_ONE_PLACE_M = 1e-6  # seen from above
+_ONE_PLACE_M = 1e-3  # seen from above: corners that are nearer get one height
 _ENDS = 4  # facets beside each other at the end of a ledge, at most
 _ROUNDING_M = 1e-6
 
 
-def ledges_of(volume: Volume, network: SurveyNetwork) -> np.ndarray:
-    """Return which facets (f,) are ledges: under the floor of another drivable piece that is near along the survey."""
-    near = network.near_pairs(NEAR_M)
-    by_shot: dict[int, list[int]] = {}
-    for number, piece in enumerate(volume.pieces):
-        if piece.is_drivable:
-            by_shot.setdefault(piece.shot, []).append(number)
+def ledges_of(volume: Volume) -> np.ndarray:
+    """Return which facets (f,) are ledges: under the floor of another drivable piece, and not deep under it."""
+    drivable = np.flatnonzero([piece.is_drivable for piece in volume.pieces])
+    boxes = shapely.box(*np.array([_box(piece) for piece in volume.pieces]).T)
+    pairs = shapely.STRtree(boxes[drivable]).query(boxes)
+    pairs = pairs[:, np.argsort(pairs[0], kind="stable")]
     middles, normal = volume.vertices[volume.faces].mean(axis=1), volume.normals
     is_wall = (volume.label == Label.WALL) & (normal[:, 2] < _OVERHANG * np.linalg.norm(normal, axis=1))
     found = np.zeros(len(middles), bool)
     order = np.argsort(volume.source, kind="stable")
     starts = np.searchsorted(volume.source[order], np.arange(len(volume.pieces) + 1))
+    first = np.searchsorted(pairs[0], np.arange(len(volume.pieces) + 1))
     for number, piece in enumerate(volume.pieces):
         own = order[starts[number] : starts[number + 1]]
         own = own[is_wall[own]]
         if piece.is_plumb or not len(own):
             continue
-        others = [k for shot in (piece.shot, *near[piece.shot]) for k in by_shot.get(int(shot), ()) if k != number]
-        for other in others:
-            found[own] |= _is_under(middles[own], volume.pieces[other])
+        for other in drivable[pairs[1, first[number] : first[number + 1]]]:
+            if other != number:
+                found[own] |= _is_under(middles[own], volume.pieces[other])
+    beside = _beside(volume.faces)
     for _ in range(_ENDS):
-        found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
-        found |= _ends(volume, is_wall, found)
+        found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found)
+        found |= _ends(volume, beside, is_wall, found)
     return found
 
 
-def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, near: list[np.ndarray]) -> np.ndarray:
-    """Return which facets (f,) of walls have all corners on floors of legs that are near each other."""
-    leg = np.full(len(volume.vertices), -1)
-    shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
-    leg[volume.faces[is_floor]] = shot[is_floor, None]
-    some = np.flatnonzero(is_wall & ~is_floor & (leg[volume.faces] >= 0).all(axis=1))
-    some = some[np.ptp(volume.vertices[volume.faces[some], 2], axis=1) < DEEPEST_M]
-    found = np.zeros(len(is_wall), bool)
-    for k in some:
-        a, b, c = leg[volume.faces[k]]
-        found[k] = all(i == j or j in near[i] for i, j in ((a, b), (b, c), (c, a)))
-    return found
-
-
-def _ends(volume: Volume, is_wall: np.ndarray, is_ledge: np.ndarray) -> np.ndarray:
-    """Return which facets (f,) of walls are at the ends of ledges: beside a ledge's facet, and no lower or higher."""
-    edges = np.sort(volume.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    order = np.lexsort(edges.T)
+def _beside(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the facets (n,) on both sides of each edge, both ways about."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.argsort(edges[:, 0] * len(faces) + edges[:, 1], kind="stable")
     one, two = order.reshape(-1, 2).T // 3  # a closed mesh has each edge twice
-    one, two = np.concatenate([one, two]), np.concatenate([two, one])
+    return np.concatenate([one, two]), np.concatenate([two, one])
+
+
+def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
+    """Return which facets (f,) of walls have all corners on floors, none deep under another."""
+    on_floor = np.zeros(len(volume.vertices), bool)
+    on_floor[volume.faces[is_floor]] = True
+    low = np.ptp(volume.vertices[volume.faces, 2], axis=1) < DEEPEST_M
+    found: np.ndarray = is_wall & ~is_floor & low & on_floor[volume.faces].all(axis=1)
+    return found
+
+
+def _ends(
+    volume: Volume, beside: tuple[np.ndarray, np.ndarray], is_wall: np.ndarray, is_ledge: np.ndarray
+) -> np.ndarray:
+    """Return which facets (f,) of walls are at the ends of ledges: beside a ledge's facet, and no lower or higher."""
+    one, two = beside
     height = volume.vertices[volume.faces, 2]
     low, high = height.min(axis=1), height.max(axis=1)
     inside = is_wall[two] & (low[two] > low[one] - _ROUNDING_M) & (high[two] < high[one] + _ROUNDING_M)
     found = np.zeros(len(is_wall), bool)
     found[two[inside & is_ledge[one]]] = True
     return found
+
+
+def _box(piece: Solid) -> np.ndarray:
+    """Return the least and the largest place (4,) m of what is beside a piece's footprint, seen from above."""
+    return np.concatenate([piece.footprint.min(axis=0) - _EDGE_M, piece.footprint.max(axis=0) + _EDGE_M])
 
 
 def _is_under(places: np.ndarray, piece: Solid) -> np.ndarray:
@@ -102,6 +109,7 @@ class FoldedLedges:
     is_floor: np.ndarray
     is_ledge: np.ndarray
     first: np.ndarray
+    parent: np.ndarray  # (f,) the facet that each is cut from
 
 
 def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray) -> FoldedLedges:
@@ -115,32 +123,38 @@ def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray) -> F
     mesh = _Cuts(volume, plumb)
     for facet in np.flatnonzero(plumb).tolist():
         mesh.part(facet)
-    vertices, faces, parent = np.array(mesh.vertices), np.array(mesh.faces), np.array(mesh.parent)
+    vertices, faces, parent = mesh.mesh()
     cut = replace(volume, vertices=vertices, faces=faces, source=volume.source[parent], label=volume.label[parent])
     a, b = (np.concatenate([faces[plumb[parent]][:, k] for k in order]) for order in ((0, 1, 2), (1, 2, 0)))
     over = np.linalg.norm((vertices[a] - vertices[b])[:, :2], axis=1) < _ONE_PLACE_M
     n = len(vertices)
     _, group = connected_components(coo_matrix((np.ones(over.sum()), (a[over], b[over])), (n, n)), directed=False)
     _, first = np.unique(group, return_index=True)
-    return FoldedLedges(cut, is_floor[parent], is_ledge[parent], first[group])
+    return FoldedLedges(cut, is_floor[parent], is_ledge[parent], first[group], parent)
 
 
 class _Cuts:
     """A mesh of which facets are parted."""
 
     def __init__(self, volume: Volume, plumb: np.ndarray) -> None:
-        """Begin with a volume's mesh."""
-        self.vertices, self.faces = list(volume.vertices), volume.faces.tolist()
-        self.parent = list(range(len(self.faces)))
+        """Begin with a volume's mesh; edges are looked up beside plumb facets alone."""
+        self.vertices, self.faces = volume.vertices, volume.faces
+        self._added: list[np.ndarray] = []
+        self._more: list[list[int]] = []
+        self._parents: list[int] = []
         self._plumb = plumb
-        self._facet = {(face[i], face[i - 2]): k for k, face in enumerate(self.faces) for i in range(3)}
+        corner = np.zeros(len(volume.vertices), bool)
+        corner[volume.faces[plumb]] = True
+        beside = np.flatnonzero(corner[volume.faces].sum(axis=1) >= 2)
+        self._ours = dict(zip(beside.tolist(), volume.faces[beside].tolist(), strict=True))
+        self._facet = {(face[i], face[i - 2]): k for k, face in self._ours.items() for i in range(3)}
 
     def part(self, facet: int) -> None:
         """Part a plumb facet, and what comes of it, until each has two corners over each other."""
         stack = [facet]
         while stack:
-            face = self.faces[stack.pop()]
-            places = np.array([self.vertices[k] for k in face])
+            face = self._ours[stack.pop()]
+            places = np.array([self._place(k) for k in face])
             sides = np.roll(places, -1, axis=0)[:, :2] - places[:, :2]
             length = np.linalg.norm(sides, axis=1)
             if length.min() < _ONE_PLACE_M:
@@ -148,21 +162,36 @@ class _Cuts:
             i = int(np.argmax(length))
             a, b, c = face[i], face[i - 2], face[i - 1]
             share = float((places[i - 1] - places[i])[:2] @ sides[i]) / length[i] ** 2
-            if not 0 < share < 1:
+            if not _ONE_PLACE_M < share * length[i] < length[i] - _ONE_PLACE_M:
                 continue
             height = (1 - share) * places[i][2] + share * places[i - 2][2]
-            self.vertices.append(np.array([*self.vertices[c][:2], height]))
+            self._added.append(np.array([*self._place(c)[:2], height]))
             for one, two in ((a, b), (b, a)):
-                stack += self._halve(one, two, len(self.vertices) - 1)
+                stack += self._halve(one, two, len(self.vertices) + len(self._added) - 1)
 
     def _halve(self, a: int, b: int, middle: int) -> list[int]:
         """Part the facet that has the edge from a to b; return the plumb ones among its halves."""
         facet = self._facet.pop((a, b))
-        c = next(k for k in self.faces[facet] if k not in (a, b))
-        other = len(self.faces)
-        self.faces[facet] = [a, middle, c]
-        self.faces.append([middle, b, c])
-        self.parent.append(self.parent[facet])
+        c = next(k for k in self._ours[facet] if k not in (a, b))
+        other = len(self.faces) + len(self._parents)
+        self._ours[facet], self._ours[other] = [a, middle, c], [middle, b, c]
+        self._parents.append(self._parent(facet))
         self._facet |= {(a, middle): facet, (middle, c): facet, (c, a): facet}
         self._facet |= {(middle, b): other, (b, c): other, (c, middle): other}
-        return [facet, other] if self._plumb[self.parent[facet]] else []
+        return [facet, other] if self._plumb[self._parent(facet)] else []
+
+    def mesh(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the vertices (v, 3) m, the facets (f, 3), and the facet (f,) that each is of."""
+        count = len(self.faces)
+        faces = np.concatenate([self.faces, np.zeros((len(self._parents), 3), int)])
+        faces[list(self._ours)] = np.array(list(self._ours.values())).reshape(-1, 3)
+        vertices = np.concatenate([self.vertices, np.array(self._added).reshape(-1, 3)])
+        return vertices, faces, np.concatenate([np.arange(count), np.array(self._parents, int)])
+
+    def _parent(self, facet: int) -> int:
+        return facet if facet < len(self.faces) else self._parents[facet - len(self.faces)]
+
+    def _place(self, vertex: int) -> np.ndarray:
+        count = len(self.vertices)
+        place: np.ndarray = self.vertices[vertex] if vertex < count else self._added[vertex - count]
+        return place

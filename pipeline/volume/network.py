@@ -9,11 +9,13 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
 
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
+_STATIONS_TOGETHER = 500  # whose ways are looked up at once: the table takes 8 bytes for each pair
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
@@ -37,6 +39,8 @@ class SurveyNetwork:
         Of the stations.
     skipped : int
         Shots without a length.
+    repairs : tuple of str
+        What was left out or widened, a line each, by the names of the stations.
     """
 
     places_m: np.ndarray
@@ -46,6 +50,7 @@ class SurveyNetwork:
     joined: np.ndarray
     names: tuple[str, ...]
     skipped: int = 0
+    repairs: tuple[str, ...] = ()
 
     def leg_name(self, shot: int) -> str:
         """Return the names of a shot's stations."""
@@ -91,12 +96,15 @@ class SurveyNetwork:
         """Return for each shot the shots that are within a way of `reach_m` along the survey, without itself."""
         n, (a, b) = len(self.places_m), self.shots.T
         graph = coo_matrix((self.lengths_m, (a, b)), (n, n)).tocsr()
-        far = dijkstra(graph, directed=False, limit=reach_m)
         at: list[list[int]] = [[] for _ in range(n)]
         for shot, ends in enumerate(self.shots.tolist()):
             for end in ends:
                 at[end].append(shot)
-        near = [np.unique(np.concatenate([at[k] for k in np.flatnonzero(np.isfinite(row))] or [[]])) for row in far]
+        near: list[np.ndarray] = []
+        for start in range(0, n, _STATIONS_TOGETHER):
+            some = range(start, min(start + _STATIONS_TOGETHER, n))
+            far = np.isfinite(dijkstra(graph, directed=False, indices=some, limit=reach_m))
+            near += [np.unique(np.concatenate([at[k] for k in np.flatnonzero(row)] or [[]])) for row in far]
         both = (np.union1d(near[i], near[j]).astype(int) for i, j in self.shots)
         return [other[other != shot] for shot, other in enumerate(both)]
 
@@ -104,33 +112,55 @@ class SurveyNetwork:
 def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:
     """Return the network of the plan's legs; heights and widths that nobody measured are `up_m` and `half_m`.
 
-    Shots without a length are counted and left out, as their stations are one place.
+    Shots without a length are counted and left out, as their stations are one place. Sections without an area, or
+    turned inside out, get 5 cm. Both are listed by station.
+
+    Raises
+    ------
+    InputError
+        If a leg has no heights, or no leg has a length.
     """
     index: dict[str, int] = {}
     places: list[np.ndarray] = []
     rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool]]] = []
+    repairs: list[str] = []
     skipped = 0
     for leg in legs:
         if leg.heights_m is None:
-            raise ValueError(f"leg {leg.name}: no heights")
+            raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         for name, place in zip(leg.stations, at, strict=True):
             if index.setdefault(name, len(places)) == len(places):
                 places.append(place)
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, up_m, 0.0])
+        repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
         across, joined = _sections(at, lrud[:, :2])
         for k, (a, b) in enumerate(pairwise(leg.stations)):
             if np.linalg.norm(at[k + 1] - at[k]) < _NO_LENGTH_M:
                 skipped += 1
+                repairs.append(f"{a} to {b}: no length, left out")
                 continue
             rows.append(((index[a], index[b]), across[k], lrud[k : k + 2], (joined[k], joined[k + 1])))
+    if not rows:
+        raise InputError(f"no leg of {len(legs)} has a length of {_NO_LENGTH_M:g} m or more")
     shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    return SurveyNetwork(around - middle, shots, left, walls, shared, tuple(index), skipped)
+    return SurveyNetwork(around - middle, shots, left, walls, shared, tuple(index), skipped, tuple(repairs))
+
+
+def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:
+    """Return a line for each section that has no area or is turned inside out."""
+    sizes = np.column_stack([lrud[:, :2].sum(axis=1), lrud[:, 2:].sum(axis=1)])
+    return [
+        f"{station}: its {what} are {size:.2f} m apart, {_LEAST_M:g} m are taken"
+        for station, both in zip(stations, sizes.tolist(), strict=True)
+        for what, size in zip(("walls", "roof and floor"), both, strict=True)
+        if size < _LEAST_M
+    ]
 
 
 def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, list[bool]]:

@@ -17,6 +17,8 @@ from pipeline.volume.union import Volume
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding
 _SHALLOW_M = 1e-5  # a facet that is deeper in a part shares more with it than is allowed
 _LEAST_M = 1e-6  # a part that is thinner has no volume
+THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick
+SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
@@ -55,6 +57,20 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
     return shell.parts + [shell.least(surface) for surface in left]
 
 
+def facets_without_part(volume: Volume, some: np.ndarray | None = None) -> dict[int, list[int]]:
+    """Return the facets behind which no part of 2 cm is in the rock, each with those that the best part reaches.
+
+    With `some`, a mask (f,), only these are tried.
+    """
+    shell = _Shell(volume)
+    chosen = range(len(volume.faces)) if some is None else np.flatnonzero(some).tolist()
+    left = [([int(v) for v in volume.faces[k]], [k]) for k in chosen]
+    for kind, depth_m in _THINNEST:
+        left = shell.fit(left, kind, depth_m)
+    thin = [k for _, (k,) in left if shell.area_m2([k]) > SLIVER_M2]
+    return shell.reached([([int(v) for v in volume.faces[k]], [k]) for k in thin])
+
+
 class _Shell:
     """The parts that were found, and what tests others."""
 
@@ -78,11 +94,12 @@ class _Shell:
             inside = self._inside(bodies)
             for n, number in enumerate(polygons.numbers.tolist()):
                 _, facets = surfaces[number]
-                area = float(self._size[facets].sum() / 2)
+                area = self.area_m2(facets)
                 shared = 0.0
                 if 0 < inside[n] < _SHALLOW_M:
                     shared = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[n]))
-                if inside[n] >= _SHALLOW_M or depth[n] < _LEAST_M or shared > _ALLOWED_M * area:
+                least = THIN_M if area > SLIVER_M2 else _LEAST_M
+                if inside[n] >= _SHALLOW_M or depth[n] < least or shared > _ALLOWED_M * area:
                     left.append(surfaces[number])
                     continue
                 self.parts.append(
@@ -91,9 +108,9 @@ class _Shell:
         return left
 
     def least(self, surface: tuple[list[int], list[int]]) -> ShellPart:
-        """Return the part of the shape that has least in the free space."""
+        """Return the part of the shape that has least in the free space, of those of 2 cm if there are any."""
         ring, facets = surface
-        area = float(self._size[facets].sum() / 2)
+        area = self.area_m2(facets)
         polygon = next(self._polygons([surface]))
         best: ShellPart | None = None
         for kind, depth_m in _THINNEST:
@@ -103,7 +120,7 @@ class _Shell:
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
             shared = self._tiles.shared_m3(solid)
-            if best is None or shared < best.intrusion_m3:
+            if best is None or (depth < THIN_M, shared) < (best.depth_m < THIN_M, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
         if best is None:  # a facet without an area
             corners = self._volume.vertices[ring]
@@ -116,6 +133,20 @@ class _Shell:
                 0.0,
             )
         return best
+
+    def area_m2(self, facets: list[int]) -> float:
+        """Return the area of some facets."""
+        return float(self._size[facets].sum() / 2)
+
+    def reached(self, surfaces: list[tuple[list[int], list[int]]]) -> dict[int, list[int]]:
+        """Return for each surface of one facet the facets that its part of 2 cm reaches."""
+        self._own(surfaces)
+        found: dict[int, list[int]] = {k: [] for _, (k,) in surfaces}
+        for polygons in self._polygons(surfaces):
+            contacts = self._facets.crossing(shaped(polygons, *_THINNEST[0]))
+            for body, facet in zip(contacts.body.tolist(), contacts.facet.tolist(), strict=True):
+                found[surfaces[polygons.numbers[body]][1][0]].append(facet)
+        return found
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
         """Return how deep (n,) m a facet is in each body."""

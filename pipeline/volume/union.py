@@ -118,7 +118,7 @@ def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int])
 
 def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[int, int]) -> Volume:
     """Return a volume with the labels that its facets' pieces and directions give them."""
-    vertices, faces, source = _arrays(solid, numbers)
+    vertices, faces, source = mesh_of(solid, numbers)
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     normal = np.cross(b - a, c - a)
     z = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
@@ -127,31 +127,7 @@ def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[
     return Volume(solid, vertices, faces, source, label, pieces, numbers)
 
 
-def simplified(volume: Volume, vertices: np.ndarray, label: np.ndarray, tolerance_m: float) -> Volume:
-    """Return the volume with moved vertices and other labels, and without the vertices that no shape needs.
-
-    The solid is made anew: manifold3d remembers which facets were coplanar before they moved.
-    """
-    keys = len(Label) * volume.source + label
-    order = np.argsort(keys, kind="stable")
-    found, starts = np.unique(keys[order], return_index=True)
-    first = manifold3d.Manifold.reserve_ids(len(found))
-    mesh = manifold3d.Mesh64(
-        vertices,
-        volume.faces[order].astype(np.uint64),
-        run_index=3 * np.append(starts, len(order)),
-        run_original_id=first + np.arange(len(found)),
-    )
-    vertices, faces, key = _arrays(
-        manifold3d.Manifold(mesh).simplify(tolerance_m), {first + k: int(found[k]) for k in range(len(found))}
-    )
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
-    if solid.status() != manifold3d.Error.NoError:
-        raise ValueError(f"volume: the moved mesh is not closed ({solid.status()})")
-    return Volume(solid, vertices, faces, key // len(Label), key % len(Label), volume.pieces, volume.numbers)
-
-
-def _arrays(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a solid's vertices (v, 3) m and facets (f, 3), and the number (f,) that the facets' source has."""
     mesh = solid.to_mesh64()
     runs = np.diff(np.asarray(mesh.run_index).astype(int)) // 3
@@ -161,7 +137,7 @@ def _arrays(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.nda
 
 def _without_crumbs(solid: manifold3d.Manifold) -> manifold3d.Manifold:
     """Fill closed shells of rock that float in the free space: they are gaps between hulls."""
-    vertices, faces, _ = _arrays(solid, {})
+    vertices, faces, _ = mesh_of(solid, {})
     n = len(vertices)
     edges = coo_matrix((np.ones(2 * len(faces)), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())), (n, n))
     count, part = connected_components(edges, directed=False)

@@ -83,6 +83,7 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
         "--heights": ("h.csv", Path("h.csv")),
         "--grade": ("A=0.1", {"A": 0.1}),
         "--piece": ("1,2,3", (1.0, 2.0, 3.0)),
+        "--volume": ("", True),  # no value follows it
         "--start": ("1,2", (1.0, 2.0)),
         "--layer": ("a", ["a"]),
         "--elevation": ("a=b=5", {"a=b": 5.0}),
@@ -103,7 +104,7 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
     assert {option.flags[0] for option in declared.values()} == set(typed)
     for name, (flag, (text, value)) in zip(declared, typed.items(), strict=True):
         assert declared[name].flags[0] == flag
-        assert getattr(parse(flag, text), name) == value
+        assert getattr(parse(*filter(None, (flag, text))), name) == value
         assert declared[name].read_with
     assert parse() == StatedOptions()
     assert parse("--layer", "a", "--layer", "b").layers == ["a", "b"]

@@ -14,7 +14,7 @@ from pipeline.volume.rock.separation import ConvexBodies, Facets
 from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import Label, pieces_of, unite
-from pipeline.volume.world import physics, throws
+from pipeline.volume.world.proof import physics, throws
 from tests.heights import HEADER
 
 BOX = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"

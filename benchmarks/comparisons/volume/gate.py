@@ -30,8 +30,8 @@ from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import STEEPEST, pieces_of, unite
-from pipeline.volume.world import physics, throws
 from pipeline.volume.world.parts import without_refused
+from pipeline.volume.world.proof import physics, throws
 
 FOLDER, PAGE, PICTURE = (
     Path("artifacts/bench/volume-gate"),
@@ -127,7 +127,7 @@ def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
         f"{100 * floor['share_built']:.1f} % of {length:,.0f} m | {100 * share:.0f} %",
         f"{follows}; in other workings {len(floor['elsewhere'])} legs; union alone {1000 * _off(before):.0f} | "
         f"{1000 * proof.get('floor_error_m', np.nan):.1f}",
-        f"{1000 * floor['step_m']:.1f}, {len(floor['ledges'])} ledges; "
+        f"{1000 * floor['way_step_m']:.1f}, {1000 * floor['step_m']:.1f}, {len(floor['ledges'])} ledges; "
         f"union alone {1000 * before['step_m']:.0f} | none",
         f"{100 * floor['steep_share']:.2f} % | none",
         f"{robots['escapes']} in {robots['contacts']:,} | {proof.get('escapes', 'not thrown')}",
@@ -152,7 +152,7 @@ def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
 ROWS = (
     "share of the surveyed length in the world",
     "floor against survey along the drivable legs, mm: largest, median, share over 1 cm",
-    "largest step between floors that meet, mm",
+    "largest step, mm: within 0.5 m of the legs' floors, where legs meet, and how many ledges are listed",
     "floor steeper than 20 deg",
     "robots that escape, in contacts",
     "balls that escape, in contacts",

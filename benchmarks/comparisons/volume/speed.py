@@ -15,7 +15,7 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Label, Volume
-from pipeline.volume.world.physics import add_robots, places_for_robots, run_for, spec_of, stand
+from pipeline.volume.world.proof.physics import add_robots, places_for_robots, run_for, spec_of, stand
 
 _FEW_PARTS = 50  # among fewer, testing every pair takes less time than MuJoCo's trees of boxes do
 _ASIDE_M, _BELOW_M, _ABOVE_M = 1.6, 0.6, 1.0  # half a tile, the robot's disc and a step's way; a slope; the robot

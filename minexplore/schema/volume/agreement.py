@@ -57,9 +57,11 @@ def _check_views(at: ModelElements, record: Mapping[str, Any]) -> None:
         expect(at.visual["headlight"], name, numbers_of(at.visual["headlight"], name), [value] * 3)
     anchor = np.array(record["spawn"]["anchor_m"])
     expect(at.mine, "pos", numbers_of(at.mine, "pos"), offset)
-    expect(at.statistic, "center", numbers_of(at.statistic, "center"), anchor + offset + [0, 0, 0.5], _ROUND_M)
+    expect(
+        at.statistic, "center", numbers_of(at.statistic, "center"), anchor + offset + np.array([0, 0, 0.5]), _ROUND_M
+    )
     camera = at.of_mine["camera", ENTRANCE_CAMERA]
-    expect(camera, "pos", numbers_of(camera, "pos"), anchor + [0, 0, _EYE_M], _ROUND_M)
+    expect(camera, "pos", numbers_of(camera, "pos"), anchor + np.array([0, 0, _EYE_M]), _ROUND_M)
     expect_names("light", at.names("light", ""), [spot_light(k) for k in range(record["lights"])], "lights")
     figures, (west, south, east, north) = record["volume"], record["world_m"]
     low, high = np.array([west, south, figures["low_m"]]), np.array([east, north, figures["high_m"]])

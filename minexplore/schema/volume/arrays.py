@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import CELLS, PARTS, VOLUME, BundleError
-from minexplore.floors.volume_arrays import FacetLabel, Facets, Parts, Spans, VolumeArrays
+from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeArrays, VolumeFacets
 from minexplore.schema.readers.arrays import read_arrays
 
 MOST_FACETS, MOST_SPANS = 5_000_000, 100_000_000
@@ -31,6 +31,7 @@ _SPANS = {
 }
 _LEAST_M = 1e-6  # MuJoCo refuses a part that is thinner
 _BESIDE_M = 1.0  # parts of 0.3 m reach so far beyond the free space, where its walls turn
+_MOST_FLOORS = 1000  # in one column
 _OFF_FLOOR_M = 1e-3  # spans have six decimals
 
 
@@ -46,7 +47,7 @@ def read_volume(files: Mapping[str, bytes]) -> VolumeArrays:
     return VolumeArrays(facets, _read_parts(files[PARTS], facets), _read_spans(files[CELLS], facets))
 
 
-def _read_facets(data: bytes) -> Facets:
+def _read_facets(data: bytes) -> VolumeFacets:
     arrays = read_arrays(VOLUME, data, _FACETS, 3 * MOST_FACETS)
     vertices, faces, label, leg = (arrays[name] for name in _FACETS)
     if vertices.shape[1] != 3 or faces.shape[1] != 3 or len(faces) < 4 or len({len(faces), len(label), len(leg)}) > 1:
@@ -59,7 +60,7 @@ def _read_facets(data: bytes) -> Facets:
     if not (label == FacetLabel.FLOOR).any():
         raise BundleError(f"{VOLUME}: label: no facet is a floor")
     _require_closed(faces, len(vertices))
-    facets = Facets(vertices, faces, label, leg)
+    facets = VolumeFacets(vertices, faces, label, leg)
     if float(np.einsum("ij,ij->", vertices[faces[:, 0]] - vertices[0], facets.normals)) <= 0:
         raise BundleError(f"{VOLUME}: faces: normals point into the free space, want them out of it")
     return facets
@@ -84,7 +85,7 @@ def _require_closed(faces: np.ndarray, count: int) -> None:
         raise BundleError(f"{VOLUME}: vertices: {count - len(np.unique(a))} belong to no facet")
 
 
-def _read_parts(data: bytes, facets: Facets) -> Parts:
+def _read_parts(data: bytes, facets: VolumeFacets) -> Parts:
     arrays = read_arrays(PARTS, data, _PARTS, 3 * MOST_CORNERS * MOST_VOLUME_PARTS)
     corners, first, label = (arrays[name] for name in _PARTS)
     if corners.shape[1] != 3 or len(first) != len(label) + 1 or not 1 <= len(label) <= MOST_VOLUME_PARTS:
@@ -118,7 +119,7 @@ def _require_solid(parts: Parts, count: np.ndarray) -> None:
         raise BundleError(f"{PARTS}: part {thin[0]} is {np.sqrt(max(0, spread[thin[0]])):g} m thick, want {_LEAST_M}")
 
 
-def _read_spans(data: bytes, facets: Facets) -> Spans:
+def _read_spans(data: bytes, facets: VolumeFacets) -> FloorSpans:
     arrays = read_arrays(CELLS, data, _SPANS, MOST_SPANS)
     numbers = [arrays[name] for name in _SPANS if name not in ("origin_m", "cell_m")]
     if len({len(column) for column in numbers}) > 1 or not len(numbers[0]) or arrays["origin_m"].shape != (2,):
@@ -144,7 +145,24 @@ def _read_spans(data: bytes, facets: Facets) -> Spans:
         k = int(bad.argmax())
         found = ", ".join(f"{name} = {arrays[name][k]}" for name in ("floor_m", "headroom_m", "clearance_m"))
         raise BundleError(f"{CELLS}: span {k}: {found}: want finite numbers, floor and roof within the free space")
-    return Spans(**{**arrays, "cell_m": cell})
+    _require_apart(arrays)
+    return FloorSpans(*(arrays[name] for name in _SPANS if name != "cell_m"), cell)  # type: ignore[call-arg, arg-type]
+
+
+def _require_apart(arrays: dict[str, np.ndarray]) -> None:
+    """Refuse floors of one column that are not over each other's roofs, or more than `_MOST_FLOORS` of them."""
+    column, row, floor = (arrays[name] for name in ("column", "row", "floor_m"))
+    order = np.lexsort([floor, row, column])
+    same = (np.diff(column[order]) == 0) & (np.diff(row[order]) == 0)
+    roof = (floor + arrays["headroom_m"])[order]
+    bad = np.flatnonzero(same & (floor[order][1:] < roof[:-1] - _OFF_FLOOR_M))
+    if len(bad):
+        one, other = order[bad[0] : bad[0] + 2]
+        raise BundleError(f"{CELLS}: spans {one} and {other} are in one column and overlap")
+    starts = np.append(np.flatnonzero(np.append(True, ~same)), len(order))
+    most = int(np.diff(starts).max())
+    if most > _MOST_FLOORS:
+        raise BundleError(f"{CELLS}: {most} floors over each other in one column, want at most {_MOST_FLOORS}")
 
 
 def _require_within(file: str, name: str, values: np.ndarray, most: float) -> None:

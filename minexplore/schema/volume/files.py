@@ -20,7 +20,7 @@ from minexplore.bundle import (
     BundleError,
     sheet_map,
 )
-from minexplore.floors.volume_arrays import Spans
+from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.png import GREY, check_png, inflate_png
 from minexplore.schema.readers.rules import numbers_in
@@ -38,7 +38,7 @@ _MAP = re.compile(
 _MOST_TEXT = 200  # characters of a station's name
 
 
-def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], spans: Spans) -> None:
+def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], spans: FloorSpans) -> None:
     """Refuse files that a volume has not, or maps and a network that it cannot have.
 
     Raises
@@ -83,21 +83,21 @@ def _check_octree(data: bytes) -> None:
         raise BundleError(f"{OCTREE}: not a binary octree of OctoMap")
 
 
-def _size_of(spans: Spans, storey: int) -> tuple[int, int]:
+def _size_of(spans: FloorSpans, storey: int) -> tuple[int, int]:
     """Return the width and height, cells, of a storey's map, which has a cell round it."""
     own = spans.storey == storey
     width, height = (int(np.ptp(axis[own])) + 3 for axis in (spans.column, spans.row))
     return width, height
 
 
-def _check_map(storey: int, name: str, data: bytes, spans: Spans) -> None:
+def _check_map(storey: int, name: str, data: bytes, spans: FloorSpans) -> None:
     found = _MAP.fullmatch(data.decode("ascii", "replace"))
     number, low, high, image, *values = found.groups() if found else (None,) * 5
     numbers = [value for value in (low, high, *values) if value is not None]
     if image != sheet_map(storey)[1] or number != str(storey) or any(numbers_in(value) is None for value in numbers):
         raise BundleError(
-            f"{name}: want a remark on storey {storey}, image: {sheet_map(storey)[1]}, mode, resolution, origin, negate "
-            "and the two thresholds only"
+            f"{name}: want a remark on storey {storey}, image: {sheet_map(storey)[1]}, mode, resolution, origin, "
+            "negate and the two thresholds only"
         )
     if not (spans.storey == storey).any():
         raise BundleError(f"{name}: a map of storey {storey}, which has no floor")

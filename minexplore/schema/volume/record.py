@@ -1,4 +1,4 @@
-"""The table of `world.json` of a world that is one volume: that of other worlds with its figures in place of a height."""
+"""The table of `world.json` of a volume: that of other worlds, with the volume's figures in place of a height."""
 
 from __future__ import annotations
 

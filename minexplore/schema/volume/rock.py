@@ -25,7 +25,7 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.floors.floor import Floor
-from minexplore.floors.volume_arrays import Facets
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.looks import CUT_MATERIAL
 from minexplore.schema.agreement.comparison import ModelElements
 from minexplore.schema.agreement.views import check_look
@@ -111,7 +111,7 @@ def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) ->
     return found
 
 
-def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], facets: Facets) -> None:
+def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], facets: VolumeFacets) -> None:
     """Refuse meshes and a texture that no volume has, and a model that shows others.
 
     Raises

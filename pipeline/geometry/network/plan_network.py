@@ -20,7 +20,9 @@ def plan_network(surveyed: SurveyedLegs, cell_m: float) -> DriftNetwork:
     two ends. A ring without a junction begins at its first station. `cell_m` is stated in the network's record.
     """
     stations = lines_of(surveyed.names)
-    graph, place, half = nx.MultiGraph(), {}, {}
+    graph: nx.MultiGraph = nx.MultiGraph()
+    place: dict[str, np.ndarray] = {}
+    half: dict[str, float] = {}
     walls = np.nan_to_num(surveyed.lrud_m[:, :2]).sum(axis=1) / 2
     for k, name in enumerate(stations):
         place[name], half[name] = surveyed.positions_m[k], max(float(walls[k]), half.get(name, 0.0))
@@ -94,12 +96,11 @@ def _leg(
 
 def _main_drift(graph: nx.MultiGraph, ends: list[str]) -> list[str]:
     """Return the stations of a long way: to the farthest end from the first, and from there to the farthest."""
-    first = ends[0]
+    one, other = ends[0], ends[0]
     for _ in range(2):
-        far, ways = nx.single_source_dijkstra(graph, first, weight="length")
-        last = max(far, key=lambda name: (far[name], name))
-        way: list[str] = ways[last]
-        first = last
+        far = nx.single_source_dijkstra_path_length(graph, other, weight="length")
+        one, other = other, max(far, key=lambda name: (far[name], name))
+    way: list[str] = nx.dijkstra_path(graph, one, other, weight="length")
     return way
 
 

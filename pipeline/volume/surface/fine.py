@@ -9,7 +9,6 @@ import numpy as np
 from scipy.sparse import coo_array, diags_array
 
 from pipeline.surface.mesh.lattice import ROOF, WALL
-from pipeline.volume.surface.slivers import without_slivers
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
 
@@ -51,13 +50,10 @@ class FineRock:
 def refine(volume: MineVolume, spacing_m: float) -> FineRock:
     """Cut the facets of a volume until no edge is longer than a spacing.
 
-    Facets of several legs are merged before, slivers are folded away, and what is no floor is wall or roof by its
-    slope.
+    Facets of several legs are merged before, and what is no floor is wall or roof by its slope.
     """
     merged = _solid(volume.vertices, volume.faces, volume.label == Label.FLOOR).simplify(_MERGED_M)
-    vertices, faces, of_floor = _arrays(merged)
-    faces, of_floor = without_slivers(vertices, faces, of_floor)
-    vertices, faces, of_floor = _arrays(_solid(vertices, faces, of_floor).refine_to_length(spacing_m))
+    vertices, faces, of_floor = _arrays(merged.refine_to_length(spacing_m))
     faces = faces[:, ::-1].astype(np.int32)
     corners = vertices[faces]
     down = -_unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[:, 2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
-from pipeline.errors import GeometryError
+from pipeline.errors import GeometryError, MineError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
@@ -23,6 +23,7 @@ from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
+_NAMED = 5  # stations that a message names
 
 
 def robot_size(params: VolumeParams) -> RobotSize:
@@ -30,27 +31,35 @@ def robot_size(params: VolumeParams) -> RobotSize:
     return RobotSize(params.steepest, params.step_m, params.robot_height_m, params.robot_radius_m)
 
 
-def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
+def compile_volume(params: Compile3dParams, surveyed: SurveyedLegs, subject: str = "survey") -> Bundle:
     """Return the files of a volume by name: what the bundle copies, `spawn.json` and `built.json`.
 
     Raises
     ------
     GeometryError
-        If the legs make no closed volume, or robots find no room.
+        If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
-    robot = robot_size(params.volume)
     try:
-        solved = solve_floors(unite(network, pieces_of(network)), network)
-    except ValueError as error:
-        raise GeometryError(f"compile3d: {error}") from error
+        return _compiled(params, surveyed)
+    except (ValueError, MineError) as error:
+        raise GeometryError(f"{subject}: {error}") from error
+
+
+def _compiled(params: Compile3dParams, surveyed: SurveyedLegs) -> Bundle:
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    if network.repairs:
+        more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
+        warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
+    robot = robot_size(params.volume)
+    solved = solve_floors(unite(network, pieces_of(network)), network)
     volume = in_mine_frame(solved, offset)
     parts, refused = without_refused(build_shell(solved))
     cells = cells_of(volume, params.grid_cell_m, robot)
     legs = leg_network(network, offset, lines_of(surveyed.entrances))
     stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
     spawn = params.spawn
-    start = start_of(cells, neighbours_of(cells, robot), legs, stated, spawn.radius_m, spawn.clearance_m)
+    pairs = neighbours_of(cells, robot)
+    start = start_of(cells, pairs, legs, stated, spawn.radius_m, spawn.clearance_m, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(volume.measured(), legs), refused)
     _warn(built)
     return {
@@ -88,6 +97,6 @@ def _warn(built: BuiltVolume) -> None:
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:
-            named = ", ".join(end.station for end in ends[:5])
-            more = f" and {len(ends) - 5} more" if len(ends) > 5 else ""
+            named = ", ".join(end.station for end in ends[:_NAMED])
+            more = f" and {len(ends) - _NAMED} more" if len(ends) > _NAMED else ""
             warn_user(f"compile3d: {len(ends)} {what} closed by rock: {named}{more}")

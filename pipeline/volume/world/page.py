@@ -17,8 +17,8 @@ from pipeline.report.page import WorldView
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
 from pipeline.types import SurveyedLegs, lines_of
-from pipeline.volume.world.certificate import read_volume_record
 from pipeline.volume.world.content import Cells, MineVolume
+from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.topology import LegNetwork
 
@@ -54,11 +54,11 @@ def volume_view(root: Path) -> WorldView:
         plan=plan,
         scene=scene,
         limits=read_params(root / "validation/manifest.json", ValidationParams).volume.limits,
-        volume=_told(record, surveyed) | {"section": section[section.index(b"<svg") :].decode()},
+        volume=_built_of(record, surveyed) | {"section": section[section.index(b"<svg") :].decode()},
     )
 
 
-def _told(record: VolumeRecord, surveyed: SurveyedLegs) -> dict[str, Any]:
+def _built_of(record: VolumeRecord, surveyed: SurveyedLegs) -> dict[str, Any]:
     """Return what was built of the survey, as the page's table has it."""
     figures = record.volume
     return {
@@ -78,14 +78,15 @@ def longest_way(legs: LegNetwork) -> np.ndarray:
     graph: nx.Graph = nx.Graph()
     for leg in legs.legs:
         graph.add_edge(leg.start, leg.end, length=leg.length_m)
-    first = legs.legs[0].start
+    one = other = legs.legs[0].start
     for _ in range(2):
-        far, ways = nx.single_source_dijkstra(graph, first, weight="length")
-        first = max(far, key=lambda name: (far[name], name))
+        far = nx.single_source_dijkstra_path_length(graph, other, weight="length")
+        one, other = other, max(far, key=lambda name: (far[name], name))
+    way: list[str] = nx.dijkstra_path(graph, one, other, weight="length")
     down = {name: 0.0 for name in legs.stations_m}
     for leg in legs.legs:
         down |= {leg.start: leg.lrud_m[0][3], leg.end: leg.lrud_m[1][3]}
-    floor = np.array([np.array(legs.stations_m[name]) - [0, 0, down[name]] for name in ways[first]])
+    floor = np.array([np.array(legs.stations_m[name]) - [0, 0, down[name]] for name in way])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(floor, axis=0), axis=1))])
     at = np.linspace(0, along[-1], max(2, round(along[-1]) + 1))
     return np.column_stack([np.interp(at, along, floor[:, k]) for k in range(3)])

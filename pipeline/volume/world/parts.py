@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Label
@@ -57,10 +58,11 @@ def _halves(corners: np.ndarray, border_m: float) -> list[np.ndarray]:
     west, east = corners[x < -_ON_BORDER_M], corners[x > _ON_BORDER_M]
     if not len(west) or not len(east):
         return [corners]
-    a, b = np.meshgrid(np.flatnonzero(x < -_ON_BORDER_M), np.flatnonzero(x > _ON_BORDER_M), indexing="ij")
-    a, b = a.ravel(), b.ravel()
+    at = np.meshgrid(np.flatnonzero(x < -_ON_BORDER_M), np.flatnonzero(x > _ON_BORDER_M), indexing="ij")
+    a, b = (side.ravel() for side in at)
     share = x[a] / (x[a] - x[b])
     cut = corners[a] + share[:, None] * (corners[b] - corners[a])
-    cut[:, 0] = border_m
+    ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(cut[:, 1:])))
+    cut = np.column_stack([np.full(len(ring), border_m), ring])[:-1]  # the ring ends where it begins
     on = corners[np.abs(x) <= _ON_BORDER_M]
     return [np.concatenate([side, cut, on]) for side in (west, east)]

@@ -64,7 +64,7 @@ def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[Su
 
 def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
     """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
-    graph = nx.MultiGraph(network.shots.tolist())
+    graph: nx.MultiGraph = nx.MultiGraph(network.shots.tolist())
     places = (network.places_m + offset_m).round(_DIGITS)
     lengths, grades = network.lengths_m, network.grades
     names = network.names
@@ -111,11 +111,12 @@ def start_of(
     stated_m: Sequence[float] | None,
     radius_m: float,
     clearance_m: float,
+    datum_m: float = 0.0,
 ) -> Start:
     """Choose where robots start: the span with the largest clearance near a place, nearer ones first.
 
-    The place is the stated one, else the first entrance, else the highest end of a leg, of those from which the largest
-    floor is reached.
+    The place is the stated one, else the first entrance, else the highest end of a leg, of those from which the
+    largest floor is reached. `datum_m` is the elevation of z = 0, for messages.
 
     Raises
     ------
@@ -127,9 +128,10 @@ def start_of(
     if stated_m is not None:
         found = _near(cells, roomy, stated_m, radius_m)
         if found is None:
+            shown = [*stated_m[:2], *(z + datum_m for z in stated_m[2:])]
             raise GeometryError(
-                f"spawn: within {radius_m:g} m of survey.entrance_m = {list(stated_m)} no floor is {clearance_m:g} m "
-                "from rock; --start moves it"
+                f"survey.entrance_m = {shown}: within {radius_m:g} m no floor is {clearance_m:g} m from rock; --start "
+                "moves it"
             )
         return _start(cells, found, stated_m, radius_m, clearance_m)
     ends = sorted(network.dead_ends or network.stations_m, key=lambda name: (-network.stations_m[name][2], name))
@@ -140,7 +142,8 @@ def start_of(
             return _start(cells, found, place, radius_m, clearance_m)
     if not roomy.any():
         raise GeometryError(
-            f"spawn: no floor is {clearance_m:g} m from rock with a robot's height over it; compile3d.spawn.clearance_m"
+            f"no floor is {clearance_m:g} m from rock with a robot's height over it, where robots start; "
+            "compile3d.spawn.clearance_m and compile3d.volume.robot_height_m state less"
         )
     found = int(np.flatnonzero(floor == 0)[0])
     return _start(cells, found, cells.places_m[found].tolist(), radius_m, clearance_m)

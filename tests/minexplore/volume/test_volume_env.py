@@ -70,7 +70,7 @@ def test_gymnasiums_checker_accepts_an_environment_in_a_volume(over):
 
 
 def test_many_robots_step_as_one_does_bit_for_bit(ramp):
-    many, rng = MineVectorEnv(3, ramp), np.random.default_rng(0)
+    many, rng = MineVectorEnv(3, ramp, threads=2), np.random.default_rng(0)
     alone = [MineEnv(ramp) for _ in range(3)]
     observation, _ = many.reset(seed=5)
     for k, env in enumerate(alone):
@@ -160,14 +160,14 @@ def test_boxes_under_feet_and_the_floors_parts_carry_a_robot_alike(ramp):
         batch = RobotBatch(world, TaskParams(**DRY), robot, 1, whole=whole)
         rngs = [np.random.default_rng(0)]
         batch.reset(np.zeros(1, int), rngs)
-        batch.place(0, 18.0, 0.0, 0.0, 0.0)
-        for _ in range(50):
+        batch.place(0, 25.0, 0.0, 0.0, 1.0)
+        for _ in range(30):
             info = batch.step(np.array([[0.5, 0.0]]), rngs).info
         x, y, yaw = info["pose_m_rad"][0]
         found.append([x, info["height_m"][0], y, yaw])
     for other in found[1:]:
-        assert other[:2] == pytest.approx(found[0][:2], abs=0.01)
-        assert other[2:] == pytest.approx(found[0][2:], abs=0.2)  # wheels slip a little where the ramp begins
+        assert other == pytest.approx(found[0], abs=0.02)
+    assert found[0][1] > 1.0
 
 
 def test_a_robot_that_drives_into_a_pit_falls_no_faster_than_it_is_braked_and_lands(tmp_path):
@@ -175,13 +175,13 @@ def test_a_robot_that_drives_into_a_pit_falls_no_faster_than_it_is_braked_and_la
     batch = RobotBatch(world, TaskParams(**DRY), RobotParams(), 1)
     rngs = [np.random.default_rng(0)]
     batch.reset(np.zeros(1, int), rngs)
-    batch.place(0, 18.2, 0.0, 0.0, 0.0)
+    batch.place(0, 18.2, 0.0, 0.0, 12.0)
     fastest = 0.0
     for _ in range(75):
         info = batch.step(np.array([[1.0, 0.0]]), rngs).info
         fastest = max(fastest, -batch.qvel[0, 2])
     assert 2.5 < fastest < 5.0
-    assert info["height_m"][0] < -11
+    assert info["height_m"][0] < 1
     assert inside_of(world).distance_m(batch.qpos[:, :3] - world.T_world_mine[:3, 3])[0] > 0
 
 
@@ -208,6 +208,18 @@ def test_a_team_shares_cells_and_touches_rock_in_a_volume(over):
     assert {one["leg"] for one in info.values()} == {"a to b"}
     assert all(np.isfinite(row).all() for row in observation.values())
     assert env.team.collisions.sum() > 0
+
+
+def test_pictures_show_the_plan_with_what_was_seen_and_the_robot_in_the_model(box):
+    for camera, colour in (("top", (92, 168, 96)), ("chase", None)):
+        env = MineEnv(box, render_mode="rgb_array", camera=camera)
+        env.reset(seed=0)
+        picture = env.render()
+        assert picture.shape == (480, 640, 3)
+        if colour is not None:
+            assert (picture == colour).all(axis=2).mean() > 0.02
+        assert picture.std() > 10
+        env.close()
 
 
 @pytest.mark.parametrize("mine", ["ramp", pytest.param("tee", marks=pytest.mark.slow)])

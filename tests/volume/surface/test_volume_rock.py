@@ -12,11 +12,9 @@ from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import Lidar, facet_meshes, volume_meshes
 from minexplore.world import load_world
 from pipeline.compose import compose
-from pipeline.metrics.limits import flatten
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
-from pipeline.types import NO_PICTURE
 from pipeline.volume.surface.build import displaced_rock, rock_of_volume
 from pipeline.volume.surface.fine import FLOOR, refine
 from pipeline.volume.surface.proof import measure_rock, read_rock
@@ -26,7 +24,8 @@ from pipeline.volume.world.content import MineVolume
 from pipeline.volume.world.topology import LegNetwork
 from stages.surface import model_surface
 from tests.heights import HEADER
-from tests.volumes import BOX, build_volume, plan_of_volume, survey_of_volume
+from tests.volume_worlds import VolumeWorld
+from tests.volumes import BOX
 
 CONFIG = compose(["+mine=heights"])
 # Two drifts 4 m wide with 0.3 m of rock between them; a crosscut joins their ends.
@@ -45,12 +44,11 @@ def files(box):
 
 
 def with_rock(source, folder):
-    build_volume(source, folder)
-    rough, bundle = folder / "rough", folder / "rocky"
+    built, rough, bundle = VolumeWorld(source, folder), folder / "rough", folder / "rocky"
     write(rough, rock_of_volume(CONFIG.surface, folder / "compiled").files)
     texture = np.full((16, 16, 3), 90, np.uint8)
-    compiled, parts = folder / "compiled", (survey_of_volume("test"), plan_of_volume())
-    write(bundle, bundle_volume(CONFIG.realism, *parts, compiled, rough, texture))
+    plan = built.traced["free_space"]
+    write(bundle, bundle_volume(CONFIG.realism, built.survey, plan, built.compiled, rough, texture))
     return folder
 
 
@@ -90,7 +88,7 @@ def test_fine_rock_is_closed_keeps_its_labels_and_points_into_the_workings(box):
 
 
 def test_room_is_half_the_width_across_a_drift_and_half_the_rock_behind_a_thin_wall(tmp_path):
-    build_volume(THIN, tmp_path)
+    VolumeWorld(THIN, tmp_path)
     volume = volume_of(tmp_path)
     fine = refine(volume, 0.3)
     room = room_about(fine, volume)
@@ -105,7 +103,7 @@ def test_room_is_half_the_width_across_a_drift_and_half_the_rock_behind_a_thin_w
 
 @pytest.mark.parametrize("source", [BOX, THIN])
 def test_displaced_rock_is_closed_and_crosses_itself_nowhere_not_even_through_thin_rock(source, tmp_path):
-    build_volume(source, tmp_path)
+    VolumeWorld(source, tmp_path)
     rock = displaced_rock(CONFIG.surface, volume_of(tmp_path))
     mesh = rock.mesh
     assert trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight
@@ -203,14 +201,10 @@ def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(files, 
     assert "overlay = 'none'" in refusal(**{"world.json": record.encode()})
 
 
-def test_a_light_preset_gives_a_volume_no_visible_rock(box, tmp_path):
+def test_a_light_preset_gives_a_volume_no_visible_rock(box):
     light = compose(["+mine=heights", "preset=light"])
     found = model_surface(light.surface, *[None] * 5, volume=box / "compiled")
     assert list(found["rough"]) == ["none.txt"]
-    rough = tmp_path / "rough"
-    write(rough, found["rough"])
-    parts = survey_of_volume("test"), plan_of_volume()
-    bundle = bundle_volume(light.realism, *parts, box / "compiled", rough, NO_PICTURE)
-    assert not [name for name in bundle if name.startswith(("meshes/", "textures/"))]
-    assert flatten(json.loads(bundle["world.json"]))["overlay"] == "none"
+    assert json.loads((box / "world" / "world.json").read_text())["overlay"] == "none"  # of VolumeWorld
+    assert not list((box / "world").glob("*/*"))
     assert not [name for name in light.validation.volume.limits if name.startswith("rock.")]

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import GeometryError
+from pipeline.proof.certificate import certify
 from pipeline.volume.union import Label
 from pipeline.volume.world.parts import collect_labelled
-from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, legs_of_table, validated
+from pipeline.volume.world.proof.certificate import applying_limits
+from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
 
 # A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
 WINZE = RAMP + "B,2,30,0,0,1,1,3,0\nB,4,30,0,-12,1,1,2,0\nC,4,30,0,-12,2,2,2.5,0\nC,5,30,9,-12,2,2,2.5,0\n"
@@ -46,6 +48,14 @@ def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_i
     assert found.certificate.contacts >= 300
 
 
+def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_lacks_does_not_hold(ramp, opened):
+    limits = applying_limits(proof(), {"survey": {}, "enclosure": {}})
+    assert {name.partition(".")[0] for name in limits} == {"survey", "enclosure"}
+    quiet = validated(opened, ramp.legs)
+    assert not {"robots.escapes", "balls.escapes", "standing.rest_mm"} & set(quiet.certificate.clauses)
+    assert not certify("", {}, limits).holds
+
+
 def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
     mutant = with_parts(opened, lambda k, corners: None if k == 0 else corners)
     found = validated(mutant, ramp.legs)
@@ -54,7 +64,7 @@ def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
 
 def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
     floor = int(np.flatnonzero(opened.parts.label == Label.FLOOR)[0])
-    mutant = with_parts(opened, lambda k, corners: corners + [0, 0, 0.02] if k == floor else corners)
+    mutant = with_parts(opened, lambda k, corners: corners + np.array([0, 0, 0.02]) if k == floor else corners)
     assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_um", "enclosure.unlike"}
 
 

@@ -9,14 +9,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.local.choice import PlaneChooser
-from benchmarks.comparisons.volume.local.models import FEET, VolumeModels
+from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
 from benchmarks.speed.time_env import start_spread
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.stepper import PhysicsStepper
+from minexplore.rotations import rotation_matrices
+from minexplore.volume.models import FEET, code_of
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Volume
-from pipeline.volume.world.physics import places_for_robots, stand
+from pipeline.volume.world.proof.physics import places_for_robots, stand
 
 ROBOTS, STEPS = 32, 30
 _THROWN_STEPS = 8
@@ -59,16 +60,17 @@ class Thrown:
 class VolumeDrive:
     """Robots that drive in a volume, each alone, stepped by the environment's `PhysicsStepper`."""
 
-    def __init__(self, volume: Volume, models: VolumeModels, tolerance_m: float, rng: np.random.Generator) -> None:
+    def __init__(self, volume: Volume, local: VolumeStepping, rng: np.random.Generator) -> None:
         """Choose places on the floors, by their area."""
         places, normals = places_for_robots(volume)
         area = _areas_at(volume, places)
         chosen = rng.choice(len(places), ROBOTS, p=area / area.sum())
         self._volume = volume
-        self.models, self.chooser = models, PlaneChooser(models, tolerance_m)
-        tile = models.number_of(places[chosen[:1]], False)[0], 0
-        self.stepper = PhysicsStepper(models, ROBOTS, 1, np.array(tile))  # type: ignore[arg-type]
-        model = models.model((int(tile[0]), 0))
+        self._local, self.models, self.chooser = local, local.models, local.chooser
+        self._zones = np.zeros((ROBOTS, 2), int)
+        number, code = self.models.number_of(places[chosen[:1]], False), code_of(np.zeros(1, int), self._zones[:1])
+        self.stepper = PhysicsStepper(self.models, ROBOTS, 1, np.append(number, code))  # type: ignore[arg-type]
+        model = self.models.model((int(number[0]), int(code[0])))
         self._where, self._how = _mocap_addresses(model)
         data = mujoco.MjData(model)
         self._starts = np.zeros((ROBOTS, 7))
@@ -88,18 +90,20 @@ class VolumeDrive:
         stepper.ctrl[:] = self.models.robot.controls(
             action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps
         )
-        choice = self._last = self.chooser.choose(stepper.qpos[:, :7], stepper.qvel[:, :6])
+        qpos = stepper.qpos
+        choice = self._last = self.chooser.choose(qpos[:, :3], qpos[:, 3:7], stepper.qvel[:, :6], self._zones)
         stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
         stepper.state[:, self._how] = choice.quaternions.reshape(ROBOTS, -1)
         chosen = time.process_time() - start
-        return chosen, choice.tiles[:, 1] > 0, stepper.advance(np.arange(ROBOTS), choice.tiles, task.substeps)
+        on_parts = np.asarray((~choice.on_plane).any(axis=1))
+        return chosen, on_parts, stepper.advance(np.arange(ROBOTS), choice.tiles, task.substeps)
 
     def throw(self, rounds: int, rng: np.random.Generator) -> Thrown:
         """Throw all robots in all directions again and again, and drive them on at full throttle."""
         inside, robots, touches, escapes, errors = Inside(self._volume), self.stepper, 0, 0, [0.0]
         for _ in range(rounds):
             self.reset()
-            yaw, speed = rng.uniform(-np.pi, np.pi, ROBOTS), rng.uniform(0, self.models.fastest_mps, ROBOTS)
+            yaw, speed = rng.uniform(-np.pi, np.pi, ROBOTS), rng.uniform(0, self.models.task.max_forward_mps, ROBOTS)
             robots.qvel[:, :2] = speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
             action = np.column_stack([np.ones(ROBOTS), rng.uniform(-1, 1, ROBOTS)])
             for _step in range(_THROWN_STEPS):
@@ -111,8 +115,9 @@ class VolumeDrive:
 
     def _floor_error_m(self) -> float:
         """Return how far in height the planes of the last step are from the floor under the feet that it ended with."""
-        feet, on_plane = self.chooser.feet_of(self.stepper.qpos[:, :7]), self._last.on_plane
-        floor = self.models.planes.floors_under(feet[on_plane] + np.array([0, 0, _LOOK_M]))
+        qpos, on_plane = self.stepper.qpos, self._last.on_plane
+        feet = self.chooser.feet_of(qpos[:, :3], rotation_matrices(qpos[:, 3:7]))
+        floor = self._local.floors_under(feet[on_plane] + np.array([0, 0, _LOOK_M]))
         off = np.abs(self._last.under.heights(feet[..., :2])[on_plane] - floor)
         return float(np.nanmax(off, initial=0.0))
 

@@ -18,7 +18,7 @@ from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import CASES
 from benchmarks.comparisons.volume.gate import LEVEL
 from benchmarks.comparisons.volume.local.drives import LevelDrive, StepCost, VolumeDrive, hard_driving
-from benchmarks.comparisons.volume.local.models import VolumeModels
+from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import ShellPart, build_shell
@@ -48,11 +48,10 @@ def build(name: str) -> tuple[Volume, list[ShellPart]]:
 
 def measure(volume: Volume, parts: list[ShellPart], level: LevelDrive) -> dict[str, tuple[StepCost, StepCost, int]]:
     """Return for each variant its cost, the level mine's, as medians of runs in turns, and how many robots are gone."""
-    actions, drives, planes = hard_driving(np.random.default_rng(0)), {}, None
+    actions, drives = hard_driving(np.random.default_rng(0)), {}
     for title, (tolerance_m, tile_m) in VARIANTS.items():
-        models = VolumeModels(volume, parts, exact_tile_m=tile_m)
-        planes = models.planes = planes or models.planes
-        drives[title] = VolumeDrive(volume, models, tolerance_m, np.random.default_rng(1))
+        local = VolumeStepping(volume, parts, None, tolerance_m, tile_m)
+        drives[title] = VolumeDrive(volume, local, np.random.default_rng(1))
         drives[title].cost(actions)  # makes models and planes, as the level mine's next line does
     level.cost(actions)
     runs = [(level.cost(actions), [drive.cost(actions) for drive in drives.values()]) for _ in range(_RUNS)]

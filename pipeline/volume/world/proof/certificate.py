@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore.bundle import CELLS, MODEL, PARTS, RECORD, TOPOLOGY, VOLUME
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
-from pipeline.params.validation import VolumeProofParams
+from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.verify import verify_world
@@ -25,14 +26,14 @@ from pipeline.volume.surface.proof import measure_rock, read_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
-from pipeline.volume.world.compiled import compare_model
 from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
-from pipeline.volume.world.fronts import fronts_of
-from pipeline.volume.world.physics import measure_standing
+from pipeline.volume.world.proof.compiled import compare_model
+from pipeline.volume.world.proof.fronts import fronts_of
+from pipeline.volume.world.proof.physics import measure_standing
+from pipeline.volume.world.proof.region import Region, region_of
+from pipeline.volume.world.proof.throws import throw_balls, throw_robots
 from pipeline.volume.world.reach import neighbours_of, reached_from
 from pipeline.volume.world.record import VolumeRecord
-from pipeline.volume.world.region import Region, region_of
-from pipeline.volume.world.throws import throw_balls, throw_robots
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
@@ -125,15 +126,17 @@ def validate_volume(params: VolumeProofParams, world: VolumeBundle, surveyed: Su
         **_bodies(params, volume, region_of(volume, fronts.parts, params.most_parts, rng), rng),
     }
     figures = flatten(metrics)
-    limits = {name: limit for name, limit in params.limits.items() if name in figures}
-    certificate = certify(world.record.world_sha256, figures, limits)
+    certificate = certify(world.record.world_sha256, figures, applying_limits(params, metrics))
     certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
     return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate)
 
 
-def _survey(
-    params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume
-) -> dict[str, Any]:
+def applying_limits(params: VolumeProofParams, metrics: Mapping[str, Any]) -> dict[str, Limit]:
+    """Return the limits on the groups of metrics that are measured: bodies may not be thrown."""
+    return {name: limit for name, limit in params.limits.items() if name.partition(".")[0] in metrics}
+
+
+def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:
     """Return how much of the survey is built: of the file's legs, not of those that the bundle says it has."""
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     piece_m = float(network.lengths_m.sum())

@@ -1,22 +1,22 @@
 """Local models of a volume: planes that stand for the floor under a robot's feet, and the walls about it."""
 
+import manifold3d
 import mujoco
 import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
-from benchmarks.comparisons.volume.local.choice import PlaneChooser, boxes_under
 from benchmarks.comparisons.volume.local.drives import VolumeDrive
-from benchmarks.comparisons.volume.local.models import PARKED, VolumeModels
-from benchmarks.comparisons.volume.local.planes import (
-    NODE_M,
-    REACHES_M,
-    TOLERANCE_M,
-    FloorPlanes,
-    FootPlanes,
-    fit_planes,
-)
+from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
+from minexplore.task import TaskParams
+from minexplore.volume import planes as planes_module
+from minexplore.volume.choice import boxes_under
+from minexplore.volume.columns import FloorColumns
+from minexplore.volume.creases import Creases
+from minexplore.volume.models import PARKED_M
+from minexplore.volume.planes import NODE_M, REACHES_M, TOLERANCE_M, FloorPlanes, FootPlanes, fit_planes
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
@@ -48,11 +48,12 @@ def disc():
     return places, places @ PLANE[:2] + PLANE[2]
 
 
-def standing(volume, x, y, models, planes_error=TOLERANCE_M):
-    """Return the choice for a robot at rest on the floor under a place."""
-    floor = models.planes.floors_under(np.array([[x, y, 50.0]]))[0]
-    pose = LEVEL_POSE + np.array([x, y, floor + RobotParams().wheel_radius_m, 0, 0, 0, 0])
-    return PlaneChooser(models, planes_error).choose(pose[None], np.zeros((1, 6)))
+def standing(x, y, local):
+    """Return the choice for a robot at rest on the floor under a place, and which feet touch the floor's parts."""
+    floor = local.floors_under(np.array([[x, y, 50.0]]))[0]
+    place = np.array([[x, y, floor + RobotParams().wheel_radius_m]])
+    choice = local.chooser.choose(place, LEVEL_POSE[None, 3:], np.zeros((1, 6)), np.zeros((1, 2), int))
+    return choice, int(choice.tiles[0, 1]) & 15
 
 
 def test_the_plane_of_a_plane_floor_is_its_own():
@@ -89,7 +90,7 @@ def test_the_box_under_a_foot_has_its_plane_as_upper_face():
 
 
 def test_planes_of_a_ramp_have_its_slope_up_to_the_wall_and_none_beyond(ramp):
-    planes = FloorPlanes(ramp[0])
+    planes = VolumeStepping(*ramp).planes
     feet = np.array([[[0.0, 0.0], [0.0, 0.97], [0.0, 1.3]]])
     found = planes.under(np.array([[0.0, 0.5, 0.2]]), feet, np.zeros((1, 3)))
     assert found.plane[0, :2, :2] == pytest.approx(np.array([[0.1, 0.0]] * 2), abs=1e-3)
@@ -99,29 +100,66 @@ def test_planes_of_a_ramp_have_its_slope_up_to_the_wall_and_none_beyond(ramp):
 
 
 def test_no_places_have_no_floors(ramp):
-    assert FloorPlanes(ramp[0]).floors_under(np.zeros((0, 3))).shape == (0,)
+    assert VolumeStepping(*ramp).floors_under(np.zeros((0, 3))).shape == (0,)
 
 
 def test_a_foot_that_is_too_fast_for_its_plane_has_none(ramp):
-    found = FloorPlanes(ramp[0]).under(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.array([[1.9, 2.1]]))
+    found = VolumeStepping(*ramp).planes.under(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.array([[1.9, 2.1]]))
     assert np.isfinite(found.error_m[0]).tolist() == [True, False]
 
 
+def bent_floor():
+    """Return the facets of a room whose floor begins to rise by 20 % between two samples."""
+    floor = [(-2, -2, 0), (0.02, -2, 0), (2, -2, 0.396), (-2, 2, 0), (0.02, 2, 0), (2, 2, 0.396)]
+    roof = [(x, y, 3.0) for x in (-2, 2) for y in (-2, 2)]
+    mesh = manifold3d.Manifold.hull_points(np.array(floor + roof, float)).to_mesh64()
+    faces = np.asarray(mesh.tri_verts).astype(int)
+    nothing = np.zeros(len(faces), int)
+    return VolumeFacets(np.array(mesh.vert_properties)[:, :3], faces, nothing, nothing)
+
+
+def test_a_plane_knows_how_far_it_is_from_a_floor_that_turns_between_two_samples():
+    facets = bent_floor()
+    creases = Creases(facets)
+    places = creases.within(np.array([-1.0, -1.0]), np.array([1.0, 1.0]), 0.0)
+    assert places[:, 0] == pytest.approx(np.full(len(places), 0.02))
+    assert np.diff(np.sort(places[:, 1])).max() <= 0.05 + 1e-9
+    turn = np.array([[[0.02, 0.0]]])
+    foot, speed, body = np.zeros((1, 1, 2)), np.zeros((1, 1)), np.array([[0.0, 0.0, 0.165]])
+    found = FloorPlanes(FloorColumns(facets), creases).under(body, foot, speed)
+    assert found.error_m[0, 0] >= abs(found.heights(turn)[0, 0]) - 1e-6
+    creases._places = np.zeros((0, 3))
+    blind = FloorPlanes(FloorColumns(facets), creases).under(body, foot, speed)
+    assert blind.error_m[0, 0] < abs(blind.heights(turn)[0, 0]) - 1e-4
+
+
+def test_planes_are_the_same_however_many_tiles_were_looked_at_before(ramp, monkeypatch):
+    monkeypatch.setattr(planes_module, "_KEPT", 1)
+    places = np.array([[-6.0, 0.1, 0.0], [0.1, 0.1, 0.2], [6.0, -0.2, 0.8]])
+    places[:, 2] = VolumeStepping(*ramp).floors_under(places + np.array([0, 0, 5.0])) + 0.165
+    feet, speed = np.repeat(places[:, None, :2], 2, axis=1), np.full((3, 2), 0.5)
+    together = VolumeStepping(*ramp).planes.under(places, feet, speed)
+    planes = VolumeStepping(*ramp).planes
+    for _ in range(2):  # each tile takes the place of the one before
+        for k in range(3):
+            alone = planes.under(places[k : k + 1], feet[k : k + 1], speed[k : k + 1])
+            assert (alone.plane[0] == together.plane[k]).all()
+            assert (alone.error_m[0] == together.error_m[k]).all()
+
+
 def test_a_robot_on_a_ramp_stands_on_planes_and_one_over_an_edge_on_the_parts(ramp, tmp_path):
-    choice = standing(ramp[0], 0.0, 0.0, VolumeModels(*ramp))
-    assert choice.tiles[0, 1] == 0
-    volume, parts = built(PITCH, tmp_path)
-    models = VolumeModels(volume, parts)
-    edge = next(x for x in np.arange(-5.0, 2.0, 0.05) if models.planes.floors_under(np.array([[x, 0, 20.0]]))[0] < 0)
-    choice = standing(volume, edge - 0.32, 0.0, models)
-    assert choice.tiles[0, 1] & 4  # the front foot
-    assert choice.places[0, 2] == pytest.approx(PARKED[2])
+    assert standing(0.0, 0.0, VolumeStepping(*ramp))[1] == 0
+    local = VolumeStepping(*built(PITCH, tmp_path))
+    edge = next(x for x in np.arange(-5.0, 2.0, 0.05) if local.floors_under(np.array([[x, 0, 20.0]]))[0] < 0)
+    choice, on_parts = standing(edge - 0.32, 0.0, local)
+    assert on_parts & 4  # the front foot
+    assert choice.places[0, 2] == pytest.approx(PARKED_M[2])
 
 
 def test_feet_on_planes_do_not_touch_parts_of_the_floor(ramp):
-    model = VolumeModels(*ramp)
-    model.number_of(np.array([[0.0, 0.0, 0.2]]), True)
-    both = [model.spec(0, feet) for feet in (0, 4)]
+    models = VolumeStepping(*ramp).models
+    models.number_of(np.array([[0.0, 0.0, 0.2]]), True)
+    both = [models.spec((0, feet)) for feet in (0, 4)]
     assert [spec.geom("robot_front").conaffinity & 2 for spec in both] == [0, 2]
     assert [spec.geom("robot_left").conaffinity & 2 for spec in both] == [0, 0]
 
@@ -131,8 +169,8 @@ def test_thrown_robots_stay_in_a_drift_and_escape_where_a_wall_is_taken_out(ramp
     found = []
     walls = {k for k, part in enumerate(parts) if np.abs(volume.normals[part.facets[0], 1]) > 1.0}
     for kept in (parts, [part for k, part in enumerate(parts) if k not in walls]):
-        drive = VolumeDrive(volume, VolumeModels(volume, kept, fastest_mps=3.0), TOLERANCE_M, np.random.default_rng(0))
-        found.append(drive.throw(1, np.random.default_rng(0)))
+        local = VolumeStepping(volume, kept, TaskParams(max_forward_mps=3.0))
+        found.append(VolumeDrive(volume, local, np.random.default_rng(0)).throw(1, np.random.default_rng(0)))
     assert found[0].touches > 0
     assert found[0].escapes == 0
     assert found[0].floor_error_m < TOLERANCE_M

@@ -12,7 +12,7 @@ from minexplore.physics.robot import ROCK_BIT, RobotParams
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
+from pipeline.volume.world.proof.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
 
 _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
 _BALLS_EACH = 32

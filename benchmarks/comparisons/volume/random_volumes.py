@@ -1,0 +1,118 @@
+"""Random mines and caves as one volume each, measured by exact booleans. A run goes on where the last one stopped.
+
+`python -m benchmarks.comparisons.volume.random_volumes` prints how many are clean, and why others are not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.base.markdown import markdown_table
+from benchmarks.comparisons.volume.cases import GateCase
+from benchmarks.comparisons.volume.random_caves import random_cave
+from benchmarks.resume import resume, run_benchmark
+from benchmarks.worlds.random_levels import random_legs
+from pipeline.errors import MineError
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.shell import build_shell
+from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.world.parts import without_refused
+from tests.heights import table
+
+RESULTS = Path("artifacts/bench/volume-random.jsonl")
+_BOXES = 12  # of 150 facets, in which booleans are taken
+LIMITS = {
+    "not_built": 1e-3,  # share of the surveyed length
+    "floor_m": 0.01,
+    "step_m": 0.01,  # on the legs' ways
+    "intrusion_um": 1e-3,  # m3 in m2 of the surface
+    "missing": 1e-6,  # share of the surface
+    "thin_m2": 0.0,
+    "crossings": 0.0,
+    "refused": 0.0,
+}
+
+
+def table_of(kind: str, seed: int) -> str:
+    """Return the station table of a random mine or cave."""
+    return table(random_legs(seed)[1]) if kind == "mine" else random_cave(seed)
+
+
+def judge(kind: str, seed: int) -> dict[str, Any]:
+    """Return what was measured of one survey, or why it was refused."""
+    row: dict[str, Any] = {"kind": kind, "seed": seed}
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return row | _measure(GateCase(f"{kind} {seed}", table_of(kind, seed)), Path(folder))
+        except MineError as error:
+            return row | {"refused_because": str(error).replace(folder, "")}
+        except Exception as error:  # this one fails and the others go on
+            return row | {"refused_because": f"{type(error).__name__}: {error}".replace(folder, "")}
+
+
+def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
+    network = case.network(folder)
+    rough = unite(network, pieces_of(network))
+    volume = solve_floors(rough, network)
+    parts = build_shell(volume)
+    floor = measure_floor(volume, network, rough)
+    found = measure_enclosure(volume, parts, _BOXES, np.random.default_rng(0))
+    return {
+        "length_m": float(network.lengths_m.sum()),
+        "parts": len(parts),
+        "not_built": 1 - floor.share_built,
+        "floor_m": floor.error_m,
+        "step_m": floor.way_step_m,
+        "other_step_m": max(floor.step_m, floor.other_step_m),
+        "intrusion_um": 1e6 * found.intrusion_m3 / found.measured_m2,
+        "missing": found.missing_m2 / found.measured_m2,
+        "thin_m2": found.thin_m2,
+        "crossings": len(crossing_facets(volume.vertices, volume.faces, CROSSING_M)),
+        "refused": without_refused(parts)[1],
+    }
+
+
+def beyond(row: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of a row that are beyond their limits, or why it was refused; nothing for a clean one."""
+    if "refused_because" in row:
+        return {"refused_because": row["refused_because"]}
+    return {name: row[name] for name, limit in LIMITS.items() if not row[name] <= limit}
+
+
+def _rows(kind: str, seeds: Iterable[int]) -> Iterable[dict[str, Any]]:
+    return (judge(kind, seed) for seed in seeds)
+
+
+def main() -> int:
+    """Measure what is missing; print the table and what is not clean."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.volume.random_volumes", description=__doc__)
+    parser.add_argument("--mines", type=int, default=200)
+    parser.add_argument("--caves", type=int, default=100)
+    a = parser.parse_args()
+    lines, bad = [], []
+    for kind, count in (("mine", a.mines), ("cave", a.caves)):
+        path = RESULTS.with_stem(f"{RESULTS.stem}-{kind}")
+        rows = resume(path, range(count), partial(_rows, kind), kind)
+        rows = [row for row in rows if row["seed"] < count]
+        failed = [(row, found) for row in rows if (found := beyond(row))]
+        metres = sum(row.get("length_m", 0.0) for row in rows)
+        lines.append((f"random {kind}s", len(rows), len(rows) - len(failed), f"{metres:,.0f}"))
+        bad += [f"{kind} {row['seed']}: {found}" for row, found in failed]
+    print(markdown_table(("", "surveys", "clean", "surveyed, m"), lines))
+    print("\n".join(bad))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run_benchmark("volume-random", main))

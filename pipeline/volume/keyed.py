@@ -1,0 +1,83 @@
+"""A volume as a solid whose facets keep their piece and label through booleans, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+import shapely
+
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.union import Label, Volume, mesh_of
+
+_ROUNDS = 4
+_BESIDE_M = 0.1  # of facets that cross: facets so near are not simplified
+
+
+@dataclass(frozen=True)
+class KeyedSolid:
+    """A solid, and manifold3d's number of each part of its surface to its key: `len(Label) * piece + label`.
+
+    manifold3d remembers which facets were coplanar before they moved, so that the solid is made anew of a mesh.
+    """
+
+    solid: manifold3d.Manifold
+    keys: dict[int, int]
+
+
+def keyed(volume: Volume, vertices: np.ndarray, label: np.ndarray, kept: np.ndarray | None = None) -> KeyedSolid:
+    """Return the solid of a volume's facets with other vertices (v, 3) m and labels (f,).
+
+    Facets of `kept` (f,) are parts of the surface by themselves, so that they are not simplified.
+    """
+    key_of = len(Label) * volume.source + label
+    part = key_of if kept is None else np.where(kept, key_of.max() + 1 + np.arange(len(key_of)), key_of)
+    order = np.argsort(part, kind="stable")
+    found, starts = np.unique(part[order], return_index=True)
+    first = manifold3d.Manifold.reserve_ids(len(found))
+    mesh = manifold3d.Mesh64(
+        vertices,
+        volume.faces[order].astype(np.uint64),
+        run_index=3 * np.append(starts, len(order)),
+        run_original_id=first + np.arange(len(found)),
+    )
+    keys = {first + k: int(key_of[order[start]]) for k, start in enumerate(starts.tolist())}
+    return KeyedSolid(manifold3d.Manifold(mesh), keys)
+
+
+def volume_of(one: KeyedSolid, volume: Volume) -> Volume:
+    """Return a keyed solid as a volume of the pieces of the one that it was made from."""
+    vertices, faces, key = mesh_of(one.solid, one.keys)
+    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
+    if solid.status() != manifold3d.Error.NoError:
+        raise ValueError(f"volume: the moved mesh is not closed ({solid.status()})")
+    return Volume(solid, vertices, faces, key // len(Label), key % len(Label), volume.pieces, volume.numbers)
+
+
+def simplified(volume: Volume, vertices: np.ndarray, label: np.ndarray, tolerance_m: float) -> Volume:
+    """Return the volume with moved vertices and other labels, and without the vertices that no shape needs.
+
+    Where facets would cross then, they stay as they are.
+    """
+    kept = np.zeros(len(volume.faces), bool)
+    for _ in range(_ROUNDS):
+        one = keyed(volume, vertices, label, kept)
+        found = volume_of(KeyedSolid(one.solid.simplify(tolerance_m), one.keys), volume)
+        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
+        if not len(pairs):
+            break
+        kept |= near_facets(vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _BESIDE_M)
+    return found
+
+
+def near_facets(corners: np.ndarray, places: np.ndarray, reach_m: float) -> np.ndarray:
+    """Return which facets (f,) have boxes within a distance, m, of those of others (n, 3, 3), seen from above."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    tree = shapely.STRtree(shapely.box(*low[:, :2].T, *high[:, :2].T))
+    least, most = places.min(axis=1) - reach_m, places.max(axis=1) + reach_m
+    other, facet = tree.query(shapely.box(*least[:, :2].T, *most[:, :2].T))
+    beside = (low[facet, 2] < most[other, 2]) & (high[facet, 2] > least[other, 2])
+    found = np.zeros(len(corners), bool)
+    found[facet[beside]] = True
+    return found

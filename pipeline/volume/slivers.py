@@ -1,0 +1,163 @@
+"""A closed mesh without its shortest edges and flattest facets, which no convex part stands behind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import manifold3d
+import numpy as np
+
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.keyed import keyed, near_facets, volume_of
+from pipeline.volume.union import Volume
+
+_SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey
+_TURN = 0.2  # of the cosine between a facet's normals before and after: more turns it over
+_ROUNDS, _TRIES = 4, 3
+
+
+def without_slivers(volume: Volume) -> Volume:
+    """Return the volume without edges shorter than 3 mm, and without facets lower than that, where it stays closed.
+
+    A short edge becomes one vertex. A low facet gives its longest edge to the facet beyond, which is parted at its
+    third corner. What would turn another facet over, or cross it, stays.
+    """
+    kept = np.zeros(len(volume.faces), bool)
+    for _ in range(_TRIES):
+        found = _cleaned(volume, kept)
+        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
+        if not len(pairs):
+            return found
+        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _SHORT_M)
+    return volume
+
+
+def _cleaned(volume: Volume, kept: np.ndarray) -> Volume:
+    """Return the volume without slivers but those of some facets."""
+    mesh = _Mesh(volume, kept)
+    for _ in range(_ROUNDS):
+        if not mesh.collapse() + mesh.flip():
+            break
+    used = np.unique(mesh.faces[mesh.alive])
+    number = np.full(len(mesh.vertices), -1)
+    number[used] = np.arange(len(used))
+    vertices, faces = mesh.vertices[used], number[mesh.faces[mesh.alive]]
+    found = replace(
+        volume, vertices=vertices, faces=faces, source=mesh.source[mesh.alive], label=mesh.label[mesh.alive]
+    )
+    one = keyed(found, found.vertices, found.label)
+    return volume_of(one, volume) if one.solid.status() == manifold3d.Error.NoError else volume
+
+
+class _Mesh:
+    """A closed mesh of which edges are collapsed and flipped."""
+
+    def __init__(self, volume: Volume, kept: np.ndarray) -> None:
+        """Begin with a volume's mesh and the facets that stay; facets are looked up about slivers alone."""
+        self._fixed = np.zeros(len(volume.vertices), bool)
+        self._fixed[volume.faces[kept]] = True
+        self.vertices, self.faces = volume.vertices.copy(), volume.faces.copy()
+        self.source, self.label = volume.source.copy(), volume.label.copy()
+        self.alive = np.ones(len(self.faces), bool)
+        self._at: dict[int, set[int]] = {}
+        order = np.argsort(self.faces.ravel(), kind="stable")
+        self._order = order // 3
+        self._starts = np.searchsorted(self.faces.ravel()[order], np.arange(len(self.vertices) + 1))
+
+    def collapse(self) -> int:
+        """Make one vertex of each short edge; return of how many."""
+        count = 0
+        edges = self._edges()
+        length = np.linalg.norm(self.vertices[edges[:, 0]] - self.vertices[edges[:, 1]], axis=1)
+        short = np.flatnonzero(length < _SHORT_M)
+        for u, v in edges[short[np.argsort(length[short], kind="stable")]].tolist():
+            count += self._collapse(u, v)
+        return count
+
+    def flip(self) -> int:
+        """Give the longest edges of low facets to the facets beyond; return how many."""
+        corners = self.vertices[self.faces]
+        sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        double = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        low = self.alive & (double < _SHORT_M * sides.max(axis=1)) & (sides.min(axis=1) >= _SHORT_M)
+        return sum(self._flip(int(k)) for k in np.flatnonzero(low))
+
+    def _edges(self) -> np.ndarray:
+        faces = self.faces[self.alive]
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        found: np.ndarray = edges[edges[:, 0] < edges[:, 1]]
+        return found
+
+    def _around(self, vertex: int) -> set[int]:
+        """Return the facets at a vertex."""
+        if vertex not in self._at:
+            self._at[vertex] = set(self._order[self._starts[vertex] : self._starts[vertex + 1]].tolist())
+        return self._at[vertex]
+
+    def _neighbours(self, vertex: int) -> set[int]:
+        return {k for facet in self._around(vertex) for k in self.faces[facet].tolist()} - {vertex}
+
+    def _collapse(self, u: int, v: int) -> bool:
+        """Collapse an edge if both its ends have just two neighbours in common and no facet turns over."""
+        if self._fixed[u] or self._fixed[v]:
+            return False
+        gone = self._around(u) & self._around(v)
+        shared = self._neighbours(u) & self._neighbours(v)
+        if len(gone) != 2 or len(shared) != 2 or np.linalg.norm(self.vertices[u] - self.vertices[v]) >= _SHORT_M:
+            return False
+        kept = np.array(sorted((self._around(u) | self._around(v)) - gone))
+        for place in ((self.vertices[u] + self.vertices[v]) / 2, self.vertices[u], self.vertices[v]):
+            moved = self.vertices[self.faces[kept]].copy()
+            moved[np.isin(self.faces[kept], (u, v))] = place
+            if not self._turns(kept, moved):
+                break
+        else:
+            return False
+        for k in gone:
+            for corner in self.faces[k].tolist():
+                self._around(corner).discard(k)
+        self.alive[list(gone)] = False
+        self.vertices[u] = place
+        for k in self._around(v):
+            self.faces[k][self.faces[k] == v] = u
+        self._around(u).update(self._around(v))
+        self._at[v] = set()
+        return True
+
+    def _turns(self, facets: np.ndarray, moved: np.ndarray) -> bool:
+        """Return whether one of some facets that have an area turns over with its corners (n, 3, 3)."""
+        old, new = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (self.vertices[self.faces[facets]], moved))
+        sizes = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+        corners = self.vertices[self.faces[facets]]
+        longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+        real = sizes[0] > _SHORT_M * longest
+        return bool((np.sum(old * new, axis=1) < _TURN * sizes[0] * sizes[1])[real].any())
+
+    def _flip(self, facet: int) -> bool:
+        """Flip a facet's longest edge if no facet turns over and the new edge is not there yet."""
+        if not self.alive[facet] or self._fixed[self.faces[facet]].any():
+            return False
+        face = self.faces[facet].tolist()
+        sides = [float(np.linalg.norm(self.vertices[face[i]] - self.vertices[face[i - 2]])) for i in range(3)]
+        i = int(np.argmax(sides))
+        a, b, c = face[i], face[i - 2], face[i - 1]
+        beyond = (self._around(a) & self._around(b)) - {facet}
+        if len(beyond) != 1:
+            return False
+        (other,) = beyond
+        d = next(k for k in self.faces[other].tolist() if k not in (a, b))
+        if d == c or d in self._neighbours(c):
+            return False
+        new = np.array([[a, d, c], [d, b, c]])
+        corners, old = self.vertices[new], self.vertices[self.faces[other]]
+        was = np.cross(old[1] - old[0], old[2] - old[0])
+        now = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        if (now @ was < _TURN * np.linalg.norm(now, axis=1) * np.linalg.norm(was)).any():
+            return False
+        self._around(b).discard(facet)
+        self._around(a).discard(other)
+        self.faces[facet], self.faces[other] = new
+        self._around(d).add(facet)
+        self._around(c).add(other)
+        self.source[facet], self.label[facet] = self.source[other], self.label[other]
+        return True

@@ -1,0 +1,1 @@
+"""The certificate of a volume world: its measures by exact booleans, and bodies that are thrown and rest."""

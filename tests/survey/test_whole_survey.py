@@ -1,0 +1,111 @@
+"""Surveys that are built whole: their pieces, their frame, where robots start, and what is refused in one line."""
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.params.stated import StatedOptions
+from pipeline.params.survey import PassageSurveyParams
+from pipeline.survey.detect import detect_here
+from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
+from pipeline.survey.whole_survey import entrances_of, read_whole
+from pipeline.types import lines_of
+from tests.volume_worlds import HEADER, RAMP, legs_of_table
+
+APART = RAMP + "X,8,200,0,5,2,2,3,0\nX,9,220,0,5,2,2,3,0\n"
+STEEP = RAMP + "B,2,30,0,0,1,1,3,0\nB,7,30,0,-40,1,1,2,0\nC,7,30,0,-40,0.3,0.3,0.5,0\nC,8,40,0,-40,0.3,0.3,0.5,0\n"
+
+
+def places_of(legs):
+    """Return the stations' places by name."""
+    return dict(zip(lines_of(legs.names), legs.positions_m.tolist(), strict=True))
+
+
+def test_every_leg_is_kept_also_shafts_and_crawls(tmp_path):
+    legs = legs_of_table(STEEP, tmp_path)
+    assert legs.surveyed_m == pytest.approx(30 + np.hypot(30, 6) + 40 + 10)
+    assert set(places_of(legs)) == {"1", "2", "3", "7", "8"}
+    steps = [np.ptp(legs.positions_m[a:b, 2]) for a, b in zip(legs.first[:-1], legs.first[1:], strict=True)]
+    assert max(steps) == pytest.approx(40)
+
+
+def test_the_frame_begins_at_the_lowest_floor_and_a_national_grid_at_its_corner(tmp_path):
+    legs = legs_of_table(RAMP.replace(",-6,", ",-6.4,"), tmp_path)
+    assert legs.datum_m == -7
+    assert places_of(legs)["3"] == pytest.approx([60, 0, 0.6])
+    grid = HEADER + "A,1,700000,4800000,900,2,2,3,0\nA,2,700060,4800000,897,2,2,3,0\n"
+    far = legs_of_table(grid, tmp_path)
+    assert np.abs(far.positions_m[:, :2]).max() < 100
+    assert far.datum_m == 897
+
+
+def test_the_longest_piece_is_built_and_the_others_are_listed_with_the_option_that_builds_them(tmp_path, capsys):
+    legs = legs_of_table(APART, tmp_path)
+    assert set(places_of(legs)) == {"1", "2", "3"}
+    assert (lines_of(legs.pieces), legs.pieces_m.tolist()) == (["8"], [20.0])
+    assert legs.surveyed_m == pytest.approx(30 + np.hypot(30, 6) + 20)
+    said = capsys.readouterr().err
+    assert "2 pieces share no station; built is the one of 61 m about 1; --piece (survey.piece)" in said
+    assert "20 m about 8" in said
+
+
+@pytest.mark.parametrize("piece", ["9", (220.0, 1.0, 5.0)])
+def test_a_station_or_a_place_chooses_another_piece(piece, tmp_path):
+    legs = legs_of_table(APART, tmp_path, piece=piece)
+    assert set(places_of(legs)) == {"8", "9"}
+    assert legs.pieces_m.tolist() == [pytest.approx(30 + np.hypot(30, 6))]
+
+
+@pytest.mark.parametrize(
+    ("piece", "message"),
+    [
+        ("99", "survey.piece = '99': no station has this name; names like it are 9"),
+        ((250.0, 0.0, 5.0), "survey.piece = 250,0,5: the nearest station, 9, is 30.0 m away, at most 10 m"),
+    ],
+)
+def test_a_piece_that_there_is_not_is_refused_with_what_is_near(piece, message, tmp_path):
+    with pytest.raises(InputError, match="survey.csv: " + message):
+        legs_of_table(APART, tmp_path, piece=piece)
+
+
+def test_a_stated_start_is_kept_with_its_elevation(tmp_path):
+    assert legs_of_table(RAMP, tmp_path, entrance_m=(55.0, 0.0, -5.0)).start_m.tolist() == [55.0, 0.0, 1.0]
+    assert legs_of_table(RAMP, tmp_path, entrance_m=(55.0, 0.0)).start_m.tolist() == [55.0, 0.0]
+    assert legs_of_table(RAMP, tmp_path).start_m.tolist() == []
+
+
+def test_a_table_without_elevations_is_refused_with_the_option(tmp_path):
+    with pytest.raises(InputError, match="no column elevation_m"):
+        legs_of_table("leg,station,easting_m,northing_m,left_m,right_m\nA,1,0,0,2,2\nA,2,9,0,2,2\n", tmp_path)
+
+
+def test_legs_without_a_length_in_all_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"survey\.csv: "):
+        legs_of_table(HEADER + "A,1,0,0,0,2,2,3,0\nA,2,0,0,0.0001,2,2,3,0\n", tmp_path)
+
+
+def test_entrances_are_the_stations_that_the_survey_flags():
+    flags = np.array([StationFlag.ENTRANCE | StationFlag.UNDERGROUND, StationFlag.UNDERGROUND], np.uint8)
+    style = np.array([LegStyle.NORMAL], np.uint8)
+    survey = SolvedSurvey(("adit", "inner"), np.zeros((2, 3)), flags, np.array([[0, 1]]), np.zeros(1, np.uint8), style)
+    assert entrances_of(survey) == ["adit"]
+
+
+def test_a_stated_volume_is_written_into_the_section_and_walls_are_refused_with_what_to_state(tmp_path):
+    table = tmp_path / "a.csv"
+    table.write_text(RAMP)
+    found = detect_here(str(table), StatedOptions(volume=True).values()).values
+    assert found["values"]["volume"] is True
+    assert found["has_heights"] is True
+    assert "volume" not in detect_here(str(table), {}).values["values"]
+    walls = tmp_path / "a.geojson"
+    walls.write_text('{"type": "Polygon", "coordinates": [[[0,0],[50,0],[50,5],[0,5],[0,0]]]}')
+    with pytest.raises(InputError, match="--volume builds legs between stations, or with --half-width M"):
+        detect_here(str(walls), StatedOptions(volume=True).values())
+
+
+def test_a_survey_in_three_dimensions_is_read_whole(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text(STEEP)
+    params = PassageSurveyParams(kind="passages", name="a", file="data/x", volume=True)
+    assert len(read_whole(path, params).legs) >= 3

@@ -1,0 +1,136 @@
+"""What keeps a volume's mesh fit for a shell: no crossings, no slivers, no thin rock, floors that keep their slope."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks.comparisons.volume.cases import GateCase
+from benchmarks.comparisons.volume.random_volumes import beyond, judge
+from pipeline.errors import InputError
+from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.volume.crossings import crossing_facets
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.network import network_of
+from pipeline.volume.shell import build_shell, facets_without_part
+from pipeline.volume.slivers import without_slivers
+from pipeline.volume.union import Label, pieces_of, unite
+from tests.heights import HEADER
+
+DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
+BESIDE = DRIFT + "B,3,0,4.01,2,2,0,3,0\nB,4,20,4.01,2,2,0,3,0\n"  # 1 cm of rock between two drifts
+UNDER = DRIFT + "B,3,0,0,2,2,-3.01,3,0\nB,4,20,0,2,2,-3.01,3,0\n"  # 1 cm of rock between roof and floor
+
+
+def built(rows, folder):
+    network = GateCase("test", HEADER + rows).network(folder)
+    rough = unite(network, pieces_of(network))
+    return network, rough, solve_floors(rough, network)
+
+
+def floor_heights(volume):
+    return volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR]), 2]
+
+
+def test_facets_cross_where_two_bodies_overlap_and_not_where_they_share_corners(tmp_path):
+    _, _, volume = built(DRIFT, tmp_path)
+    assert len(crossing_facets(volume.vertices, volume.faces, 1e-6)) == 0
+    both = np.concatenate([volume.vertices, volume.vertices + np.full(3, 0.5)])
+    faces = np.concatenate([volume.faces, volume.faces + len(volume.vertices)])
+    pairs = crossing_facets(both, faces, 1e-6)
+    assert len(pairs)
+    assert ((pairs < len(volume.faces)).sum(axis=1) == 1).all()
+
+
+def test_a_vertex_one_millimetre_beside_another_goes_and_the_mesh_stays_closed(tmp_path):
+    _, _, volume = built(DRIFT, tmp_path)
+    a, b, c = volume.faces[0]
+    other = next(k for k, face in enumerate(volume.faces.tolist()) if {a, b} <= set(face) and k)
+    d = next(k for k in volume.faces[other] if k not in (a, b))
+    way = volume.vertices[b] - volume.vertices[a]
+    vertices = np.vstack([volume.vertices, volume.vertices[a] + 1e-3 * way / np.linalg.norm(way)])
+    m = len(volume.vertices)
+    faces = np.vstack([np.delete(volume.faces, [0, other], axis=0), [[a, m, c], [m, b, c], [b, m, d], [m, a, d]]])
+    parents = [k for k in range(len(volume.faces)) if k not in (0, other)] + [0, 0, other, other]
+    spoilt = dataclasses.replace(
+        volume, vertices=vertices, faces=faces, source=volume.source[parents], label=volume.label[parents]
+    )
+    found = without_slivers(spoilt)
+    assert len(found.faces) == len(volume.faces)
+    assert found.solid.volume() == pytest.approx(volume.solid.volume(), rel=1e-3)
+
+
+@pytest.mark.parametrize("rows", [BESIDE, UNDER])
+def test_two_drifts_with_a_centimetre_of_rock_between_them_stay_two_with_rock_that_parts_fit_into(rows, tmp_path):
+    _, rough, volume = built(rows, tmp_path)
+    assert facets_without_part(rough)
+    assert not facets_without_part(volume)
+    assert len(volume.solid.decompose()) == 2
+    found = measure_enclosure(volume, build_shell(volume), 1000, np.random.default_rng(0))
+    assert found.thin_m2 == 0
+    assert found.thinnest_m > 0.0199
+    assert found.intrusion_m3 < 1e-9
+
+
+def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
+    _, _, volume = built(UNDER, tmp_path)
+    levels = floor_heights(volume)
+    levels = levels - levels.max()
+    assert np.abs(levels[levels > -1]).max() < 1e-9
+    assert levels[levels < -1] == pytest.approx(-3.01)
+
+
+def test_the_floor_of_a_wide_slope_is_level_across_to_its_far_wall(tmp_path):
+    _, _, volume = built("A,1,0,0,1,10,0,3,0\nA,2,4,0,1,10,1,3,0\n", tmp_path)
+    places = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    off = places[:, 2] - places[:, 0] / 4
+    assert np.ptp(off) < 0.01
+
+
+def test_a_steep_leg_begins_on_its_own_floor_and_is_built_whole(tmp_path):
+    rows = DRIFT + "B,2,20,0,2,2,0,3,0\nB,3,30,0,2,2,-6,3,0\n"
+    network, rough, volume = built(rows, tmp_path)
+    assert measure_floor(volume, network, rough).share_built == 1
+
+
+def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
+    rows = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,-1,3,0\nA,3,40,5,2,2,-2,3,0\nB,2,20,0,2,2,-1,3,0\nB,4,40,-5,2,2,1,3,0\n"
+    network, rough, volume = built(rows, tmp_path)
+    found = measure_floor(volume, network, rough)
+    assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
+    assert found.error_m < 0.01
+
+
+def test_bad_stations_are_listed_by_name_and_the_rest_is_built():
+    places = np.array([[0.0, 0], [20, 0], [20, 0.0004], [40, 0]])
+    walls = np.array([[2.0, 2], [2, 2], [2, 2], [-1, 0.5]])
+    heights = np.array([[0.0, 3, 0], [0, 3, 0], [0, 3, 0], [0, 0, 0]])
+    network = network_of([SurveyLeg("1", ["1", "2", "2b", "3"], places, walls, heights)], 3.0, 1.0)
+    assert network.repairs == (
+        "3: its walls are -0.50 m apart, 0.05 m are taken",
+        "3: its roof and floor are 0.00 m apart, 0.05 m are taken",
+        "2 to 2b: no length, left out",
+    )
+    assert solve_floors(unite(network, pieces_of(network)), network).solid.volume() > 20 * 4 * 1.8
+
+
+def test_legs_without_a_length_are_refused_in_one_line():
+    leg = SurveyLeg("1", ["1", "2"], np.zeros((2, 2)), np.ones((2, 2)), np.zeros((2, 3)))
+    with pytest.raises(InputError, match=r"^no leg of 1 has a length of 0\.001 m or more$"):
+        network_of([leg], 3.0, 1.0)
+
+
+def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_path):
+    _, _, volume = built(DRIFT + "B,3,0,4,2,2,0,3,0\nB,4,20,4,2,2,0,3,0\n", tmp_path)
+    found = measure_enclosure(volume, build_shell(volume), 1000, np.random.default_rng(0))
+    assert found.intrusion_m3 < 1e-9
+    assert found.missing_m2 < 1e-3
+    assert found.thin_m2 == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["mine", "cave"])
+def test_a_random_survey_is_clean(kind):
+    assert beyond(judge(kind, 0)) == {}
