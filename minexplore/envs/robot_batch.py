@@ -242,20 +242,20 @@ class RobotBatch:
         return observe(self.task, ranges, self.previous[robots], [rngs[i] for i in robots.tolist()])
 
     def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
-        poses, attitude = self.poses()[robots], self.attitudes(robots)
+        poses, attitude, places = self.poses()[robots], self.attitudes(robots), self._mine_places(robots)
         return {
             "cells_seen": self.cells_seen[robots],
             "cells_reachable": np.full(len(robots), self.grid.total),
             "coverage": self.cells_seen[robots] / self.grid.total,
             "collision": np.asarray(collision),
             "collisions": self.collisions[robots].copy(),
-            "zone": self.world.zone_names[self.zones_under(robots)],
+            "zone": self.world.zone_names[self.world.zones_at(places[:, 0])],
             "pose_m_rad": poses,
-            "height_m": self.heights(robots),
+            "height_m": places[:, 2] - self.robot.wheel_radius_m,
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
             **({"fell": self.fell[robots]} if self.ground.can_fall else {}),
-            **self.ground.info(robots, self._mine_places(robots)),
+            **self.ground.info(robots, places),
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

@@ -55,7 +55,15 @@ class CoverageGrid:
     """Square cells over the mine frame; `reachable[i, j]` covers origin + (j, i) * cell to + (j + 1, i + 1) * cell."""
 
     def __init__(self, world: World, cell_m: float, radius_m: float, centre_m: np.ndarray, reach_m: float) -> None:
-        """Find the cells where a disc of `radius_m` fits, connected to `centre_m` and within `reach_m` of it."""
+        """Find the cells where a disc of `radius_m` fits, connected to `centre_m` and within `reach_m` of it.
+
+        Raises
+        ------
+        ValueError
+            If the world is one volume, whose floors have no plan, or the disc fits nowhere.
+        """
+        if world.volume is not None:
+            raise ValueError(f"{world.folder}: its mine is one volume; this takes mines whose floors are drawn in plan")
         standing = _connected(world, world.clearance_m >= radius_m, centre_m)
         row, col = np.nonzero(standing)
         places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m

@@ -14,6 +14,7 @@ from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams
+from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.volume.enclosure import Inside
@@ -208,6 +209,20 @@ def test_a_team_shares_cells_and_touches_rock_in_a_volume(over):
     assert {one["leg"] for one in info.values()} == {"a to b"}
     assert all(np.isfinite(row).all() for row in observation.values())
     assert env.team.collisions.sum() > 0
+
+
+def test_a_teams_wheels_have_the_friction_of_their_zones(box):
+    env = MineParallelEnv(1, world=box)
+    env.reset(seed=0)
+    zones = env.world.floor_zones
+    env.team.place(0, zones[1].west_m + 2.0, 0.0, 0.0, 0.0)
+    env.step({"robot_0": np.zeros(2)})
+    assert env.team.model.geom("robot_0_left").friction[0] == zones[1].friction != zones[0].friction
+
+
+def test_what_takes_plans_alone_refuses_a_volume_in_one_line(box):
+    with pytest.raises(ValueError, match=r"world: its mine is one volume; this takes mines whose floors are drawn"):
+        CoverageGrid(load_world(box), 2.0, 0.35, np.zeros(2), np.inf)
 
 
 def test_pictures_show_the_plan_with_what_was_seen_and_the_robot_in_the_model(box):
