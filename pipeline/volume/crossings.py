@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.volume.rock.separation import ConvexBodies, Facets
+from pipeline.volume.separation import ConvexBodies, Facets
 
 CROSSING_M = 1e-6  # facets that are less deep in each other touch
 

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.keyed import simplified
+from pipeline.volume.keyed import near_facets, simplified
 from pipeline.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
@@ -24,7 +24,8 @@ _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
-_ROUNDS = 3  # of floors: each folds the walls that the one before turned over
+_ROUNDS = 6  # of floors: each folds the walls that the one before turned over, and unfolds ledges where facets cross
+_UNFOLDED_M = 0.1  # beside facets that cross
 _NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _LONE = 1e-6  # holds vertices that are joined to no floor
@@ -46,34 +47,42 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
     is_ledge = ledges_of(fine)
+    stays = np.zeros(len(is_ledge), bool)
     for _ in range(_ROUNDS):
         folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge)
         rise = _solve(folded, network)
-        turned = turned_walls(folded, rise, fine) & ~is_ledge
-        if not turned.any():
-            break
+        faces = folded.first[folded.volume.faces]
+        real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+        turned = turned_walls(folded, rise, fine) & ~is_ledge & ~stays
         is_ledge |= turned
-    faces = folded.first[folded.volume.faces]
-    real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    rise = _uncrossed(folded.volume.vertices, faces[real], rise)
+        if turned.any():
+            continue
+        rise, crossing = _uncrossed(folded.volume.vertices, faces[real], rise)
+        vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
+        unfolded = is_ledge & near_facets(fine.vertices[fine.faces], vertices[faces[real][crossing]], _UNFOLDED_M)
+        if not unfolded.any():
+            break
+        stays |= unfolded
+        is_ledge &= ~unfolded
     vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
     return without_thin_rock(without_slivers(simplified(moved, vertices, label, _SIMPLE_M)))
 
 
-def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, until none do."""
+def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, and those that still do."""
     rise = rise.copy()
     changed = np.abs(rise) > 0
     for _ in range(_HALVINGS):
         pairs = crossing_facets(vertices + rise[:, None] * [0, 0, 1.0], faces, CROSSING_M, changed[faces].any(axis=1))
+        crossing = np.unique(pairs)
         changed[:] = False
-        changed[faces[np.unique(pairs)]] = True
-        if not changed.any():
+        changed[faces[crossing]] = True
+        if not len(crossing):
             break
         rise[changed] *= 0.5
-    return rise
+    return rise, crossing
 
 
 def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:

@@ -9,9 +9,9 @@ import manifold3d
 import numpy as np
 
 from pipeline.volume.rock.polygons import polygons_of, ways_into_rock
-from pipeline.volume.rock.separation import ConvexBodies, Facets
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
 from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.union import Volume
 
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding

@@ -23,10 +23,11 @@ def without_slivers(volume: Volume) -> Volume:
     third corner. What would turn another facet over, or cross it, stays.
     """
     kept = np.zeros(len(volume.faces), bool)
+    most = len(crossing_facets(volume.vertices, volume.faces, CROSSING_M))
     for _ in range(_TRIES):
         found = _cleaned(volume, kept)
         pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
-        if not len(pairs):
+        if len(pairs) <= most:
             return found
         kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _SHORT_M)
     return volume

@@ -10,8 +10,8 @@ from benchmarks.comparisons.volume.cases import CASES, GateCase
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.rock.separation import ConvexBodies, Facets
 from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import Label, pieces_of, unite
 from pipeline.volume.world.proof import physics, throws

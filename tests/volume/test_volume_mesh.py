@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
+from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.comparisons.volume.random_volumes import beyond, judge
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
@@ -101,6 +102,12 @@ def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
     found = measure_floor(volume, network, rough)
     assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
     assert found.error_m < 0.01
+
+
+def test_a_passage_whose_skew_sections_would_cross_is_built_without_crossings(tmp_path):
+    network = GateCase("cave", random_cave(0)).network(tmp_path)  # its legs s9 to s10 to s11
+    rough = unite(network, pieces_of(network))
+    assert len(crossing_facets(rough.vertices, rough.faces, 1e-6)) == 0
 
 
 def test_bad_stations_are_listed_by_name_and_the_rest_is_built():
