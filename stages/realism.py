@@ -21,7 +21,7 @@ def write_world(params: RealismParams, survey: Survey, free_space: FreeSpace, vo
         return assemble_world(params, survey, free_space, **others)
     from pipeline.volume.world.bundle import bundle_volume  # open3d takes a second to load
 
-    return {"world": bundle_volume(params, survey, free_space, volume)}
+    return {"world": bundle_volume(params, survey, free_space, volume, others["rough"], others["texture"])}
 
 
 STAGE = Stage(

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
+from minexplore.bundle import VOLUME
 from minexplore.floors.floor import Floor
 from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
@@ -27,17 +28,13 @@ from pipeline.surface.relief_source import choose_relief
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (
-    NO_LEGS,
     NO_OPENINGS,
     NO_PICTURE,
-    NO_SOLID,
-    ClosedMesh,
     DriftNetwork,
     FreeSpace,
     Image,
     Openings,
     SolidExtent,
-    SurveyedLegs,
 )
 
 
@@ -48,22 +45,22 @@ def model_surface(
     extent: SolidExtent,
     floor: Floor,
     openings: Openings = NO_OPENINGS,
-    network: SurveyedLegs = NO_LEGS,
-    solid: ClosedMesh = NO_SOLID,
+    volume: Path | None = None,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
-    So they are of a survey that is built as one volume, which has no visible rock yet.
+    A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs.
 
     Surfaces are made and measured in the plan, as if openings were floor. Then the roof is opened where shafts come
     down, and all is folded by the floor.
     """
-    if len(network) or len(solid):
-        if params.overlay != "none":
-            warn_user("surface: a world that is one volume shows its collision parts; it has no visible rock yet")
-        return _NO_ROCK
     if params.overlay == "none":
         return _NO_ROCK
+    if volume is not None and (volume / VOLUME).is_file():
+        from pipeline.volume.surface.build import rock_of_volume  # open3d takes a second to load
+
+        rock = rock_of_volume(params, volume)
+        return {**_NO_ROCK, "rough": rock.files, "texture": _texture(params.texture), "mesh_checks": rock.report}
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
     free, floor = without_openings(free_space.polygon, openings), filled_floor(floor, openings)
@@ -137,8 +134,7 @@ STAGE = Stage(
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "floor": Artifact("compile3d/floor.npz", Floor),
         "openings": Artifact("compile3d/openings.json", Openings),
-        "network": Artifact("survey/network.npz", SurveyedLegs),
-        "solid": Artifact("survey/solid.npz", ClosedMesh),
+        "volume": Artifact("compile3d/volume", Bundle),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

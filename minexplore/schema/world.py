@@ -40,6 +40,7 @@ from minexplore.schema.volume.arrays import read_volume
 from minexplore.schema.volume.files import check_volume_files, require_volume_files
 from minexplore.schema.volume.model import VOLUME_WORLD
 from minexplore.schema.volume.record import check_figures, check_volume_record
+from minexplore.schema.volume.rock import ROCK_VOLUME_WORLD, check_rock
 
 _TABLES = {  # by whether a world has visible rock, and heights
     (True, False): WORLD,
@@ -112,8 +113,10 @@ def _check_volume(record: dict[str, Any], files: Mapping[str, bytes]) -> Checked
     check_figures(record, volume)
     check_volume_files(record, files, volume.spans)
     root = read_xml(MODEL, files[MODEL])
-    check_elements(MODEL, root, VOLUME_WORLD)
+    check_elements(MODEL, root, ROCK_VOLUME_WORLD if has_visible_rock(record) else VOLUME_WORLD)
     check_volume_model(root, record, volume)
+    if has_visible_rock(record):
+        check_rock(root, record, files, volume.facets)
     spans = volume.spans
     grid = {"clearance_m": spans.plan, "origin_m": spans.origin_m, "cell_m": np.array(spans.cell_m)}
     return CheckedWorld(record, files, grid, Floor(), volume)

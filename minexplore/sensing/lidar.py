@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -15,9 +16,18 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup, decode_msh, has_visible_rock, is_rock, stops_beams
+from minexplore.bundle import (
+    MESHES,
+    GeomGroup,
+    decode_msh,
+    has_visible_rock,
+    is_rock,
+    mesh_of,
+    stops_beams,
+    surface_geom,
+)
 from minexplore.floors.floor import Floor
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tiles_at
@@ -93,6 +103,16 @@ def facet_meshes(facets: VolumeFacets) -> Meshes:
     return meshes
 
 
+def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
+    """Return what beams end on in a world that is one volume: floors and visible rock, or else all its facets."""
+    if not has_visible_rock(world.record):
+        return facet_meshes(facets)
+    floors = facets.label == FacetLabel.FLOOR
+    seen = {name: decode_msh(world.read(name)) for name in world.record["files"] if name.startswith(MESHES)}
+    rock = {surface_geom(mesh_of(name)): (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
+    return rock | facet_meshes(replace(facets, faces=facets.faces[floors], label=facets.label[floors]))
+
+
 def floor_beside(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
     """Return a strip behind every wall, as high as the wall's foot, as vertices (n, 3) m and faces (m, 3)."""
     edges = floor.wall_edges()
@@ -128,7 +148,7 @@ def _require_known(backend: object) -> None:
 def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     world = load_world(folder)
     if world.volume is not None:
-        return Lidar(facet_meshes(world.volume.facets), range_m, backend, floor_m=-np.inf)
+        return Lidar(volume_meshes(world, world.volume.facets), range_m, backend, floor_m=-np.inf)
     if not world.floor.is_flat:
         rock = surface_meshes(world) if has_visible_rock(world.record) else collision_meshes(world)
         return Lidar(rock | floor_meshes(world), range_m, backend, floor_m=-np.inf)

@@ -23,7 +23,7 @@ def choose_relief(params: SurfaceParams, sources: Sources, lattice: Lattice) -> 
     """
     if params.rock is None:
         return choose_bands(params, sources)
-    rock = _jointed(params.rock)
+    rock = configured_rock(params.rock)
     if params.reference == "published":  # the configured rock was fitted to it
         return rock
     return fit_rock(rock, sources[params.reference]["wall"], lattice, bounds_of(params.rough), params.rough.seed)
@@ -34,7 +34,8 @@ def bounds_of(params: RoughParams) -> Bounds:
     return Bounds(**params.bounds.model_dump())
 
 
-def _jointed(params: RockParams) -> JointedRock:
+def configured_rock(params: RockParams) -> JointedRock:
+    """Return the configured jointed rock."""
     own = {"sets", "block", "overbreak", "undulation"}
     return JointedRock(
         sets=tuple(JointSet(**s.model_dump()) for s in params.sets),

@@ -78,7 +78,8 @@ def _check_parts(at: ModelElements, record: Mapping[str, Any], parts: Parts) -> 
     zone = np.searchsorted([one["east_m"] for one in zones[:-1]], (low[:, 0] + high[:, 0]) / 2)
     wanted = _names_of(parts, [zones[k]["name"] for k in zone.tolist()])
     expect_names("geom", at.names("geom", ""), wanted, PARTS)
-    expect_names("mesh", [name for tag, name in at.of_assets if tag == "mesh"], wanted, PARTS)
+    solid = [node.name for node in at.assets if node.tag == "mesh" and "file" not in node.attributes]
+    expect_names("mesh", solid, wanted, PARTS)
     geoms = [at.of_mine["geom", name] for name in wanted]
     _check_shapes(geoms, [at.of_assets["mesh", name] for name in wanted], parts)
     rock = [record["rock_friction"], *_ROLLING]

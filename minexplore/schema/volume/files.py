@@ -25,6 +25,7 @@ from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.png import GREY, check_png, inflate_png
 from minexplore.schema.readers.rules import numbers_in
 from minexplore.schema.sizes import MOST_CELLS
+from minexplore.schema.volume.rock import require_rock_files
 
 VOLUME_FILES = (CELLS, MODEL, OCTREE, PARTS, RECORD, TOPOLOGY, VOLUME)
 _OCTREE_BEGINS = b"# Octomap OcTree binary file\n"
@@ -60,7 +61,7 @@ def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], sp
 
 
 def require_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
-    """Refuse a folder with other files than a volume's: those of `VOLUME_FILES`, its maps, and who made it.
+    """Refuse a folder with other files than a volume's: those of `VOLUME_FILES`, its maps and rock, and who made it.
 
     Raises
     ------
@@ -71,8 +72,9 @@ def require_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes]) 
         if name not in files:
             raise BundleError(f"{name}: missing")
     maps = {name for storey in range(min(record["volume"]["storeys"], 100)) for name in sheet_map(storey)}
+    known = {*VOLUME_FILES, MADE_BY, *maps, *require_rock_files(record, files)}
     for name in files:
-        if name not in maps and name not in (*VOLUME_FILES, MADE_BY):
+        if name not in known:
             raise BundleError(f"{name}: no file of a world that is one volume, or a map of a storey that it has not")
 
 

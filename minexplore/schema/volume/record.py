@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from minexplore.bundle import NO_OVERLAY, RECORD, VOLUME_FORMAT, BundleError
+from minexplore.bundle import RECORD, VOLUME_FORMAT, BundleError
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema.model import MOST_LIGHTS, REACH_M
 from minexplore.schema.readers.rules import list_of, number, same_json, whole
@@ -51,7 +51,6 @@ VOLUME_FIELDS: dict[str, Any] = {
     "lights": whole(0, MOST_LIGHTS),
     "collision_parts": whole(1, MOST_VOLUME_PARTS),
     "spawn": {**RECORD_FIELDS["spawn"], "anchor_m": _PLACE, "centre_m": _PLACE},
-    "overlay": same_json(NO_OVERLAY),
     "volume": _FIGURES,
 }
 

@@ -40,21 +40,42 @@ class Bounds:
     median_m: float
 
 
+@dataclass(frozen=True)
+class Room:
+    """Space about the points (n,) of a surface, m.
+
+    `half_m` is half the width of the passage, `free_m` and `rock_m` are the radii of the largest discs that touch the
+    surface in the workings and in the rock. `roof_share` is 1 on a roof that `Bounds.roof_m` bounds alone.
+    """
+
+    half_m: np.ndarray
+    free_m: np.ndarray
+    rock_m: np.ndarray
+    roof_share: np.ndarray
+    narrowest_m: float
+
+
 def bound_displacement(wanted_m: np.ndarray, lattice: Lattice, bounds: Bounds) -> np.ndarray:
     """Return displacements (n,) m, positive into the workings: `bound * tanh(wanted / bound)` within `median_m`."""
     walls, column = lattice.walls, lattice.column
-    half = walls.passage_m[column]
-    wide = _wide(half, walls.narrowest_m, bounds)
-    narrow = bounds.narrow_share * np.minimum(half, bounds.narrow_half_width_m)
-    max_inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * walls.free_m[column])
-    max_outwards = np.minimum(bounds.wall_m, bounds.room_share * walls.rock_m[column])
-    wanted_m = (1 + (bounds.narrow_gain - 1) * (1 - wide)) * wanted_m
-    wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - lattice.roof_share)
-    wall = np.where(wanted_m > 0, max_inwards, max_outwards)
-    bound = np.maximum(wall + (bounds.roof_m - wall) * lattice.roof_share, 1e-4)
-    moved = bound * np.tanh(wanted_m / bound)
+    half, free, rock = (about[column] for about in (walls.passage_m, walls.free_m, walls.rock_m))
+    moved = bound_by_room(wanted_m, Room(half, free, rock, lattice.roof_share, walls.narrowest_m), bounds)
     median_m = _median_m(moved, lattice)
     return moved if median_m <= bounds.median_m else moved * (bounds.median_m / median_m)
+
+
+def bound_by_room(wanted_m: np.ndarray, room: Room, bounds: Bounds) -> np.ndarray:
+    """Return displacements (n,) m, positive into the workings: `bound * tanh(wanted / bound)`, of any median."""
+    wide = _wide(room.half_m, room.narrowest_m, bounds)
+    narrow = bounds.narrow_share * np.minimum(room.half_m, bounds.narrow_half_width_m)
+    max_inwards = np.minimum(narrow + (bounds.wall_m - narrow) * wide, bounds.room_share * room.free_m)
+    max_outwards = np.minimum(bounds.wall_m, bounds.room_share * room.rock_m)
+    wanted_m = (1 + (bounds.narrow_gain - 1) * (1 - wide)) * wanted_m
+    wanted_m = wanted_m - bounds.narrow_recess_m * (1 - wide) * (1 - room.roof_share)
+    wall = np.where(wanted_m > 0, max_inwards, max_outwards)
+    bound = np.maximum(wall + (bounds.roof_m - wall) * room.roof_share, 1e-4)
+    moved: np.ndarray = bound * np.tanh(wanted_m / bound)
+    return moved
 
 
 def _median_m(moved_m: np.ndarray, lattice: Lattice) -> float:

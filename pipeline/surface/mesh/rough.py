@@ -42,7 +42,7 @@ class RoughSurface:
     mesh: SurfaceMesh
 
 
-def displace_lattice(mesher: Mesher, wanted_m: np.ndarray, bounds: Bounds) -> RoughSurface:
+def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Bounds) -> RoughSurface:
     """Displace the lattice, simplify its mesh, and repair self-intersections.
 
     Where an edge crosses a face, a face turns over, more than two faces share an edge, or the line of the walls on the

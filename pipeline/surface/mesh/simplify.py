@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import fast_simplification
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import GeometryError
-from pipeline.surface.mesh.lattice import Lattice
 
 _DIGITS = 4  # 0.1 mm, as the lattice's points
 _LEAST_FACES = 64  # a tile with fewer is kept as it is
@@ -46,17 +46,36 @@ class SurfaceMesh:
         return place
 
 
-class Mesher:
+class Faceted(Protocol):
+    """A lattice, or another fine mesh: points (n, 3) m, faces (m, 3), and the piece (m,) of each, a small number."""
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Return the points (n, 3) m."""
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Return the faces (m, 3)."""
+
+    @property
+    def piece(self) -> np.ndarray:
+        """Return the number (m,) of the piece that each face belongs to."""
+
+
+_F = TypeVar("_F", bound=Faceted)
+
+
+class Mesher(Generic[_F]):
     """Make meshes of a lattice again and again, and each time only in the tiles whose points have moved."""
 
-    def __init__(self, lattice: Lattice, simplification: Simplification | None = None) -> None:
+    def __init__(self, lattice: _F, simplification: Simplification | None = None) -> None:
         """Divide the lattice's faces into tiles; without a simplification, meshes have every point of the lattice."""
         self.lattice, self.simplification = lattice, simplification
         if simplification:
             centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
             cell = np.floor((centre - centre.min(axis=0)) / simplification.tile_m).astype(np.int64)
             place = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
-            tile = 2 * place + lattice.piece  # no face joins wall and roof
+            tile = (int(lattice.piece.max()) + 1) * place + lattice.piece  # no face joins wall and roof
             self._order = np.argsort(tile.astype(np.min_scalar_type(tile.max())), kind="stable")
             self._first = np.flatnonzero(np.diff(tile[self._order], prepend=-1))
             self._tiles = np.split(self._order, self._first[1:])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from pipeline.surface.mesh.lattice import Lattice
 from pipeline.surface.relief.spectrum import Bands, band_edges
 
 _WAVES = 96  # in each band, enough that the noise does not visibly repeat along a drift
@@ -22,8 +22,20 @@ class Modulation:
     spread: float
 
 
+class Relieved(Protocol):
+    """Points (n, 3) m that a relief moves, and how far (n,) each belongs to a roof, from 0 to 1."""
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Return the points (n, 3) m."""
+
+    @property
+    def roof_share(self) -> np.ndarray:
+        """Return the shares (n,)."""
+
+
 def relief_of_noise(
-    lattice: Lattice, wall: Bands, roof: Bands, modulation: Modulation, rng: np.random.Generator
+    lattice: Relieved, wall: Bands, roof: Bands, modulation: Modulation, rng: np.random.Generator
 ) -> np.ndarray:
     """Return the displacement (n,) m of the lattice by noise with the spectra of walls and roof."""
     share = lattice.roof_share

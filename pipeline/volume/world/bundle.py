@@ -16,6 +16,7 @@ from minexplore.bundle import (
     NO_OVERLAY,
     PARTS,
     RECORD,
+    ROUGH_OVERLAY,
     TOPOLOGY,
     VOLUME,
     VOLUME_FORMAT,
@@ -25,7 +26,8 @@ from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
 from pipeline.params.realism import LightParams, RealismParams
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.hashing import sha256_bytes
-from pipeline.types import FreeSpace, Survey
+from pipeline.types import NO_PICTURE, FreeSpace, Image, Survey
+from pipeline.volume.surface.show import chunk_names, rock_files
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, SPAWN
 from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
@@ -38,7 +40,14 @@ _OWN = (SPAWN, BUILT)  # of the stage's folder, which the record holds
 _ROOF_SHARE = 0.8  # of the way to the roof that lights hang at most
 
 
-def bundle_volume(params: RealismParams, survey: Survey, free_space: FreeSpace, compiled: Path) -> Bundle:
+def bundle_volume(
+    params: RealismParams,
+    survey: Survey,
+    free_space: FreeSpace,
+    compiled: Path,
+    rough: Path | None = None,
+    texture: Image = NO_PICTURE,
+) -> Bundle:
     """Return the files of the bundle by name.
 
     Parameters
@@ -49,7 +58,11 @@ def bundle_volume(params: RealismParams, survey: Survey, free_space: FreeSpace, 
         The plan view.
     compiled : Path
         The folder with the files of `compile_volume`.
+    rough : Path, optional
+        The folder with the chunks of the visible rock.
+    texture : Image
     """
+    seen = rock_files(rough, texture) if rough else {}
     volume: MineVolume = decode(compiled / VOLUME, MineVolume)
     cells: Cells = decode(compiled / CELLS, Cells)
     legs: LegNetwork = decode(compiled / TOPOLOGY, LegNetwork)
@@ -68,10 +81,11 @@ def bundle_volume(params: RealismParams, survey: Survey, free_space: FreeSpace, 
         heading_rad=heading_at(legs, start.anchor_m),
         world_m=volume.world_m,
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
+        rock=chunk_names(seen),
     )
     names = sorted(path.name for path in compiled.iterdir() if path.name not in _OWN)
     files = {name: (compiled / name).read_bytes() for name in names}
-    files |= {MODEL: model_xml(scene), PARTS: encode(Path(PARTS), parts)}
+    files |= {MODEL: model_xml(scene), PARTS: encode(Path(PARTS), parts), **seen}
     built: BuiltVolume = decode(compiled / BUILT, BuiltVolume)
     record = _record(params, scene, free_space, legs, start, _figures(volume, parts, cells, built))
     return seal(files, record, params)
@@ -157,7 +171,7 @@ def _record(
         drifts=len(legs.legs),
         spawn=start,
         look=scene.look,
-        overlay=NO_OVERLAY,
+        overlay=ROUGH_OVERLAY if scene.rock else NO_OVERLAY,
         geom_groups=GEOM_GROUPS,
         files={},
         world_sha256="",

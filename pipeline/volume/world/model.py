@@ -23,6 +23,7 @@ from minexplore.bundle import (
 )
 from minexplore.looks import EXTENT_M, LOOKS
 from pipeline.mjcf.scene import SpotLight, ZoneStrip
+from pipeline.volume.surface.show import show_rock
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import LabelledParts
 
@@ -44,6 +45,7 @@ class VolumeScene:
     heading_rad: float
     world_m: tuple[float, float, float, float]
     offset_m: np.ndarray
+    rock: list[str]  # names of the visible meshes
 
 
 def zone_numbers(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> np.ndarray:
@@ -108,6 +110,7 @@ def model_xml(scene: VolumeScene) -> bytes:
         )
     for camera in _cameras(scene):
         mine.append(camera)
+    show_rock(root, scene.rock, scene.look)
     ElementTree.indent(root)
     return ElementTree.tostring(root) + b"\n"
 

@@ -154,7 +154,7 @@ def test_floors_outside_of_the_volume_are_refused(files, changes, message):
         (lambda r: r["spawn"].update(anchor_m=[1.0, 2.0]), "spawn.anchor_m = [1.0, 2.0]: want a list of 3"),
         (lambda r: r["spawn"].update(anchor_m=[1.0, 0.0, 90.0]), "spawn.anchor_m = [1.0, 0.0, 90.0]: want a place"),
         (lambda r: r.update(tilt_deg=5.0), "tilt_deg = 5.0"),
-        (lambda r: r.update(overlay="rough"), "overlay = 'rough'"),
+        (lambda r: r.update(overlay="seen"), "overlay = 'seen'"),
         (lambda r: r.update(drifts=7), "as many legs as world.json has drifts, 7"),
         (lambda r: r.update(lights=1), "world.json: lights"),
         (lambda r: r.update(rock_friction=0.2), "default[rock]/geom@friction"),

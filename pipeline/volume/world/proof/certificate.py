@@ -19,10 +19,11 @@ from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.verify import verify_world
-from pipeline.types import NO_SOLID, ClosedMesh, SurveyedLegs
+from pipeline.types import NO_SOLID, ClosedMesh, Mesh, SurveyedLegs
 from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.shell import ShellPart
+from pipeline.volume.surface.proof import measure_rock, read_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
@@ -58,6 +59,7 @@ class VolumeBundle:
     cells: Cells
     legs: LegNetwork
     model: bytes
+    rock: dict[str, Mesh] = dataclasses.field(default_factory=dict)
 
 
 def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
@@ -82,13 +84,15 @@ def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
 
 def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
     """Read the bundle of a volume world; `checked` as in `read_volume_record`."""
+    record = read_volume_record(folder, checked)
     return VolumeBundle(
-        read_volume_record(folder, checked),
+        record,
         decode(folder / VOLUME, MineVolume),
         decode(folder / PARTS, LabelledParts),
         decode(folder / CELLS, Cells),
         decode(folder / TOPOLOGY, LegNetwork),
         (folder / MODEL).read_bytes(),
+        read_rock(folder, record.files),
     )
 
 
@@ -124,6 +128,7 @@ def validate_volume(
             "compiled_mm": round(compiled.compiled_mm, 6),
             "unlike": compiled.unlike,
         },
+        "rock": measure_rock(volume, world.legs, world.rock, rng),
         "reach": _reach(params, world),
         **_bodies(params, volume, region_of(volume, fronts.parts, params.most_parts, rng), rng),
     }

@@ -34,7 +34,7 @@ def compare_model(
         root = ElementTree.fromstring(xml)
     except ElementTree.ParseError as error:
         raise ArtifactError(f"mine.xml: not XML ({error})") from error
-    written = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.iter("mesh")}
+    written = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.iter("mesh") if not mesh.get("file")}
     geoms = {geom.get("name"): geom.get("pos", "0 0 0") for geom in root.iterfind(f".//body[@name='{MINE_BODY}']/geom")}
     names = part_names(parts, zones)
     unlike = len(set(written) ^ set(names)) + len(set(geoms) ^ set(names))

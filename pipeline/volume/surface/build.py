@@ -1,0 +1,129 @@
+"""The work of stage 4 for a volume: the chunks of its visible rock, its texture, and a report on the mesh."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from minexplore.bundle import VOLUME
+from pipeline.errors import InputError
+from pipeline.params.surface import SurfaceParams
+from pipeline.remarks import warn_user
+from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.surface.mesh.mesh_checks import MeshReport
+from pipeline.surface.mesh.simplify import Simplification
+from pipeline.surface.reference import measure_sources
+from pipeline.surface.relief.joints import JointedRock, relief_of_joints
+from pipeline.surface.relief.noise import Modulation, relief_of_noise
+from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
+from pipeline.volume.surface.chunks import cut_rock
+from pipeline.volume.surface.displace import DisplacedRock, displace_rock
+from pipeline.volume.surface.fine import FineRock, refine
+from pipeline.volume.surface.room import room_about
+from pipeline.volume.union import Label
+from pipeline.volume.world.content import MineVolume
+
+_WIDEST_M = 0.5
+_SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
+_FACES = 2.2  # of a square whose side is the spacing
+
+
+@dataclass(frozen=True)
+class VolumeRock:
+    """The chunks of the visible rock as `NAME.msh`, and a report on its mesh, closed by the floors."""
+
+    files: Bundle
+    report: MeshReport
+
+
+def rock_of_volume(params: SurfaceParams, compiled: Path) -> VolumeRock:
+    """Return the visible rock of the volume in a folder of stage 3.
+
+    Raises
+    ------
+    InputError
+        If the rock would need points more than 0.5 m apart to keep within `most_faces`.
+    """
+    rock = displaced_rock(params, decode(compiled / VOLUME, MineVolume))
+    files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in cut_rock(rock, params).items()}
+    return VolumeRock(files, _report(rock))
+
+
+def displaced_rock(params: SurfaceParams, volume: MineVolume) -> DisplacedRock:
+    """Return the displaced rock of a volume; see `rock_of_volume`."""
+    spacing_m = _spacing_m(params, volume)
+    fine = refine(volume, spacing_m)
+    rough = params.rough
+    simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
+    wanted = _wanted_m(params, fine)
+    room = room_about(fine, volume)
+    rock = displace_rock(fine, wanted, room, bounds_of(rough), params.floor_chamfer_m, simplification)
+    if len(rock.crossings):
+        place = rock.crossings[0].round(1).tolist()
+        warn_user(
+            f"surface: the visible rock crosses or touches itself at {len(rock.crossings)} places, the first {place} m"
+        )
+    return rock
+
+
+def _spacing_m(params: SurfaceParams, volume: MineVolume) -> float:
+    """Return the configured spacing, or the one at which the rock has `most_faces`, with a remark."""
+    rough = params.rough
+    corners = volume.vertices[volume.faces[volume.label != Label.FLOOR]]
+    area = float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
+    faces = _FACES * area / 2 / rough.spacing_m**2
+    if rough.most_faces is None or faces <= rough.most_faces:
+        return rough.spacing_m
+    spacing_m = round(math.sqrt(faces / rough.most_faces) * rough.spacing_m, 3)
+    size = f"{area / 2:.0f} m2 of walls and roofs would need {faces / 1e6:.1f} million faces of rock"
+    if spacing_m > _WIDEST_M:
+        raise InputError(
+            f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine, or none of "
+            "the rock (preset=light)"
+        )
+    warn_user(
+        f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing_m:g} m apart "
+        f"instead of {rough.spacing_m:g} m"
+    )
+    return spacing_m
+
+
+def _wanted_m(params: SurfaceParams, fine: FineRock) -> np.ndarray:
+    """Return the displacement (n,) m before bounds; points that only floors touch have 0."""
+    relief, rough = _relief(params), params.rough
+    wanted = np.zeros(len(fine.vertices))
+    used = fine.direction.any(axis=1)
+    if isinstance(relief, JointedRock):
+        wanted[used] = relief_of_joints(fine.vertices[used], fine.direction[used], relief, rough.seed)
+        return wanted
+    modulation = Modulation(rough.modulation_m, rough.modulation_spread)
+    return relief_of_noise(fine, *relief, modulation, np.random.default_rng(rough.seed))
+
+
+def _relief(params: SurfaceParams) -> Relief:
+    if params.rock is None:
+        return choose_bands(params, measure_sources(params))
+    if params.reference != "published":
+        warn_user(f"surface.reference = {params.reference}: the rock of a volume is as configured, not fitted to it")
+    return configured_rock(params.rock)
+
+
+def _report(rock: DisplacedRock) -> MeshReport:
+    vertices, faces = rock.mesh.vertices, rock.mesh.faces
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    cross = np.cross(b - a, c - a)
+    one, other = (np.concatenate([faces[:, (k + turn) % 3] for k in range(3)]).astype(np.int64) for turn in (0, 1))
+    own, turned = np.sort(one * len(vertices) + other), np.sort(other * len(vertices) + one)
+    single = bool((np.diff(own) > 0).all())
+    return MeshReport(
+        faces=len(faces),
+        vertices=len(vertices),
+        volume_m3=round(-float(np.einsum("ij,ij->", a, cross)) / 6, 3),
+        area_m2=round(float(np.linalg.norm(cross, axis=1).sum()) / 2, 3),
+        watertight=single and bool((own == turned).all()),
+        winding_consistent=single,
+        self_intersecting=len(rock.crossings) > 0,
+    )

@@ -1,0 +1,69 @@
+"""Chunks of a volume's rock: walls and roofs by tiles of the plan, with texture and normals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from minexplore.bundle import ROOF as ROOF_CHUNKS
+from minexplore.bundle import WALLS, chunk_mesh
+from pipeline.params.surface import SurfaceParams
+from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.surface.mesh.normals import shade_mesh
+from pipeline.surface.mesh.simplify import SurfaceMesh
+from pipeline.types import Mesh
+from pipeline.volume.surface.displace import DisplacedRock
+from pipeline.volume.surface.fine import FLOOR
+from pipeline.volume.surface.texture import lay_texture, texture_groups
+
+_NAMES = {WALL: WALLS, ROOF: ROOF_CHUNKS}
+_LEAST_FACES = 2  # of a chunk: a mesh of MuJoCo has four vertices
+
+
+def cut_rock(rock: DisplacedRock, params: SurfaceParams) -> dict[str, Mesh]:
+    """Cut the rock without its floors into square tiles of the plan; faces face the workings.
+
+    Normals are those of the whole surface, so that chunks meet without a seam.
+    """
+    rock = replace(rock, mesh=_without_floors(rock.mesh))
+    mesh, build, repeat_m = rock.mesh, params.rough, params.texture.repeat_m
+    group = texture_groups(rock)
+    laid, offset = lay_texture(rock, group, params.texture.tether_m)
+    shaded = shade_mesh(mesh.vertices, mesh.faces, build.crease_deg)
+    tile = _tiles(mesh, build.tile_m)
+    order = np.lexsort((*tile.T[::-1], mesh.piece))
+    key = np.column_stack([mesh.piece, tile])[order]
+    chunks = {}
+    for part in np.split(order, np.flatnonzero(np.any(np.diff(key, axis=0) != 0, axis=1)) + 1):
+        corner = shaded.faces[part].astype(np.int64) * laid.shape[2] + group[part][:, None]
+        used, faces = np.unique(corner, return_inverse=True)
+        vertex, way = used // laid.shape[2], used % laid.shape[2]
+        source = shaded.source[vertex]
+        chunks[chunk_mesh(_NAMES[int(mesh.piece[part[0]])], *tile[part[0]].tolist())] = Mesh(
+            mesh.vertices[source],
+            faces.reshape(-1, 3).astype(np.int32),
+            (laid[source, :, way] + offset[source]) / repeat_m,
+            shaded.normals[vertex] if build.normals else None,
+        )
+    return chunks
+
+
+def _without_floors(mesh: SurfaceMesh) -> SurfaceMesh:
+    kept = mesh.piece != FLOOR
+    used, faces = np.unique(mesh.faces[kept], return_inverse=True)
+    faces = faces.reshape(-1, 3).astype(np.int32)
+    return SurfaceMesh(mesh.vertices[used], faces, mesh.piece[kept], mesh.source[used])
+
+
+def _tiles(mesh: SurfaceMesh, tile_m: float) -> np.ndarray:
+    """Return the column and row (m, 2) of each face's tile; faces alone in one join the nearest tile of their piece."""
+    centre = mesh.vertices[mesh.faces].mean(axis=1)[:, :2]
+    tile = np.floor((centre - mesh.vertices[:, :2].min(axis=0)) / tile_m).astype(np.int64)
+    _, number, count = np.unique(np.column_stack([mesh.piece, tile]), axis=0, return_inverse=True, return_counts=True)
+    alone = count[number.reshape(-1)] < _LEAST_FACES
+    merged = tile.copy()
+    for face in np.flatnonzero(alone):
+        distance = np.linalg.norm(centre - centre[face], axis=1)
+        merged[face] = tile[np.where(alone | (mesh.piece != mesh.piece[face]), np.inf, distance).argmin()]
+    return merged

@@ -1,0 +1,178 @@
+"""The visible rock of a volume against its collision walls: gaps, intrusion, holes, crossings, and the width left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import open3d
+from scipy.spatial import cKDTree
+
+from minexplore.bundle import MESHES, mesh_of
+from pipeline.metrics.rock.sampling import sample_triangles
+from pipeline.store.codecs import decode
+from pipeline.surface.mesh.mesh_checks import find_crossings, join_meshes
+from pipeline.types import Mesh
+from pipeline.volume.enclosure import Inside
+from pipeline.volume.union import Label, Volume
+from pipeline.volume.world.topology import LegNetwork
+
+_SAMPLES = 100_000  # of the rock, by area
+_ON_EDGE_M = 2e-3  # of the floor: the rock's points have 0.1 mm, its meshes 32 bits
+_BESIDE_M = 1.0  # about such a place the relief is taken back, and the simplified mesh has edges as long
+_FOLDED = -0.999  # cosine between normals
+_APART_M = 1.0  # along the legs, of the places that the widths and the rays are of
+_MIDDLE = (0.25, 0.75)  # of a leg: at its ends others meet it, or it ends
+_RAYS = 64  # from each place
+_LEAST_M = 0.2  # from a wall: nearer, the direction of a wall is uncertain
+_DIGITS = 6
+
+
+def read_rock(folder: Path, names: Mapping[str, str]) -> dict[str, Mesh]:
+    """Return the visible meshes of a bundle, whose record lists these files."""
+    return {mesh_of(name): decode(folder / name, Mesh) for name in sorted(names) if name.startswith(MESHES)}
+
+
+def measure_rock(
+    volume: Volume, legs: LegNetwork, rock: Mapping[str, Mesh], rng: np.random.Generator
+) -> dict[str, float]:
+    """Return the figures of the visible rock of a world; without any, `shown` is 0 and there are no others.
+
+    `gap_*` are distances from samples of the rock to the facets of the volume, `into_free_m` is the largest of those
+    inside it. `open_m` is the length of the rock's border that is not on the floor's border, `bare_m` the length of the
+    floor's border without rock on it. `crossings` counts places where the rock crosses itself; those where facets of
+    the volume do so, or lie on each other, are `folded`. `leaks` counts rays from the legs that end on no rock and no
+    floor, or on a face from behind. `narrowest_kept` is the share of the distance to the walls that is left where it is
+    least.
+    """
+    if not rock:
+        return {"shown": 0}
+    vertices, faces = join_meshes(dict(rock))
+    samples, _ = sample_triangles(vertices[faces], _SAMPLES, rng)
+    inside = Inside(volume)
+    away = inside.distance_m(samples)
+    gap = np.abs(away)
+    is_floor = volume.label == Label.FLOOR
+    open_m, bare_m = _borders_m(vertices, faces, volume.vertices, volume.faces[is_floor])
+    places = _places(legs)
+    places = places[inside.distance_m(places) > _LEAST_M]
+    return {
+        "shown": 1,
+        "facets": len(faces),
+        "gap_median_m": round(float(np.median(gap)), _DIGITS),
+        "gap_p95_m": round(float(np.percentile(gap, 95)), _DIGITS),
+        "gap_max_m": round(float(gap.max()), _DIGITS),
+        "into_free_m": round(float(away.max(initial=0.0)), _DIGITS),
+        "open_m": round(open_m, _DIGITS),
+        "bare_m": round(bare_m, _DIGITS),
+        **_crossings(vertices, faces, volume),
+        "leaks": _leaks(places, (vertices, faces), (volume.vertices, volume.faces[is_floor]), rng),
+        "narrowest_kept": round(_kept(places, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
+    }
+
+
+def _crossings(vertices: np.ndarray, faces: np.ndarray, volume: Volume) -> dict[str, int]:
+    places = find_crossings(vertices, faces)
+    own = np.concatenate([find_crossings(volume.vertices, volume.faces), _folds(volume)])
+    apart = cKDTree(own).query(places)[0] if len(own) and len(places) else np.full(len(places), np.inf)
+    return {"crossings": int((apart > _BESIDE_M).sum()), "folded": int((apart <= _BESIDE_M).sum())}
+
+
+def _folds(volume: Volume) -> np.ndarray:
+    """Return the middles (n, 3) m of edges whose two facets lie on each other."""
+    faces, normal = volume.faces, volume.normals
+    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    ends = np.sort(np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    order = np.lexsort(ends.T)
+    one, other = order[0::2], order[1::2]  # the mesh is closed: an edge has two facets
+    count = len(faces)
+    on_each_other = np.einsum("ij,ij->i", unit[one % count], unit[other % count]) < _FOLDED
+    found: np.ndarray = volume.vertices[ends[one[on_each_other]]].mean(axis=1)
+    return found
+
+
+def _borders_m(vertices: np.ndarray, faces: np.ndarray, others: np.ndarray, floors: np.ndarray) -> tuple[float, float]:
+    """Return the lengths, m, of the rock's border beside that of the floors, and of the floors' beside the rock's."""
+    rock, floor = vertices[_border(faces)], others[_border(floors)]
+    return _beside_m(rock, floor), _beside_m(floor, rock)
+
+
+def _border(faces: np.ndarray) -> np.ndarray:
+    """Return the edges (n, 2) that one face has alone."""
+    ends = np.sort(np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)]).astype(np.int64), axis=1)
+    edges, count = np.unique(ends, axis=0, return_counts=True)
+    found: np.ndarray = edges[count == 1]
+    return found
+
+
+def _beside_m(edges: np.ndarray, others: np.ndarray) -> float:
+    """Return the length, m, of those edges (n, 2, 3) whose middle third is on no other edge."""
+    long = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    if not len(edges) or not len(others):
+        return float(long.sum())
+    pieces = np.maximum(1, np.ceil(long / 0.25)).astype(np.int64)
+    number = np.repeat(np.arange(len(edges)), pieces)
+    share = (np.arange(len(number)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5) / pieces[number]
+    places = edges[number, 0] + share[:, None] * (edges[number, 1] - edges[number, 0])
+    on = _distance_to_edges(places, others) < _ON_EDGE_M
+    return float((long / pieces)[number][~on].sum())
+
+
+def _distance_to_edges(places: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the distance (n,) m of places from the nearest of edges (k, 2, 3), as triangles without an area."""
+    middle = edges.reshape(-1, 3).mean(axis=0)
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    corners = (edges - middle).astype(np.float32).reshape(-1, 3)
+    numbers = 2 * np.arange(len(edges), dtype=np.uint32)
+    scene.add_triangles(corners, np.column_stack([numbers, numbers + 1, numbers + 1]))
+    tensor = open3d.core.Tensor((places - middle).astype(np.float32))
+    found: np.ndarray = scene.compute_distance(tensor, nthreads=1).numpy()
+    return found
+
+
+def _places(legs: LegNetwork) -> np.ndarray:
+    """Return places (n, 3) m along the legs, half-way up."""
+    places = [np.zeros((0, 3))]
+    for leg in legs.legs:
+        a, b = np.array(legs.stations_m[leg.start]), np.array(legs.stations_m[leg.end])
+        (_, _, up, down), (_, _, far_up, far_down) = leg.lrud_m
+        a, b = a + [0, 0, (up - down) / 2], b + [0, 0, (far_up - far_down) / 2]  # noqa: RUF005
+        share = np.linspace(*_MIDDLE, max(1, round(leg.length_m / 2 / _APART_M)))[:, None]
+        places.append(a * (1 - share) + b * share)
+    return np.concatenate(places)
+
+
+_Triangles = tuple[np.ndarray, np.ndarray]
+
+
+def _scene(middle: np.ndarray, *meshes: _Triangles) -> Any:
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    for vertices, faces in meshes:
+        scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
+    return scene
+
+
+def _leaks(places: np.ndarray, rock: _Triangles, floors: _Triangles, rng: np.random.Generator) -> int:
+    """Return how many rays from places (n, 3) m miss the rock and the floors, or meet the rock from behind."""
+    middle = rock[0].mean(axis=0)
+    ways = rng.standard_normal((len(places), _RAYS, 3))
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    starts = np.broadcast_to((places - middle)[:, None], ways.shape)
+    rays = np.concatenate([starts, ways], axis=2).reshape(-1, 6).astype(np.float32)
+    found = _scene(middle, rock, floors).cast_rays(open3d.core.Tensor(rays), nthreads=1)
+    missed = ~np.isfinite(found["t_hit"].numpy())
+    behind = (found["primitive_normals"].numpy() * rays[:, 3:]).sum(axis=1) > 0
+    return int((missed | behind & (found["geometry_ids"].numpy() == 0)).sum())
+
+
+def _kept(places: np.ndarray, rock: _Triangles, walls: _Triangles) -> float:
+    """Return the share of the distance to the walls that the rock leaves, at the place where that is least."""
+    if not len(places):
+        return 1.0
+    middle = rock[0].mean(axis=0)
+    tensor = open3d.core.Tensor((places - middle).astype(np.float32))
+    seen, solid = (_scene(middle, one).compute_distance(tensor, nthreads=1).numpy() for one in (rock, walls))
+    narrow = int(solid.argmin())
+    return float(seen[narrow] / solid[narrow])
