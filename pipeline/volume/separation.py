@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
+_PAIRS = 20_000  # tried together
 _TOGETHER = 4000  # bodies: their pairs with facets take some 100 MB
 
 
@@ -61,8 +62,10 @@ class Facets:
         self._low, self._high = self.corners.min(axis=1), self.corners.max(axis=1)
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
 
-    def crossing(self, bodies: ConvexBodies) -> Contacts:
+    def crossing(self, bodies: ConvexBodies, enough_m: float = np.inf) -> Contacts:
         """Return the facets that reach into each body; those of its owner are not tried.
+
+        Of a body in which a corner of a facet is deeper than `enough_m`, m, that facet alone is returned.
 
         Tried are a body's directions, the facets' planes and the products of edges, which is all there is of planes
         that can separate two convex bodies.
@@ -70,13 +73,13 @@ class Facets:
         found = []
         for start in range(0, len(bodies), _TOGETHER):
             chosen = slice(start, start + _TOGETHER)
-            body, facet, depth = self._crossing(bodies.some(chosen))
+            body, facet, depth = self._crossing(bodies.some(chosen), enough_m)
             found.append((body + start, facet, depth))
         if not found:
             return Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
         return Contacts(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
-    def _crossing(self, bodies: ConvexBodies) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _crossing(self, bodies: ConvexBodies, enough_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         body, facet = self._near(bodies)
         depth = np.full(len(body), np.inf)
         reach = np.einsum("ndk,nck->ndc", bodies.directions, bodies.corners).max(axis=2)
@@ -88,7 +91,26 @@ class Facets:
                 least = np.einsum("nck,ndk->ndc", self.corners[facet], directions).min(axis=2)
                 inside = (reach[body, which] - least).min(axis=1, initial=np.inf)
             body, facet, depth = _deep(body, facet, np.minimum(depth, inside))
-        return _deep(body, facet, np.minimum(depth, self._between_edges(bodies, body, facet)))
+        clear = self._first_inside(bodies, reach, body, facet, enough_m) if np.isfinite(enough_m) else np.zeros(0, int)
+        left = ~np.isin(body, body[clear])
+        for start in range(0, int(left.sum()), _PAIRS):
+            some = np.flatnonzero(left)[start : start + _PAIRS]
+            depth[some] = np.minimum(depth[some], self._between_edges(bodies, body[some], facet[some]))
+        left[clear] = True
+        return _deep(body[left], facet[left], depth[left])
+
+    def _first_inside(
+        self, bodies: ConvexBodies, reach: np.ndarray, body: np.ndarray, facet: np.ndarray, enough_m: float
+    ) -> np.ndarray:
+        """Return one pair (n,) of each body in which a facet's corner is deeper than `enough_m`."""
+        deep = np.zeros(len(body), bool)
+        for start in range(0, len(body), _PAIRS):
+            some = slice(start, start + _PAIRS)
+            at = np.einsum("nck,ndk->ncd", self.corners[facet[some]], bodies.directions[body[some]])
+            deep[some] = (reach[body[some], None] - at).min(axis=2).max(axis=1) > enough_m
+        pairs = np.flatnonzero(deep)
+        first: np.ndarray = pairs[np.unique(body[pairs], return_index=True)[1]]
+        return first
 
     def _near(self, bodies: ConvexBodies) -> tuple[np.ndarray, np.ndarray]:
         low, high = bodies.corners.min(axis=1), bodies.corners.max(axis=1)

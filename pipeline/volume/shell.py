@@ -151,7 +151,7 @@ class _Shell:
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
         """Return how deep (n,) m a facet is in each body."""
         found = np.zeros(len(bodies))
-        contacts = self._facets.crossing(bodies)
+        contacts = self._facets.crossing(bodies, _SHALLOW_M)
         np.maximum.at(found, contacts.body, contacts.depth_m)
         return found
 
