@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -251,6 +252,14 @@ def test_robots_at_full_throttle_stay_in_a_spiral(tmp_path):
     distance, collisions = drive_all_out(world, 5.0)
     assert collisions.sum() > 0
     assert (distance > 0.1).all()
+
+
+@pytest.mark.slow
+def test_robots_at_full_throttle_stay_in_wheal_pell(tmp_path):
+    world = minexplore.load(build_volume(Path("data/wheal_pell/pell.3d"), tmp_path))
+    distance, collisions = drive_all_out(world, 3.0)
+    assert collisions.sum() > 0
+    assert (distance > 0.05).all()
 
 
 def test_a_robot_that_fits_nowhere_is_one_error(box):
