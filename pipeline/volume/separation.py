@@ -9,7 +9,7 @@ import shapely
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
 _PAIRS = 20_000  # tried together
-_TOGETHER = 4000  # bodies: their pairs with facets take some 100 MB
+_TOGETHER = 500  # bodies: their pairs with facets take some 100 MB where facets are small
 
 
 @dataclass(frozen=True)
