@@ -31,9 +31,12 @@ def network_in_volume(batch: FlyerBatch, band_s: float) -> TimeNetwork:
         )
     fastest = math.hypot(batch.task.max_forward_mps, batch.robot.climb_mps)
     task = dataclasses.replace(batch.task, terrain=False, max_forward_mps=fastest)
-    plan = SimpleNamespace(world=batch.world, task=task, robot=batch.robot, grid=batch.grid)
+    cubes = batch.grid
+    seen = cubes.in_plan(cubes.reachable)
+    grid = SimpleNamespace(reachable=seen, origin_m=cubes.origin_m, cell_m=cubes.cell_m, total=int(seen.sum()))
+    plan = SimpleNamespace(world=batch.world, task=task, robot=batch.robot, grid=grid)
     network = time_network(cast(Any, plan), band_s)
-    columns = batch.grid.columns()
+    columns = cubes.columns()
     credit = {
         node: np.concatenate([columns[cell] for cell in cells.tolist()] or [np.zeros(0, dtype=int)])
         for node, cells in network.credit.items()

@@ -191,7 +191,7 @@ class Lidar:
         self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
         bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
-        self._planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
+        self.planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
         self._first = np.cumsum([0, *(len(faces) for _, faces in self._meshes)])[:-1]  # plane of each mesh
         self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with meshes and bytes
 
@@ -216,12 +216,7 @@ class Lidar:
         if not len(near):
             return np.full(len(origins), np.inf)
         found, mesh, face = cast(origins, directions)
-        return plane_distances(self._planes, self._first[near[mesh]] + face, origins, directions, found)
-
-    @property
-    def planes(self) -> np.ndarray:
-        """Return the planes (n, 4) of all faces, mesh by mesh; see `face_planes`."""
-        return self._planes
+        return plane_distances(self.planes, self._first[near[mesh]] + face, origins, directions, found)
 
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.

@@ -100,7 +100,9 @@ def test_a_stated_volume_is_written_into_the_section_and_walls_are_refused_with_
     assert "volume" not in detect_here(str(table), {}).values["values"]
     walls = tmp_path / "a.geojson"
     walls.write_text('{"type": "Polygon", "coordinates": [[[0,0],[50,0],[50,5],[0,5],[0,0]]]}')
-    with pytest.raises(InputError, match="--volume builds legs between stations, or with --half-width M"):
+    with pytest.raises(
+        InputError, match="--volume builds legs between stations, the solids in a DXF file, or with --half-width M"
+    ):
         detect_here(str(walls), StatedOptions(volume=True).values())
 
 
