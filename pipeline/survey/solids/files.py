@@ -84,6 +84,8 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
         raise InputError(f"{path}: not a mesh that a {suffix[1:].upper()} file holds") from error
     for name, transform, mesh in meshes:
         if isinstance(mesh, trimesh.Trimesh):
+            if np.shape(mesh.vertices)[1:] != (3,):
+                raise InputError(f"{path}: corners of {np.shape(mesh.vertices)[1]} numbers, want 3")
             vertices = np.asarray(mesh.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
             yield str(name), vertices, np.asarray(mesh.faces, np.int64)
 

@@ -110,7 +110,13 @@ def test_layers_are_chosen_by_name_and_an_unknown_one_lists_them(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "data"),
-    [("a.stl", b"solid x\nfacet"), ("a.obj", b"v 1 2\nf 1 2 3"), ("a.ply", b"ply\nformat"), ("a.glb", b"glTF\2\0\0\0")],
+    [
+        ("b.obj", b"v 1 2\nv 3 4\nv 5 6\nf 1 2 3\n"),
+        ("a.stl", b"solid x\nfacet"),
+        ("a.obj", b"v 1 2\nf 1 2 3"),
+        ("a.ply", b"ply\nformat"),
+        ("a.glb", b"glTF\2\0\0\0"),
+    ],
 )
 def test_a_broken_file_is_refused_by_its_name_in_one_line(tmp_path, name, data):
     (tmp_path / name).write_bytes(data)
