@@ -1,1 +1,1 @@
-"""Sensors measured: their speed, real logs beside them, and what they look like."""
+"""Sensors: their speed, a comparison with real logs, and pictures of what they see."""

@@ -49,7 +49,7 @@ mounting pose and, for motion within a scan, the robot's pose when the scan bega
 
 Dust takes light by the law of Beer and Lambert, and its particles return a part of the rays before they reach rock. A
 return is lost where its power falls below that of the data sheet's limit: at grazing incidence, far away, on wet
-ground. Standing water mirrors rays: they come back, if at all, from what they hit next, as a ghost below the floor.
+ground. Standing water mirrors rays. What a mirrored ray hits next may return as a ghost point below the floor.
 
 | number | {presets} |
 |---|{rule}
