@@ -64,6 +64,7 @@ ENTRANCE_CAMERA, OVERVIEW_CAMERA = "entrance", "overview"
 
 MESHES = "meshes/"  # folder of visible meshes
 _MESH_SUFFIX = ".msh"
+HFIELDS = "hfields/"  # folder of the heights of a rough floor
 
 COLLAR_CORNERS = 4  # of an opening in the floor
 SLAB_M = 0.25  # thickness of floor and roof of a mine with heights, and how far its walls reach beyond both
@@ -80,10 +81,12 @@ _LET_BEAMS_PASS = "weldmesh"
 WATER_MATERIAL, SHADE_MATERIAL = "water", "shade"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
 _COVER, _FITTING, _PUDDLE, _SHADE = "cover_", "fitting_", "puddle_", "shade_"
+_ROUGH = "rough_"
 
 # Patterns of names that end in a number. Other patterns are those of a zone or of a mesh in the functions below.
 ROCK_NAMES, ROOF_WEDGES, SPOT_NAMES = rf"{_ROCK}\d{{4,6}}", rf"{_WEDGE}\d{{5}}", rf"{_SPOT}\d{{2,5}}"
 SHADE_NAMES, COVER_MESHES = rf"{_SHADE}\d", rf"{_COVER}\d{{3,4}}_\d{{2,4}}_\d{{2,4}}"
+ROUGH_FLOORS = r"rough_\d{3,4}_\d{2,4}_\d{2,4}"
 SHEET_MAPS = rf"{_MAP}\d{{2,4}}\.(?:yaml|png)"
 
 _MOST_MESSAGE = 2000  # characters of an error
@@ -157,6 +160,11 @@ def has_heights(record: Mapping[str, Any]) -> bool:
     return "heights" in record
 
 
+def has_rough_floor(record: Mapping[str, Any]) -> bool:
+    """Return whether robots stand on the visible floor of a world, by its record, and not on level planes."""
+    return "rough_floor" in record
+
+
 def is_volume(record: Mapping[str, Any]) -> bool:
     """Return whether a world is one closed volume of free space, by its record."""
     return record.get("format") == VOLUME_FORMAT
@@ -187,6 +195,26 @@ def floor_wedge(zone: str, number: int) -> str:
 def zone_of_wedge(geom: str) -> str:
     """Return the name of the zone geom that a wedge of the floor belongs to."""
     return geom.rpartition("_")[0]
+
+
+def rough_floor(zone: int, col: int, row: int) -> str:
+    """Return the name of the geom and height field of one tile of a rough floor, in a zone by number."""
+    return f"{_ROUGH}{zone:03d}_{col:02d}_{row:02d}"
+
+
+def is_rough_floor(geom: str) -> bool:
+    """Return whether a geom of this name is a tile of a rough floor."""
+    return geom.startswith(_ROUGH)
+
+
+def zone_of_rough_floor(name: str) -> int:
+    """Return the number of the zone that a tile of a rough floor is in."""
+    return int(name.split("_")[1])
+
+
+def hfield_file(name: str) -> str:
+    """Return the file of a height field."""
+    return f"{HFIELDS}{name}.png"
 
 
 def roof_wedge(number: int) -> str:

@@ -81,7 +81,9 @@ class PlanGround:
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the pose of a robot at a place (2,) m of the plan; see `RobotGround`."""
         x, y = place_m[:2]
-        return free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad, self.floor)
+        pose = free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad, self.floor)
+        pose[:3] += self.models.rough.highest_m(place_m[:2], self.robot.radius_m) * self.T_world_mine[:3, 2]
+        return pose
 
     def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the places in the plan, in which sheets lie side by side; see `RobotGround`."""

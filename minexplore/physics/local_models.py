@@ -23,6 +23,7 @@ from minexplore.bundle import (
 from minexplore.floors.local_floor import simplify_floor
 from minexplore.physics.robot import ROCK_BODY, contact_sensor, separate_contacts, stand_on_facets
 from minexplore.physics.robot_kind import Robot
+from minexplore.physics.rough_floor import read_rough_floor
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
@@ -69,6 +70,7 @@ class LocalModels:
         absent = sorted(set(self._zones) - {_zone_of(geom) for geom in self._slabs}) if world.floor.is_flat else []
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
+        self.rough = read_rough_floor(world, self._spec)
         self._roof = world.floor.raised(float(world.record["height_m"]))
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + MARGIN_M
 
@@ -97,7 +99,7 @@ class LocalModels:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         for name in robots:
             self.robot.attach(spec, name)
-            if not self.world.floor.is_flat:
+            if not self.world.floor.is_flat or len(self.rough):
                 stand_on_facets(spec, name)
             contact_sensor(spec, name)
         return spec
@@ -109,6 +111,7 @@ class LocalModels:
         mine.quat = quaternion(self.T_world_mine[:3, :3])
         solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         self._add_floor_and_roof(spec, mine, solid, box)
+        self._add_rough_floor(spec, mine, box)
         rock = self._spec.find_default(ROCK_CLASS).geom
         for part in self.parts if box is None else self._rock.within(box):
             _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
@@ -133,6 +136,12 @@ class LocalModels:
                 _add_part(spec, body, wedge, **attributes)
             else:
                 body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **attributes)
+
+    def _add_rough_floor(self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, box: Box | None) -> None:
+        """Add what a box reaches of the rough floor, if there is one; all of it without a box."""
+        zones = self.world.active_zones(self.task.terrain)
+        for tile in self.rough.tiles if box is None else self.rough.within(box.low, box.high):
+            tile.add_to(spec, mine, [zones[tile.zone].friction, 0.005, 0.0001])
 
     def _friction(self, geom: mujoco.MjsGeom) -> list[float]:
         """Return a geom's friction: sliding as its floor zone has it."""

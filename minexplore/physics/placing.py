@@ -16,6 +16,7 @@ from minexplore.limits import Span
 from minexplore.physics.local_models import Box, LocalModels
 from minexplore.physics.robot import ROCK_BODY, RobotParams
 from minexplore.physics.robot_file import RobotFile, RobotStance, read_robot
+from minexplore.physics.rough_floor import RoughFloor
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
@@ -102,7 +103,7 @@ def place(
     file.drop_scenery()
     stance = file.stance(keyframe)
     models = LocalModels(world, TaskParams(), RobotParams())
-    T_world_robot = models.T_world_mine @ _stand(world, stance, pose)
+    T_world_robot = models.T_world_mine @ _stand(world, models.rough, stance, pose)
     near = _compose(models, _copy(file), stance, T_world_robot, stance.radius_m + _BESIDE_M, prefix)
     near.compiler.discardvisual = True  # its meshes take longest
     _require_room(world, near, file, pose, stance)
@@ -123,7 +124,7 @@ def _copy(file: RobotFile) -> RobotFile:
     return replace(file, spec=file.spec.copy(), changes=[])
 
 
-def _stand(world: World, stance: RobotStance, pose: Pose) -> np.ndarray:
+def _stand(world: World, rough: RoughFloor, stance: RobotStance, pose: Pose) -> np.ndarray:
     """Return T_mine_robot (4, 4): from the frame of the robot's file into the mine frame."""
     plan, ahead = np.array([pose.x_m, pose.y_m]), np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0])
     if pose.z_m is None or world.floor.is_flat:
@@ -136,6 +137,7 @@ def _stand(world: World, stance: RobotStance, pose: Pose) -> np.ndarray:
         turn = _upright(axes[:, 2], axes @ ahead)
         foot = world.floor.fold(np.array([[*plan, 0.0]]))[0]
         lift = _GAP_M + _above_slope(world, stance, plan, foot, turn)
+        lift += rough.highest_m(plan, stance.radius_m)
     T_mine_robot = np.eye(4)
     T_mine_robot[:3, :3] = turn
     T_mine_robot[:3, 3] = foot + turn @ [-stance.origin_m[0], -stance.origin_m[1], lift - stance.low_m[2]]

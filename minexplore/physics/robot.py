@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof
+from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof, is_rough_floor
 from minexplore.floors.floor import Floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
@@ -244,7 +244,7 @@ def _spring(spec: mujoco.MjSpec, castor: mujoco.MjsGeom) -> None:
 def separate_contacts(spec: mujoco.MjSpec) -> None:
     """Give floor and rock geoms the contact bits that robots expect."""
     for geom in spec.geoms:
-        if is_floor(geom.name):
+        if is_floor(geom.name) or is_rough_floor(geom.name):
             geom.contype, geom.conaffinity = FLOOR_BIT, 0
         elif is_rock(geom.name) or is_roof(geom.name):
             geom.contype, geom.conaffinity = ROCK_BIT, 0

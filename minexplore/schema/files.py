@@ -16,6 +16,7 @@ from minexplore.bundle import (
     CLEARANCE_GRID,
     FLOOR,
     FREE_SPACE,
+    HFIELDS,
     MADE_BY,
     MESHES,
     MODEL,
@@ -27,6 +28,7 @@ from minexplore.bundle import (
     PREVIEW,
     RECORD,
     ROCK_TEXTURE,
+    ROUGH_FLOORS,
     SHEET_MAPS,
     TOPOLOGY,
     VOLUME,
@@ -60,7 +62,8 @@ FIXED = (
 )
 VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock have any
 _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
-_FOLDERS = {MESHES.rstrip("/"), ROCK_TEXTURE.partition("/")[0]}
+_HFIELD = re.compile(rf"{HFIELDS}{ROUGH_FLOORS}\.png", re.ASCII)
+_FOLDERS = {MESHES.rstrip("/"), HFIELDS.rstrip("/"), ROCK_TEXTURE.partition("/")[0]}
 _MOST_BYTES = 1 << 30  # of a bundle
 _MOST_FILES = 100_000
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
@@ -79,7 +82,7 @@ _SHEET_MAP = re.compile(SHEET_MAPS, re.ASCII)
 def is_known(name: str) -> bool:
     """Return whether a bundle may have a file of this name."""
     return name in (*FIXED, FLOOR, CELLS, PARTS, VOLUME, MADE_BY) or bool(
-        _MESH.fullmatch(name) or _SHEET_MAP.fullmatch(name)
+        _MESH.fullmatch(name) or _HFIELD.fullmatch(name) or _SHEET_MAP.fullmatch(name)
     )
 
 
@@ -192,7 +195,7 @@ def _fixed_pictures(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
 
 def _refuse_visible(files: Mapping[str, bytes]) -> None:
     for name in files:
-        if name in VISIBLE or name.startswith(MESHES):
+        if name in VISIBLE or name.startswith((MESHES, HFIELDS)):
             raise BundleError(f"{name}: {RECORD} says overlay = {NO_OVERLAY!r}; such a world has no file of this kind")
 
 

@@ -9,9 +9,10 @@ from minexplore.schema.attributes import Attribute, Element
 from minexplore.schema.fittings import BODY, MATERIALS, MESH
 from minexplore.schema.model import VISIBLE_MESH, WORLD
 from minexplore.schema.readers.rules import equal_numbers
+from minexplore.schema.rough_floor import FIELD, GEOM
 
 _SHOWS = {("texture", "rock"), ("mesh", VISIBLE_MESH), ("body", SURFACE_BODY), ("default", SURFACE_CLASS)}
-_SHOWS |= {(element.tag, element.name) for element in (BODY, MESH, *MATERIALS)}
+_SHOWS |= {(element.tag, element.name) for element in (BODY, MESH, FIELD, GEOM, *MATERIALS)}
 
 
 def _without_visible_rock(element: Element) -> Element:

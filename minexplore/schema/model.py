@@ -33,6 +33,7 @@ from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
 from minexplore.schema.fittings import BODY, MATERIALS, MESH
 from minexplore.schema.readers.rules import exactly, matching, numbers, points, unit_vector
+from minexplore.schema.rough_floor import FIELD, GEOM
 
 REACH_M = 1e6  # of any coordinate
 MOST_ZONES, MOST_LIGHTS, MOST_PARTS, MOST_MESHES = 1000, 10_000, 100_000, 100_000
@@ -120,6 +121,7 @@ _ASSETS = Element(
         _ROCK_MESH,
         _VISIBLE_MESH,
         MESH,
+        FIELD,
     ),
 )
 _LIGHT = Element(
@@ -226,6 +228,7 @@ _MINE = Element(
             {"name": required(exactly(OVERVIEW_CAMERA)), "quat": _TURNED, "pos": _PLACE, "fovy": constant(30)},
             name=OVERVIEW_CAMERA,
         ),
+        GEOM,
         _LIGHT,
         _SURFACE,
         BODY,

@@ -15,6 +15,7 @@ from minexplore.bundle import (
     VOLUME_FORMAT,
     BundleError,
     has_heights,
+    has_rough_floor,
 )
 from minexplore.looks import LOOKS
 from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
@@ -119,7 +120,7 @@ def _check_openings(where: str, openings: Any) -> None:
 def _fields_of(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields that a record must have."""
     if not has_heights(record):
-        return dict(RECORD_FIELDS)
+        return RECORD_FIELDS | ({"rough_floor": same_json(True)} if has_rough_floor(record) else {})
     has_roof = isinstance(record["heights"], dict) and "roof_m" in record["heights"]
     heights = {"heights": HEIGHT_FIELDS | (ROOF_FIELDS if has_roof else {})}
     openings = {"openings": _check_openings, "fenced": FENCED} if "openings" in record else {}

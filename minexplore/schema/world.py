@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import (
-    MESHES,
     MODEL,
     RECORD,
     UNSEALED,
@@ -102,7 +101,7 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     grid = check_contents(record, files, floor)
     root = read_xml(MODEL, files[MODEL])
     check_elements(MODEL, root, _TABLES[has_visible_rock(record), has_heights(record)])
-    check_agreement(root, record, [name for name in files if name.startswith(MESHES)], floor)
+    check_agreement(root, record, files, floor)
     return CheckedWorld(record, files, grid, floor)
 
 

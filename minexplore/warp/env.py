@@ -13,6 +13,7 @@ import warp as wp
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from minexplore.bundle import has_rough_floor
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
 from minexplore.envs.vector import check_count, find_mode
 from minexplore.physics.robots import RobotChoice, default_robot
@@ -85,6 +86,8 @@ class MineWarpEnv(VectorEnv):
             raise ValueError(
                 f"{self.world.folder}: the environment on Warp drives on level floors; this mine has heights"
             )
+        if has_rough_floor(self.world.record):
+            raise ValueError(f"{self.world.folder}: the environment on Warp drives on level floors; this one is rough")
         self.robots = WarpBatch(self.world, self.task, self.robot, num_envs, self.device)
         self.single_observation_space = observation_space(self.task)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)

@@ -15,6 +15,7 @@ from minexplore.bundle import (
     TriangleMesh,
     decode_msh,
     has_visible_rock,
+    is_rough_floor,
     is_shade,
     puddle_geom,
 )
@@ -23,6 +24,7 @@ from pipeline.errors import ArtifactError
 from pipeline.export.labels import part_label, surface_label, water_label
 from pipeline.export.scene import UNITS, ConvexPart, ExportScene, Light, Material, Surface, WorldFacts, box_corners
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.remarks import warn_user
 
 _PARTS = (GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF)
 
@@ -45,7 +47,10 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
     except BundleError as error:
         raise ArtifactError(str(error)) from error
     zones = [zone.name for zone in record.zones]
-    parts = [_part(spec, geom, zones) for geom in spec.geoms if geom.group in _PARTS]
+    solid = [geom for geom in spec.geoms if geom.group in _PARTS]
+    parts = [_part(spec, geom, zones) for geom in solid if not is_rough_floor(geom.name)]
+    if len(parts) < len(solid):
+        warn_user("export: left out is the rough floor; robots stand on its level planes")
     materials = {material.name: _material(material) for material in spec.materials}
     lights = [_light(light) for light in spec.lights]
     return ExportScene(_facts(record, licence), parts, surfaces, materials, lights, texture)

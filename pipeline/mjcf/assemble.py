@@ -31,6 +31,7 @@ from minexplore.floors.floor import Floor
 from minexplore.floors.floor_zones import zoned_box
 from minexplore.floors.stretch import raise_m
 from minexplore.schema.files import read_grid
+from pipeline.errors import GeometryError
 from pipeline.geometry.maps.occupancy import sheet_nav2_maps
 from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.geometry.openings.shaft_parts import fence_parts, roof_slabs
@@ -87,6 +88,8 @@ def assemble_world(
     chunks = _chunks(rough)
     zones = tile_zones(params.zones, zoned_box(extent.world_m, floor))
     wet = params.floor if floor.is_flat else None  # water is level
+    if params.rough_floor and not floor.is_flat:
+        raise GeometryError("realism.rough_floor: want a level mine; the floor of one with heights is even")
     if params.floor and params.floor.puddles and not floor.is_flat:
         warn_user("realism.floor.puddles: a mine with heights shows none")
     scene = MineScene(
@@ -111,6 +114,7 @@ def assemble_world(
         water_m=wet.water_m if wet else 0.0,
         floor=floor,
         openings=openings,
+        is_rough=params.rough_floor,
     )
     give_back()  # of the fittings' making: compiling is what takes most
     files, model = compile_bundle(scene)
@@ -230,6 +234,7 @@ def _record(
         heights=heights,
         openings=scene.openings.shafts,
         fenced=params.fence_openings,
+        rough_floor=scene.is_rough,
     )
 
 

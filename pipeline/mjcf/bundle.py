@@ -78,7 +78,7 @@ class WorldRecord:
     """The content of `world.json`; all units are m, rad, kg and s, except where a name states another.
 
     `overlay` is "none" in a world without visible rock, else "rough". `heights` is absent in a flat world, `openings`
-    and whether they are `fenced` in one without openings.
+    and whether they are `fenced` in one without openings, `rough_floor` in one whose floor is level.
     """
 
     format: str
@@ -106,6 +106,7 @@ class WorldRecord:
     heights: HeightFigures | None = None
     openings: list[Opening] = field(default_factory=list)
     fenced: bool = True
+    rough_floor: bool = False
 
     @property
     def has_visible_rock(self) -> bool:
@@ -160,6 +161,8 @@ def seal_bundle(files: dict[str, bytes], record: WorldRecord, made_by: MadeBy) -
         del fields["heights"]
     elif record.heights.roof_m is None:
         del fields["heights"]["roof_m"]
+    if not record.rough_floor:
+        del fields["rough_floor"]
     if not record.openings:
         del fields["openings"], fields["fenced"]
     for opening in fields.get("openings", []):

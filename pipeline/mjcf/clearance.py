@@ -57,7 +57,8 @@ def _keep_group(spec: mujoco.MjSpec, group: int) -> None:
     """
     for geom in spec.geoms:
         if geom.group != group:
-            geom.type, geom.meshname, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, "", [_PROBE_M, 0, 0]
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [_PROBE_M, 0, 0]
+            geom.meshname = geom.hfieldname = ""
     used = {geom.meshname for geom in spec.geoms}
     for mesh in [mesh for mesh in spec.meshes if mesh.file and mesh.name not in used]:
         spec.delete(mesh)

@@ -80,6 +80,7 @@ class MineScene:
     water_m: float = 0.0
     floor: Floor = field(default_factory=Floor)
     openings: Openings = NO_OPENINGS
+    is_rough: bool = False  # robots stand on the visible floor
 
     @property
     def has_visible_rock(self) -> bool:

@@ -25,6 +25,7 @@ from minexplore.bundle import (
     GeomGroup,
     floor_wedge,
     ground_material,
+    hfield_file,
     mesh_file,
     rock_geom,
     roof_wedge,
@@ -68,7 +69,8 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     if scene.has_visible_rock:
         meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
         texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
-        spec.assets = {**meshes, ROCK_TEXTURE: texture}
+        fields = _add_rough_floor(spec, mine, scene) if scene.is_rough else {}
+        spec.assets = {**meshes, ROCK_TEXTURE: texture, **fields}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=spot_light(i),
@@ -191,6 +193,16 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
             friction=[zone.friction, 0.005, 0.0001],
             group=GeomGroup.FLOOR,
         )
+
+
+def _add_rough_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> Bundle:
+    """Add height fields that follow the visible floor; return their files."""
+    from pipeline.mjcf.rough_floor import hfield_files, rough_tiles  # open3d takes a second to load
+
+    tiles = rough_tiles({Path(name).stem: data for name, data in scene.fittings.items()}, scene.zones)
+    for tile in tiles:
+        tile.add_to(spec, mine, [scene.zones[tile.zone].friction, 0.005, 0.0001], hfield_file(tile.name))
+    return hfield_files(tiles)
 
 
 def zoned_patches(floor: Floor, zones: list[ZoneStrip]) -> list[tuple[int, Points3]]:

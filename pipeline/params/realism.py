@@ -60,6 +60,9 @@ class RealismParams(Params):
     fence_openings: bool = Field(True, description="a fence round each opening; false: a robot can fall in")
     look: Annotated[str, one_of(LOOKS)] = Field(PLAIN, description="light, haze and sheen of the rock")
     floor: FloorParams | None = Field(None, description="the visible floor; null: the flat zones alone")
+    rough_floor: bool = Field(
+        False, description="robots stand on the visible floor, with its ruts and banks; false: on level planes"
+    )
     furnish: Literal["off", "light", "full", "meshed"] = Field(
         "off", description="furniture of the world, by its name in realism.furniture; needs a look"
     )
@@ -74,6 +77,8 @@ class RealismParams(Params):
     def _fittings_are_known(self) -> RealismParams:
         if (self.floor is not None or self.furnish != "off") and self.look == PLAIN:
             raise ValueError("a visible floor and furniture need a look other than realism.look=plain; choose look=dry")
+        if self.rough_floor and self.floor is None:
+            raise ValueError("realism.rough_floor needs a visible floor (fittings=drift)")
         if self.furnish != "off" and self.furnish not in self.furniture:
             raise ValueError(f"realism.furnish={self.furnish} needs realism.furniture.{self.furnish}")
         unknown = set(self.floor.puddles if self.floor else ()) - {zone.name for zone in self.zones}

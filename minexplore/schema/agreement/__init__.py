@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from minexplore.bundle import MODEL, RECORD, BundleError, has_visible_rock
+from minexplore.bundle import MESHES, MODEL, RECORD, BundleError, has_visible_rock
 from minexplore.floors.floor import Floor
 from minexplore.schema.agreement.comparison import ModelElements
 from minexplore.schema.agreement.rock import check_boxes, check_rock, check_zones
@@ -13,9 +13,10 @@ from minexplore.schema.agreement.views import check_cameras, check_lights, check
 from minexplore.schema.fittings import check_fittings
 from minexplore.schema.heights import check_wedges
 from minexplore.schema.readers.xml import Node
+from minexplore.schema.rough_floor import check_rough_floor
 
 
-def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str], floor: Floor) -> None:
+def check_agreement(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], floor: Floor) -> None:
     """Refuse a model that differs from its record, or names other meshes than the bundle has.
 
     Parameters
@@ -24,8 +25,8 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
         `mine.xml`, which the table of elements allows.
     record : dict
         `world.json`, which the table of fields allows.
-    meshes : iterable of str
-        The files below `meshes/`.
+    files : dict
+        By name.
     floor : Floor
         Of `floor.npz`; without triangles in a flat world.
 
@@ -48,5 +49,6 @@ def check_agreement(root: Node, record: Mapping[str, Any], meshes: Iterable[str]
     check_cameras(at, record, floor)
     check_lights(at, record, floor)
     if has_visible_rock(record):
-        check_surface(at, set(meshes))
+        check_surface(at, {name for name in files if name.startswith(MESHES)})
+    check_rough_floor(at.of_mine, at.of_assets, record, files)
     check_fittings(at.fittings, at.of_assets, record)

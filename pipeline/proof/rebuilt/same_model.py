@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import cv2
 import mujoco
 import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import (
+    HFIELDS,
     MESHES,
     MODEL,
     ROCK_TEXTURE,
@@ -41,6 +43,7 @@ from pipeline.store.codecs import decode
 from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, Openings, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
+_LEVELS = 1  # of 255: another processor may round the other way
 _PLACE_M = 2e-4  # centres have four decimals
 # Where files lie, a checksum of the sources, and the trees that speed up collisions, which follow from the rest.
 _UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
@@ -69,7 +72,8 @@ def require_same_model(
     elif prisms:
         require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
-    assets = {name: data for name, data in files.items() if name.startswith(MESHES) or name == ROCK_TEXTURE}
+    assets = {name: data for name, data in files.items() if name.startswith((MESHES, HFIELDS)) or name == ROCK_TEXTURE}
+    _require_fields(folder, files, spec)
     text = text_of(spec, folder / MODEL)
     if text.encode() == files[MODEL]:  # then the compiled models are equal too
         return
@@ -114,6 +118,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         water_m=float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0,
         floor=floor,
         openings=Openings(record.openings),
+        is_rough=record.rough_floor,
     )
     spec = build_spec(scene)
     for geom, own, was in zip((g for g in spec.geoms if is_rock(g.name)), vertices, rock, strict=True):
@@ -125,6 +130,16 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         geom.pos = was.pos
         spec.mesh(geom.meshname).uservert = own.ravel().tolist()
     return spec
+
+
+def _require_fields(folder: Path, files: Mapping[str, bytes], made: mujoco.MjSpec) -> None:
+    """Compare the pictures of a rough floor with those that the visible floor gives."""
+    for name, data in made.assets.items():
+        if name.startswith(HFIELDS):
+            stated: Image = decode(folder / name, Image)
+            wanted = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+            if stated.shape != wanted.shape or np.abs(stated.astype(int) - wanted).max() > _LEVELS:
+                raise ArtifactError(f"{folder / name}: not the heights of the visible floor")
 
 
 def _smooth(stated: mujoco.MjSpec) -> dict[str, Mesh]:
