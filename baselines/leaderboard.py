@@ -15,10 +15,12 @@ from baselines.pages.split_page import UNVERIFIED_HEADING, split_section
 from baselines.policies.found import RESERVED
 from baselines.score import check, require_name
 from baselines.scoring.bounds import Bound, bound_of, read_bounds
+from baselines.scoring.degraded import degraded_table, read_degraded
 from baselines.scoring.verified_runs import was_driven_here
 
 PAGE = Path("LEADERBOARD.md")
 _PROFILES = Path("docs/unseen-profiles.png")
+_WORSE_SENSES = "### By worse senses: points of coverage lost"
 _ALWAYS = ("area under coverage", "time to 50 %, s", "collisions per 100 m", "return")
 
 
@@ -90,7 +92,9 @@ def _section(env_id: str, rows: list[_LeaderboardRow], bound: Bound | None) -> s
     best_first = sorted(rows, key=lambda row: -(row.figures[coverage[-1]].value or 0.0))
     lines += _table([row for row in best_first if row.verified], shown)
     claimed = [row for row in best_first if not row.verified]
-    return "\n".join([*lines, *([UNVERIFIED_HEADING, "", *_table(claimed, shown)] if claimed else [])])
+    lines += [UNVERIFIED_HEADING, "", *_table(claimed, shown)] if claimed else []
+    degraded = read_degraded().get(env_id)
+    return "\n".join([*lines, *([_WORSE_SENSES, "", degraded_table(degraded)] if degraded else [])])
 
 
 def _table(rows: list[_LeaderboardRow], shown: list[str]) -> list[str]:

@@ -104,8 +104,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     ),
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
-    _python("odometry-loss", "all", "benchmarks.sensors.odometry_loss", _PARTS + "odometry-loss.md", "10"),
-    _python("conditions-loss", "all", "benchmarks.sensors.conditions_loss", _PARTS + "conditions-loss.md", "15"),
+    _python("sensing-loss", "all", "benchmarks.sensors.sensing_loss", _PARTS + "sensing-loss.md", "40"),
     _python("wheel-log", "setup", "benchmarks.wheel_log", ""),
     # Pictures
     _python("sensor-pictures", "all", "benchmarks.sensors.pictures", "docs/sensors.jpg"),

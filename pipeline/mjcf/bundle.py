@@ -387,8 +387,9 @@ def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) 
 
     They are in the mine frame that `T_world_mine` (4, 4) gives.
 
-    Left out are the level boxes, or the wedges, that are the floor and the roof, meshes of the surface's and the
-    fittings' bodies that do not collide, and the level planes of puddles; `pipeline.proof` bounds where these may be.
+    Left out are the level boxes, or the wedges, that are the floor and the roof, the height fields of a rough floor,
+    meshes of the surface's and the fittings' bodies that do not collide, and the level planes of puddles;
+    `pipeline.proof` bounds where these may be.
     A sphere, capsule or another round shape is returned as the box around it.
     """
     data = mujoco.MjData(model)
@@ -401,7 +402,8 @@ def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) 
         is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
         seen_only = not collides and model.geom_bodyid[geom] in surfaces and (is_mesh or _is_puddle(model, geom))
         is_wedge = is_mesh and model.geom_group[geom] in (GeomGroup.FLOOR, GeomGroup.ROOF)
-        if seen_only or is_wedge or _is_slab(model, geom, mine, height_m):
+        is_floor = is_wedge or _is_slab(model, geom, mine, height_m) or _is_rough_floor(model, geom, mine)
+        if seen_only or is_floor:
             continue
         own = _mesh_corners(model, geom) if is_mesh else _box_around(model, geom)
         world = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
@@ -414,6 +416,14 @@ def _is_puddle(model: mujoco.MjModel, geom: int) -> bool:
     is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
     level = np.allclose(model.geom_quat[geom], [1, 0, 0, 0])
     return bool(is_plane and level and 0 < model.geom_pos[geom][2] <= COVER_M)
+
+
+def _is_rough_floor(model: mujoco.MjModel, geom: int, mine: int) -> bool:
+    """Return whether a geom is a level height field that ends as low over the floor as the visible one may."""
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_HFIELD or model.geom_bodyid[geom] != mine:
+        return False
+    top = model.geom_pos[geom][2] + model.hfield_size[model.geom_dataid[geom]][2]
+    return bool(np.allclose(model.geom_quat[geom], [1, 0, 0, 0]) and top <= COVER_M + _LEVEL_M)
 
 
 def _is_slab(model: mujoco.MjModel, geom: int, mine: int, height_m: float) -> bool:

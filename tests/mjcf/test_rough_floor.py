@@ -17,7 +17,7 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError, ParamsError
-from pipeline.mjcf.bundle import open_bundle, read_record
+from pipeline.mjcf.bundle import obstacles, open_bundle, read_record
 from pipeline.mjcf.rough_floor import rough_tiles
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.built import require_built
@@ -110,6 +110,15 @@ def test_a_body_that_falls_in_the_plain_model_rests_on_the_rough_floor(rough: Bu
     assert any(map(is_rough_floor, touched))
     height = (np.linalg.inv(T) @ [*data.body("ball").xpos, 1.0])[2]
     assert 0.1 < height < 0.1 + COVER_M
+
+
+def test_height_fields_are_floor_and_one_that_is_higher_than_a_visible_floor_is_an_obstacle(rough: BuiltMine):
+    record = read_record(rough.bundle)
+    model, T = open_bundle(rough.bundle).model, np.array(record.T_world_mine)
+    known = len(obstacles(model, T, record.height_m))
+    assert known == record.collision_parts
+    model.hfield_size[0][2] = 0.3
+    assert len(obstacles(model, T, record.height_m)) == known + 1
 
 
 def test_a_robot_of_any_file_stands_on_it_where_it_is_placed(rough: BuiltMine, tmp_path):

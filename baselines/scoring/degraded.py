@@ -1,0 +1,71 @@
+"""What explorers see of a mine by worse senses, and what they lose: the file that keeps it, and its table."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter
+
+from baselines.base.errors import BaselineError
+from baselines.base.markdown import markdown_table
+from baselines.base.result_file import RESULTS, replace_text
+
+DEGRADED = RESULTS / "degraded.json"
+TRUE = "ideal"  # senses that are not degraded
+
+
+class Drives(BaseModel):
+    """Means of some episodes: coverage, collisions, and how far the known pose is off at the end, m."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    inputs_sha256: str  # of the world, the task, the senses and the code of the policy
+    episodes: int
+    coverage: float
+    collisions: float
+    off_m: float
+
+
+Senses = dict[str, Drives]  # by the name of the senses
+_KEPT = TypeAdapter(dict[str, dict[str, Senses]])  # by environment and policy
+
+
+def read_degraded(path: Path | None = None) -> dict[str, dict[str, Senses]]:
+    """Return what is kept by environment, policy and senses; nothing without the file.
+
+    Raises
+    ------
+    BaselineError
+        If the file cannot be read, or holds something else.
+    """
+    path = path or DEGRADED
+    if not path.is_file():
+        return {}
+    try:
+        return _KEPT.validate_json(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise BaselineError(f"{path}: no drives by worse senses ({str(error).splitlines()[0]})") from error
+
+
+def keep_drives(env_id: str, policy: str, senses: str, drives: Drives, path: Path | None = None) -> None:
+    """Add what a policy's episodes came to to the file."""
+    kept = read_degraded(path)
+    kept.setdefault(env_id, {}).setdefault(policy, {})[senses] = drives
+    replace_text(path or DEGRADED, json.dumps(_KEPT.dump_python(kept), indent=1) + "\n")
+
+
+def degraded_table(rows: dict[str, Senses]) -> str:
+    """Return a table of one environment: each policy's coverage by ideal senses, and the points that others cost."""
+    names = [name for name in next(iter(rows.values())) if name != TRUE]
+    columns = ["policy", "episodes", "coverage", *(f"lost, {name}" for name in names)]
+    columns += ["pose off at the end by odometry, m"] if "odometry" in names else []
+    cells = []
+    best_first = sorted(rows.items(), key=lambda item: -item[1][TRUE].coverage if TRUE in item[1] else 0.0)
+    for policy, senses in best_first:
+        if {TRUE, *names} - senses.keys():
+            continue  # not all are driven yet
+        ideal = senses[TRUE]
+        lost = [f"{100 * (ideal.coverage - senses[name].coverage):.1f}" for name in names]
+        off = [f"{senses['odometry'].off_m:.1f}"] if "odometry" in names else []
+        cells.append([policy, ideal.episodes, f"{100 * ideal.coverage:.1f} %", *lost, *off])
+    return markdown_table(columns, cells)
