@@ -31,11 +31,11 @@ _SPANS = {
 class HuskyParams(Robot):
     """The robot of `mjcf/husky.xml`, whose measures and sources stand there, and what its wheels make of a command.
 
-    `radius_m` is that of the disc about its 990 x 670 mm. `max_speed_mps` is its data sheet's. `travel_scale` and
+    `radius_m` is that of the disc about its 990 x 670 mm. `max_speed_mps` is its manual's. `travel_scale` and
     `side_ratio`, the way over ground by metre of wheel and the right side's share of the left one's, and both noises
     are fitted to the wheel log of the Chilean mine by `python -m benchmarks wheel-log`; noise is drawn once a control
-    step. `turn_gain` makes up for wheels that slip sideways, as the real one's driver does by 1.9; with it turns in
-    MuJoCo on level ground are those commanded to 20 % or so.
+    step. `turn_gain` makes up for wheels that slip sideways, as the real one's driver does by 1.875 (husky/husky,
+    husky_control/config/control.yaml); with it turns in MuJoCo on level ground are those commanded to 20 % or so.
     """
 
     KIND: ClassVar[str] = "husky"

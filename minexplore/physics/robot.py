@@ -48,10 +48,10 @@ FASTEST_FALL_MPS = 3.0  # MuJoCo's contacts are soft: after 20 m of free fall a 
 class RobotParams(Robot):
     """The robot's measures, by default those of a Clearpath Husky A200 where the paper gives none.
 
-    `radius_m` is the paper's authors' disc. `mass_kg`, `wheel_radius_m`, `wheel_width_m` are the Husky's data sheet,
-    `wheel_base_m` its wheel separation in the dataset. `wheel_torque_nm` is what each side needs on the sheet's
-    steepest grade of 45 deg: m g sin(45 deg) r / 2. `wheel_friction_nm`, the drive train's dry friction, is an
-    assumption: enough to hold the robot on a slope of 5.6 deg by itself. The scanner's measures are a Riegl VZ-400's.
+    `radius_m` is the paper's authors' disc. `mass_kg` and the clearance are of the Husky A200 User Manual, the wheels'
+    measures of its URDF, `wheel_base_m` of the dataset. `wheel_torque_nm` is what each side needs on the manual's
+    steepest grade of 45 deg: m g sin(45 deg) r / 2. `wheel_friction_nm`, the drive train's dry friction, is assumed: it
+    holds the robot on a slope of 5.6 deg by itself. The scanner's measures are taken as a VZ-400's, not verified.
     """
 
     radius_m: float = 0.35

@@ -14,7 +14,8 @@ from minexplore.sensing.scanners.caster import Hits, shared_caster
 from minexplore.sensing.scanners.degradation import degrade_hits
 from minexplore.sensing.scanners.pattern import ScanPattern
 
-_TEN_PERCENT_SHARE = 0.8  # SICK TiM551 data sheet, a planar LiDAR of 10 m: 8 m at 10 % remission
+# Of a SICK TiM551's range of 10 m (SICKAG/sick_scan_xd, list of devices). Not verified: 8 m at 10 % remission.
+_TEN_PERCENT_SHARE = 0.8
 
 
 class DegradedBatch(RobotBatch):

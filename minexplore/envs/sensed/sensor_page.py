@@ -146,4 +146,5 @@ def _condition_sources() -> list[str]:
 
 def _item(name: str, text: str) -> str:
     """Return an item of a list in lines that a screen holds."""
-    return textwrap.fill(f"- {name}: {text.rstrip(chr(46))}.", _WIDE, subsequent_indent="  ", break_long_words=False)
+    item = f"- {name}: {text.rstrip('.')}."
+    return textwrap.fill(item, _WIDE, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

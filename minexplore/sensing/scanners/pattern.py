@@ -15,7 +15,7 @@ _KINDS = ("spinning", "rosette", "lines")
 _SHARED = {"kind", "source", "rate_hz", "elevations_deg", "range_m", "range_at_ten_percent_m", "noise_m"}
 _OWN = {
     "spinning": {"columns", "azimuths_deg", "firing_s"},
-    "rosette": {"points_hz", "turns_hz", "swings_hz", "lines"},
+    "rosette": {"points_hz", "turns_hz", "swings_hz", "fan_deg"},
     "lines": {"columns", "lines"},
 }
 
@@ -140,15 +140,23 @@ def _lines(pattern: ScanPattern) -> Rays:
 
 
 def _rosette(pattern: ScanPattern, number: int) -> Rays:
-    """Return the rays of a scan of a pattern that does not repeat."""
+    """Return the rays of a scan of a pattern that does not repeat.
+
+    A fan of lines, which are fired together, turns about the upright fast and swings up and down slowly. It turns about
+    its own middle once a turn, as the mirror does that throws it.
+    """
     about = pattern.about
     count = pattern.rays
-    lines = np.arange(count) % about["lines"]
+    fan = np.radians(about["fan_deg"])
+    lines = np.arange(count) % len(fan)
     time_s = np.arange(count) / about["points_hz"]
-    now = time_s + number * pattern.period_s
-    azimuth = 2 * np.pi * about["turns_hz"] * now + lines * 2 * np.pi / about["lines"]
+    fired_s = (np.arange(count) - lines) / about["points_hz"] + number * pattern.period_s
+    turned = 2 * np.pi * about["turns_hz"] * fired_s
     low, high = np.radians(pattern.elevations_deg)
-    elevation = (low + high) / 2 + (high - low) / 2 * np.sin(2 * np.pi * about["swings_hz"] * now + lines)
+    reach = (high - low) / 2 - fan[:, 0].max()
+    middle = (low + high) / 2 + reach * np.cos(2 * np.pi * about["swings_hz"] * fired_s)
+    azimuth = turned + fan[lines, 1] * np.sin(turned) / np.cos(middle)
+    elevation = middle + fan[lines, 0] * np.cos(turned)
     return _rays(azimuth, elevation, lines, time_s)
 
 

@@ -86,3 +86,9 @@ def test_dust_returns_light_where_nothing_else_is_in_reach():
 def test_a_camera_that_none_sells_is_refused_in_one_line():
     with pytest.raises(ValueError, match=r"camera: fovy_deg = 190: want a number from 5 to 150"):
         CameraParams(fovy_deg=190)
+
+
+def test_the_cameras_field_is_that_of_its_data_sheet_at_four_to_three():
+    camera = CameraParams()
+    across = np.degrees(2 * np.arctan(camera.width_px / 2 / camera.focal_px))
+    assert (across, camera.fovy_deg) == (pytest.approx(75, abs=3), pytest.approx(62, abs=3))  # 75 +- 3 by 62 +- 1 deg

@@ -1,5 +1,7 @@
 """Parameters of sensors: presets with sources, and refusals in one line."""
 
+import math
+
 import pytest
 
 from minexplore.sensing.params import IDEAL, SensorParams, preset_names, preset_numbers, sensor_params
@@ -16,6 +18,16 @@ def test_every_number_of_a_preset_states_a_source():
 def test_ideal_is_the_default_and_alone_is_ideal():
     assert sensor_params(None) == sensor_params("ideal") == SensorParams() == IDEAL
     assert [sensor_params(name).is_ideal for name in preset_names()] == [True, False, False, False]
+
+
+def test_the_typical_numbers_follow_from_the_figures_of_their_sources():
+    typical = sensor_params("typical")
+    dust_gpm3, soot_gpm3 = 5e-3, 0.16e-3
+    assert typical.dust_per_m == pytest.approx(0.6 * dust_gpm3 + 10 * soot_gpm3, rel=0.1)
+    assert typical.gyro_noise_radps_rthz == pytest.approx(math.radians(0.014), rel=0.01)
+    assert typical.gyro_bias_radps == pytest.approx(math.radians(6.5) / 3600, rel=0.02)
+    assert typical.accel_noise_mps2_rthz == pytest.approx((160 + 160 + 190) / 3 * 1e-6 * 9.81, rel=0.01)
+    assert typical.accel_bias_mps2 == pytest.approx(20e-3 * 9.81 / 10, rel=0.03)
 
 
 def test_a_preset_is_changed_field_by_field():

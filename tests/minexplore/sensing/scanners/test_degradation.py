@@ -55,6 +55,12 @@ def test_half_of_the_rays_return_from_dust_where_it_transmits_what_the_source_sa
     assert (hits.range_m[hits.label == DUST] < 3.3).all()
 
 
+def test_dust_of_a_ventilated_mine_hides_nothing_within_the_reach_of_the_robots_beams():
+    share = {name: (degraded(10, 1, sensor_params(name)).label == DUST).mean() for name in ("typical", "dusty")}
+    assert share["typical"] < 0.01
+    assert share["dusty"] > 0.5
+
+
 def test_dust_attenuates_by_the_law_of_beer_and_lambert():
     # A surface returns if 0.3 / 0.1 (40 / r)^2 exp(-2 a r) >= 1: with a = 0.1, up to 15.18 m.
     thick = SensorParams(dust_per_m=0.1, noise=1e-6)
