@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
+from pipeline.params.reading.refusals import in_own_words
 from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection import Detection
@@ -119,7 +120,7 @@ def _picture_section(values: dict[str, Any]) -> PlanSurveyParams:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"survey.{where} = {first['input']!r}: {first['msg']}") from error
+        raise InputError(f"survey.{where} = {first['input']!r}: {in_own_words(first)}") from error
 
 
 def _read_bar(
