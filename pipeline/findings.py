@@ -38,6 +38,12 @@ def findings_of(detected: Detection, conf: Path) -> list[Remark]:
 
 
 def _of_picture(detected: Detection) -> Iterator[Remark]:
+    if by := detected.values.get("reduction"):
+        yield Remark(
+            "is the part of its size at which a large picture is read and detected.png drawn; px are of the whole",
+            f"1/{by}",
+            "--crop, survey.reduction=1",
+        )
     if detected.values.get("workings_only"):
         yield Remark(
             "a drawing: all but the workings is left out (detected.png shows them)",

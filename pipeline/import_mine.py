@@ -18,6 +18,7 @@ from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.params.reading.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.remarks import Remark, warn_user
@@ -226,7 +227,7 @@ def require_section(text: str) -> None:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"][1:])
-        raise ParamsError(f"survey.{where} = {first['input']!r}: {first['msg']}") from error
+        raise ParamsError(f"survey.{where} = {first['input']!r}: {in_own_words(first)}") from error
 
 
 def import_workings(name: str, source: Path) -> Path:

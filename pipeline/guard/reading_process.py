@@ -48,7 +48,8 @@ def run_limited(
 
     The child is forked, which takes some milliseconds. A new interpreter is started instead if other Python threads
     run, because they may hold locks, or if `fresh` is true: a library's own threads do not survive a fork. The child
-    ignores Ctrl-C and is killed when this function ends for any reason.
+    ignores Ctrl-C and is killed when this function ends for any reason. The remarks of a child that is killed are lost:
+    nothing that they are about is kept.
 
     Parameters
     ----------

@@ -48,6 +48,7 @@ from pipeline.mjcf.loading import compile_spec, load_model, read_spec
 from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
+from pipeline.params.reading.refusals import in_own_words
 from pipeline.store.codecs import decode
 from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
@@ -198,7 +199,7 @@ def read_made_by(folder: Path) -> MadeBy:
     except ValidationError as error:
         first = error.errors()[0]
         where = ascii(".".join(map(str, first["loc"])))[1:-1]  # a key is the file's text
-        raise ArtifactError(f"{path}: {where:.80} = {first['input']!r:.80}: {first['msg']}") from error
+        raise ArtifactError(f"{path}: {where:.80} = {first['input']!r:.80}: {in_own_words(first)}") from error
 
 
 def read_record(folder: Path, checked: bool = True) -> WorldRecord:
@@ -226,7 +227,7 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
         raise ArtifactError(f"{folder}/{error}") from error
     except ValidationError as error:
         first = error.errors()[0]
-        raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        raise ArtifactError(f"{folder / RECORD}: {'.'.join(map(str, first['loc']))}: {in_own_words(first)}") from error
 
 
 def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import ParamsError
 from pipeline.params.base import Params
+from pipeline.params.reading.refusals import in_own_words
 
 FILE = "conf/reader_limits.yaml"
 # Readers also work outside the project's folder, so the file is found from this module.
@@ -64,5 +65,5 @@ def reader_limits() -> ReaderLimits:
         return ReaderLimits.model_validate(yaml.safe_load(_PATH.read_text()))
     except (OSError, yaml.YAMLError, ValidationError) as error:
         first = error.errors()[0] if isinstance(error, ValidationError) else None
-        problem = f"{'.'.join(map(str, first['loc']))}: {first['msg']}" if first else str(error)
+        problem = f"{'.'.join(map(str, first['loc']))}: {in_own_words(first)}" if first else str(error)
         raise ParamsError(f"{FILE}: {problem}") from error

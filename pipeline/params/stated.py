@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import InputError
 from pipeline.params.base import Params
+from pipeline.params.reading.refusals import in_own_words
 from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, PieceOption, StartM, Unit
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
@@ -186,9 +187,8 @@ def state(path: Path, values: Mapping[str, Any]) -> StatedOptions:
         return StatedOptions.model_validate(values)
     except ValidationError as error:
         first = error.errors()[0]
-        message = first["msg"].removeprefix("Value error, ")
         flag = option(str(first["loc"][0])).flags[0]
-        raise InputError(f"{path}: {flag} = {first['input']!r:.80}: {message}") from error
+        raise InputError(f"{path}: {flag} = {first['input']!r:.80}: {in_own_words(first)}") from error
 
 
 def require_read(path: Path, kind: FileKind, stated: StatedOptions) -> None:

@@ -30,6 +30,7 @@ from pipeline.survey.drawing.picture import (
     require_few_regions,
     turn_picture,
 )
+from pipeline.survey.drawing.reduction import in_reduced_px, size_read
 from pipeline.survey.drawing.scale import measure_bar
 from pipeline.survey.formats import is_solved
 from pipeline.survey.grid.nav2 import nav2_picture
@@ -261,6 +262,7 @@ def require_extent(path: str, plan: Image, px_per_m: float) -> None:
 def _read_scaled(params: Scaled) -> _Drawn:
     """Read a survey whose scale must be measured, and choose its scale."""
     reading = plan_of_stations(params) if params.kind == "stations" else read_plan(params)
+    params = params if params.kind == "stations" else in_reduced_px(params)
     plan, boxes = reading.plan, reading.boxes
     poses = None if params.poses is None else _scale_of_poses(params.poses, plan, reading.frame)
     read_width, width = plan.shape[1], params.resample_width_px or plan.shape[1]
@@ -327,24 +329,26 @@ def read_plan(params: PlanSurveyParams) -> Reading:
     path, length = Path(params.image), params.scale.bar_length_m
     plan = make_ready(path, read_picture(path, params), params)
     require_few_regions(path, plan)
+    by, stated_box = params.reduction, list(params.scale.bar_box_px or ())
+    params = in_reduced_px(params)
     boxes, bar, per_m, georeference = [], None, None, Georeference("m", 1.0, turned_deg=params.turn_deg)
     if params.scale.bar_image is not None:
-        bar = measure_bar(
-            read_image(Path(params.scale.bar_image), params.max_megapixels), length, params.scale.bar_image
-        )
+        alone = read_image(Path(params.scale.bar_image), params.max_megapixels)
+        bar = measure_bar(alone, length, params.scale.bar_image) / by
     elif params.scale.bar_box_px is not None:
         col0, row0, col1, row1 = box = params.scale.bar_box_px
         if not (0 <= col0 < col1 <= plan.shape[1] and 0 <= row0 < row1 <= plan.shape[0]):
             raise InputError(
-                f"survey.scale.bar_box_px = {list(box)}: not inside the picture of {plan.shape[1]} x {plan.shape[0]} px"
+                f"survey.scale.bar_box_px = {stated_box}: not inside the picture of "
+                f"{by * plan.shape[1]} x {by * plan.shape[0]} px"
             )
-        bar = measure_bar(plan[row0:row1, col0:col1], length, f"{params.image} within {list(box)}")
+        bar = measure_bar(plan[row0:row1, col0:col1], length, f"{params.image} within {stated_box}{size_read(by)}")
         boxes.append(box)
     if params.scale.source == "georeference":
         plan, per_m, georeference = _place_in_map(path, plan, params)
     origin = params.origin_px or (-0.5, plan.shape[0] - 0.5)
     if params.workings_only:
-        plan, boxes = keep_workings(path, plan, params.level), []
+        plan, boxes = keep_workings(path, plan, params), []
     elif params.line_drawing:
         plan = fill_walls(path, plan, params)
     frame = Frame(1.0, origin[0] + 0.5, origin[1] + 0.5, plan.shape[1], plan.shape[0])
@@ -354,6 +358,7 @@ def read_plan(params: PlanSurveyParams) -> Reading:
 def _place_in_map(path: Path, plan: Image, params: PlanSurveyParams) -> tuple[Image, float, Georeference]:
     """Rotate a plan north up by its georeference. Return the plan, its scale in px/m, and its new georeference."""
     place = read_placement(path)
+    size = place.size * params.reduction
     if params.crop_px is not None or params.turn_deg:
         raise InputError(f"{path}: survey.crop_px and survey.turn_deg cannot be used with scale.source=georeference")
     corner = np.zeros(2)  # the picture's corner in the rotated picture
@@ -361,9 +366,9 @@ def _place_in_map(path: Path, plan: Image, params: PlanSurveyParams) -> tuple[Im
         plan, turn = turn_picture(plan, place.turned_deg)
         corner = turn[:, 2]
     col, row = params.origin_px or (-0.5, plan.shape[0] - 0.5)
-    origin = place.east + (col + 0.5 - corner[0]) * place.size, place.north - (row + 0.5 - corner[1]) * place.size
+    origin = place.east + (col + 0.5 - corner[0]) * size, place.north - (row + 0.5 - corner[1]) * size
     georeference = Georeference(place.unit, place.metres_per_unit, origin, place.crs, None, place.turned_deg)
-    return plan, 1.0 / (place.size * place.metres_per_unit), georeference
+    return plan, 1.0 / (size * place.metres_per_unit), georeference
 
 
 def _scale_of_poses(poses: PosesParams, plan: Image, frame: Frame) -> PoseScale:

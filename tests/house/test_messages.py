@@ -182,6 +182,16 @@ def test_no_message_quotes_an_exception_of_a_library():
     assert found == {}
 
 
+def test_no_message_has_the_words_of_pydantic():
+    quoting = {path for path, tree in modules(("pipeline", "stages")) for node in ast.walk(tree) if _is_msg(node)}
+    assert quoting == {"pipeline/params/reading/refusals.py", "pipeline/store/manifest.py"}  # no user writes a manifest
+
+
+def _is_msg(node: ast.AST) -> bool:
+    """Return whether a piece of code takes the text of one of pydantic's errors."""
+    return isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant) and node.slice.value == "msg"
+
+
 def test_a_quoted_exception_is_found_out():
     text = "try:\n    f()\nexcept (OSError, E) as error:\n    raise InputError(f'{path}: no ({QUOTED})') from error"
     for quoted in ("error", "str(error)[:120]", "type(error).__name__", '" ".join(str(error).split())'):

@@ -27,11 +27,11 @@ from tests.mines import TEE, frame_for, plan_of
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("px_per_m", 0.0, "--px-per-m = 0.0: Input should be greater than 0"),
-        ("px_per_m", float("nan"), "--px-per-m = nan: Input should be a finite number"),
+        ("px_per_m", 0.0, "--px-per-m = 0.0: want more than 0"),
+        ("px_per_m", float("nan"), "--px-per-m = nan: want a finite number"),
         ("bar_length_m", -5.0, "--bar-length = -5.0"),
-        ("wall_gap_px", -5.0, "--gap = -5.0: Input should be greater than or equal to 0"),
-        ("wall_gap_px", 1e9, "--gap = 1000000000.0: Input should be less than or equal to 200"),
+        ("wall_gap_px", -5.0, "--gap = -5.0: want at least 0"),
+        ("wall_gap_px", 1e9, "--gap = 1000000000.0: want at most 200"),
         ("seeds_px", [[1e308, 0]], "--seed = 1e[+]308"),
         ("seeds_px", [[1, 1]] * 1001, "--seed = .*at most 1000 items"),
         ("elevations_m", {"a": 1e5}, "--elevation = 100000"),
@@ -120,7 +120,7 @@ def test_a_new_field_is_an_option_without_further_declarations(monkeypatch):
     for module in (stated_module, options_module):
         monkeypatch.setattr(module, "StatedOptions", WithMargin)
     assert parse("--margin", "3").margin_m == 3.0
-    with pytest.raises(InputError, match=r"a\.png: --margin = -3\.0: Input should be greater than or equal to 0"):
+    with pytest.raises(InputError, match=r"a\.png: --margin = -3\.0: want at least 0"):
         parse("--margin", "-3")
     with pytest.raises(InputError, match=r"a\.png: --margin is not read with a picture; there are --bar-box"):
         require_read(Path("a.png"), FileKind.PICTURE, parse("--margin", "3"))

@@ -17,10 +17,11 @@ MOST_PX = 2e6  # the search takes up to 10 s a megapixel
 _THICK = 0.5  # share of the ink that stays visible in the copy
 
 
-def read_bounded(picture: Image, level: int | None) -> DrawingReading:
+def read_bounded(picture: Image, level: int | None, reduction: int = 1) -> DrawingReading:
     """Find the workings on a drawing; as `read_drawing` up to `MOST_PX`, else on a smaller copy of the picture.
 
     The mask is as large as the picture. Its border is interpolated: it is right to half a pixel of the copy.
+    `reduction` is how much smaller the picture is than the user's; messages state shares of the latter.
 
     Raises
     ------
@@ -33,7 +34,7 @@ def read_bounded(picture: Image, level: int | None) -> DrawingReading:
     try:
         return _enlarged(read_drawing(_copy_of(picture, share), level), picture)
     except DrawingError as error:
-        message = f"{error} (the picture was searched at {100 * share:.0f} % of its size)"
+        message = f"{error} (the picture was searched at {100 * share / reduction:.0f} % of its size)"
         raise type(error)(message, _mask_as(error.found, picture)) from error
 
 

@@ -50,6 +50,12 @@ class PlanSurveyParams(ScaledSurveyParams):
     crop_px: BoxPx | None = Field(
         default=None, description="box of the picture that is read: col0, row0, col1, row1; null: all"
     )
+    reduction: int = Field(
+        default=1,
+        ge=1,
+        le=8,
+        description="read at 1/reduction of its size after cropping; values in px are those of the whole picture",
+    )
     turn_deg: float = Field(
         default=0.0, ge=-180, le=180, description="turn of the picture after cropping, counter-clockwise"
     )

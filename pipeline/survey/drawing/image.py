@@ -117,6 +117,8 @@ def _strips(picture: np.ndarray) -> list[np.ndarray]:
 
 def _to_bgr(picture: np.ndarray) -> Image:
     """Convert a decoded picture to 8-bit BGR. Transparent pixels become white."""
+    if picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3:
+        return picture  # a copy of 200 megapixels takes 600 MB
     result = np.empty((*picture.shape[:2], 3), np.uint8)
     for row, strip in zip(range(0, len(picture), _STRIP_ROWS), _strips(picture), strict=True):
         result[row : row + _STRIP_ROWS] = _strip_to_bgr(strip)

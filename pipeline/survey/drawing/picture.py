@@ -21,6 +21,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.image import read_image, require_workings_drawn
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
+from pipeline.survey.drawing.reduction import reduce_picture, size_read
 from pipeline.types import Image
 
 USUAL_DPI, _LEAST_DPI = 200.0, 36.0  # of a page if none is stated, and the least that may be
@@ -113,7 +114,7 @@ def _open_page(path: Path, page: int) -> Iterator[tuple[pypdfium2.PdfPage, int]]
 
 
 def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
-    """Crop, clean and rotate a picture by the parameters; the result is dark on light.
+    """Crop, reduce, clean and rotate a picture by the parameters; the result is dark on light.
 
     Raises
     ------
@@ -128,11 +129,13 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
                 f"{picture.shape[1]} x {picture.shape[0]} px"
             )
         picture = picture[row0:row1, col0:col1]
+    picture = reduce_picture(picture, params.reduction)
     for ignored in params.ignore_colours:
-        difference = np.abs(picture.astype(int) - np.array(ignored.rgb[::-1])).max(axis=2)
-        kept = difference > ignored.within
-        paper = np.median(picture[kept], axis=0) if kept.any() else 255
-        picture = np.where(kept[..., None], picture, paper).astype(np.uint8)
+        colour = np.array(ignored.rgb[::-1])
+        has_colour = cv2.inRange(picture, colour - ignored.within, colour + ignored.within) > 0
+        paper = 255 if has_colour.all() else np.median(picture[~has_colour], axis=0).astype(np.uint8)
+        picture = picture.copy()
+        picture[has_colour] = paper
     if params.light_on_dark:
         picture = 255 - picture
     if params.turn_deg:
@@ -159,7 +162,7 @@ def require_few_regions(path: Path, picture: Image) -> None:
 
 
 def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
-    """Fill the workings of a line drawing, so that they are dark on light paper.
+    """Fill the workings of a line drawing, so that they are dark on light paper; parameters are in its px.
 
     Raises
     ------
@@ -170,11 +173,11 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     try:
         inside = fill_line_drawing(dark, list(params.seeds_px), params.wall_gap_px)
     except GeometryError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"{path}: {error}{size_read(params.reduction)}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)
 
 
-def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
+def keep_workings(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     """Remove everything but the workings from a drawing; they are dark on light paper.
 
     Raises
@@ -183,7 +186,7 @@ def keep_workings(path: Path, picture: Image, level: int | None) -> Image:
         If the workings are not found beyond doubt. The message names the option that settles it.
     """
     try:
-        inside = read_bounded(picture, level).mask
+        inside = read_bounded(picture, params.level, params.reduction).mask
     except GeometryError as error:
         raise InputError(f"{path}: {error}") from error
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)

@@ -16,6 +16,7 @@ from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
+from pipeline.survey.drawing.reduction import Box, place_in, size_read
 from pipeline.types import Image, Mask
 
 WIDTHS_M = (1.5, 12.0)  # range of drift widths in practice
@@ -37,7 +38,9 @@ class FoundWorkings:
     workings_only: bool = False
 
 
-def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, stated: StatedOptions) -> FoundWorkings:
+def find_workings(
+    path: Path, picture: Image, dark: Mask, px_per_m: float, stated: StatedOptions, reduction: int = 1
+) -> FoundWorkings:
     """Find the workings of a plan, dark on light.
 
     A plan that shows nothing but workings is read as a whole. If there is more, it is read as a drawing; such a reading
@@ -52,7 +55,9 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     px_per_m : float
         0 if unknown.
     stated : StatedOptions
-        `level`, `seeds_px` and `wall_gap_px`; with seeds the picture is a line drawing.
+        `level`, `seeds_px` and `wall_gap_px`, px of the whole picture; with seeds the picture is a line drawing.
+    reduction : int
+        How much smaller the picture is than the whole.
 
     Raises
     ------
@@ -61,25 +66,25 @@ def find_workings(path: Path, picture: Image, dark: Mask, px_per_m: float, state
     InputError
         If a seed is outside the walls, or they enclose nothing.
     """
-    seeds, gap_px = stated.seeds_px or [], wall_gap_px(stated)
+    seeds = [place_in(seed, reduction) for seed in stated.seeds_px or []]
+    gap_px = wall_gap_px(stated) / reduction
     if seeds:
         try:
             mask = fill_line_drawing(dark, seeds, gap_px)
         except GeometryError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise InputError(f"{path}: {error}{size_read(reduction)}") from error
         return FoundWorkings(mask, typical_width_px(mask), line_drawing=True)
     whole = _read_whole(dark, px_per_m, gap_px)
     if _is_clean(picture, whole.mask):
         return whole
     try:
-        drawing = read_bounded(picture, stated.level)
+        drawing = read_bounded(picture, stated.level, reduction)
     except GeometryError as error:
         found = error.found if isinstance(error, DrawingError) else None
         raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error
     if (share := share_of(picture)) < 1.0:
-        warn_user(
-            f"{path.name}: the workings are found at {100 * share:.0f} % of the picture's size; --crop keeps more"
-        )
+        shown = f"{100 * share / reduction:.0f} %"
+        warn_user(f"{path.name}: the workings are found at {shown} of the picture's size; --crop keeps more")
     if (drawing.mask & whole.mask).sum() >= _SAME * (drawing.mask | whole.mask).sum():
         return whole
     return FoundWorkings(drawing.mask, drawing.width_px, workings_only=True)
@@ -91,7 +96,7 @@ def wall_gap_px(stated: StatedOptions) -> float:
     return float(PlanSurveyParams.model_fields["wall_gap_px"].default) if given is None else given
 
 
-def draw_detected(picture: Image, mask: Mask | None, bar_box: list[int] | None) -> Image:
+def draw_detected(picture: Image, mask: Mask | None, bar_box: Box | None) -> Image:
     """Draw a picture pale, the workings green, the box round them (a crop) and the scale bar's box red."""
     shown = 255 - (255 - picture) // 2  # of a picture of 200 megapixels an array of 16 bits has 1.2 GB
     line = max(1, round(max(picture.shape[:2]) / 600))
@@ -99,7 +104,7 @@ def draw_detected(picture: Image, mask: Mask | None, bar_box: list[int] | None) 
     if mask is not None and mask.any():
         shown[mask] = (shown[mask] * 0.35 + _TINT * 0.65).astype(np.uint8)
         col, row, cols, rows = cv2.boundingRect(mask.astype(np.uint8))
-        boxes.append([col, row, col + cols, row + rows])
+        boxes.append((col, row, col + cols, row + rows))
     for box in boxes:
         if box is not None:
             cv2.rectangle(shown, (int(box[0]), int(box[1])), (int(box[2]) - 1, int(box[3]) - 1), (40, 40, 220), line)

@@ -149,9 +149,9 @@ def test_workings_that_grades_put_over_each_other_are_no_drawn_plan(tmp_path):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["+survey.grade={L00:steep}"], "survey.grade.L00 = 'steep': Input should be a valid number"),
-        (["+survey.grade=0.5"], "survey.grade = 0.5: Input should be less than or equal to 0.36"),
-        (["+survey.grade={}"], "survey.grade: Value should have at least 1 item"),
+        (["+survey.grade={L00:steep}"], "survey.grade.L00 = 'steep': want a number"),
+        (["+survey.grade=0.5"], "survey.grade = 0.5: want at most 0.36"),
+        (["+survey.grade={}"], "survey.grade: want 1 or more, got 0"),
         (["survey=procedural", "+survey.grade={A:0.1}"], "survey: grade: a grade for each leg needs a station table"),
     ],
 )
