@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.keyed import near_facets, simplified
-from pipeline.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
+from pipeline.volume.ledges import DEEPEST_M, MIDDLE, FoldedLedges, are_steps, fold_ledges, ledges_of, walls_on_floors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
@@ -49,11 +49,11 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     is_ledge = ledges_of(fine)
     stays = np.zeros(len(is_ledge), bool)
     for _ in range(_ROUNDS):
-        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge)
+        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays)
         rise = _solve(folded, network)
         faces = folded.first[folded.volume.faces]
         real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-        turned = turned_walls(folded, rise, fine) & ~is_ledge & ~stays
+        turned = (turned_walls(folded, rise, fine) | _new_steps(folded, rise, stays)) & ~is_ledge & ~stays
         is_ledge |= turned
         if turned.any():
             continue
@@ -234,6 +234,15 @@ def _fade(folded: FoldedLedges, used: np.ndarray, rise: np.ndarray) -> np.ndarra
     laplacian = coo_matrix((pull + _LONE, (np.arange(count), np.arange(count))), (count, count)) - stiff - stiff.T
     rise[moving] = spsolve(laplacian.tocsc(), target)
     return rise
+
+
+def _new_steps(folded: FoldedLedges, rise: np.ndarray, stays: np.ndarray) -> np.ndarray:
+    """Return which facets (f,) of the fine mesh are low steps between floors as these have risen."""
+    moved = replace(folded.volume, vertices=folded.volume.vertices + rise[:, None] * [0, 0, 1.0])
+    some = walls_on_floors(moved, folded.is_floor, stays[folded.parent])
+    found = np.zeros(len(stays), bool)
+    found[folded.parent[are_steps(moved, folded.is_floor, some, MIDDLE)]] = True
+    return found
 
 
 def turned_walls(folded: FoldedLedges, rise: np.ndarray, fine: Volume) -> np.ndarray:
