@@ -22,6 +22,8 @@ EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
 _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
+_HOLD = 10.0  # the same where a wall goes down from a floor
+_DROP_M = 0.01  # of a wall that goes down from a floor, on average
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
 _ROUNDS = 6  # of floors: each folds the walls that the one before turned over, and unfolds ledges where facets cross
@@ -105,14 +107,32 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     corners = local[first[volume.faces[hit]]]
     rows = np.repeat(np.arange(len(target)), 3)
     B = coo_matrix((weights.ravel(), (rows, corners.ravel())), (len(target), len(used))).tocsr()
-    pull = csr_matrix((np.full(len(used), _PULL), (range(len(used)), range(len(used)))), shape=stiff.shape)
+    weight = np.full(len(used), _PULL)
+    weight[local[first[_over_drops(folded)]]] = _HOLD
+    pull = csr_matrix((weight, (range(len(used)), range(len(used)))), shape=stiff.shape)
     level = float(places[:, 2].mean())
     heights = spsolve(
-        (stiff + pull + _FIX * B.T @ B).tocsc(), slopes + _PULL * (places[:, 2] - level) + _FIX * B.T @ (target - level)
+        (stiff + pull + _FIX * B.T @ B).tocsc(), slopes + weight * (places[:, 2] - level) + _FIX * B.T @ (target - level)
     )
     solved = local[first] >= 0
     rise[solved] = heights[local[first[solved]]] + level - volume.vertices[solved, 2]
     return _fade(folded, np.flatnonzero(solved), rise)
+
+
+def _over_drops(folded: FoldedLedges) -> np.ndarray:
+    """Return the corners (n,) of floors from which a wall goes down: another working breaks through there."""
+    volume, first = folded.volume, folded.first
+    faces = first[volume.faces]
+    edges = np.concatenate([faces[:, k] for k in ([0, 1], [1, 2], [2, 0])])
+    real = edges[:, 0] != edges[:, 1]
+    facet = np.tile(np.arange(len(faces)), 3)[real]
+    edges = edges[real]
+    height = volume.vertices[:, 2]
+    hangs = height[volume.faces].mean(axis=1)[facet] < height[edges].mean(axis=1) - _DROP_M
+    code = np.sort(edges, axis=1) @ [len(height), 1]
+    floors = np.unique(code[folded.is_floor[facet]])
+    found: np.ndarray = np.unique(edges[hangs & ~folded.is_floor[facet] & np.isin(code, floors)])
+    return found
 
 
 def _sums(number: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:

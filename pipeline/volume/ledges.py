@@ -132,11 +132,23 @@ def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray, stay
         some = walls_on_floors(cut, is_floor, stays)
         cut, first, own = _folded(cut, is_ledge | are_steps(cut, is_floor, some, _SAMPLES))
         parent, is_floor, is_ledge, stays = parent[own], is_floor[own], is_ledge[own], stays[own]
-        steps = are_steps(cut, is_floor, walls_on_floors(cut, is_floor, stays), MIDDLE)
+        some = walls_on_floors(cut, is_floor, stays)
+        steps = are_steps(cut, is_floor, some, MIDDLE)
+        steps[some] |= _lie_between(cut, is_floor, first, some)
         if not steps.any():
             break
         is_floor, is_ledge = is_floor | steps, is_ledge | steps
     return FoldedLedges(cut, is_floor, is_ledge, first, parent)
+
+
+def _lie_between(volume: Volume, is_floor: np.ndarray, first: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Return which of some facets (n,) lean, are low and have all corners on floors."""
+    on_floor = np.zeros(len(first), bool)
+    on_floor[first[volume.faces[is_floor]]] = True
+    normal, corners = volume.normals[some], volume.faces[some]
+    leans = normal[:, 2] < -_PLUMB * np.linalg.norm(normal, axis=1)
+    found: np.ndarray = leans & (np.ptp(volume.vertices[corners, 2], axis=1) < DEEPEST_M)
+    return found & on_floor[first[corners]].all(axis=1)
 
 
 def walls_on_floors(volume: Volume, is_floor: np.ndarray, stays: np.ndarray) -> np.ndarray:
