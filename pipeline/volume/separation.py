@@ -92,7 +92,9 @@ class Facets:
         found = []
         for start in range(0, len(bodies), _TOGETHER):
             some = bodies.some(slice(start, start + _TOGETHER))
-            pairs = self._crossing(_Apart(some), *self._near(some), enough_m)
+            body, facet = self.near(some.corners.min(axis=1), some.corners.max(axis=1))
+            other = self.owner[facet] != some.owner[body]
+            pairs = self._crossing(_Apart(some), body[other], facet[other], enough_m)
             found.append(Contacts(pairs.body + start, pairs.facet, pairs.depth_m))
         return Contacts.joined(found)
 
@@ -110,12 +112,11 @@ class Facets:
             pairs = pairs.within(self._between_edges(bodies, number, pairs))
         return Contacts.joined([clear, pairs])
 
-    def _near(self, bodies: ConvexBodies) -> tuple[np.ndarray, np.ndarray]:
-        low, high = bodies.corners.min(axis=1), bodies.corners.max(axis=1)
-        body, facet = self._tree.query(shapely.box(*low[:, :2].T, *high[:, :2].T))
-        meets = (self._low[facet, 2] <= high[body, 2]) & (self._high[facet, 2] >= low[body, 2])
-        meets &= self.owner[facet] != bodies.owner[body]
-        return body[meets], facet[meets]
+    def near(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pairs of a box, from `low` to `high` (n, 3) m, and a facet whose own box meets it, by box."""
+        box, facet = self._tree.query(shapely.box(*low[:, :2].T, *high[:, :2].T))
+        meets = (self._low[facet, 2] <= high[box, 2]) & (self._high[facet, 2] >= low[box, 2])
+        return box[meets], facet[meets]
 
     def _over(self, bodies: _Apart, number: int, pairs: Contacts) -> np.ndarray:
         """Return how far (3, n) m the facets' corners are behind a face of their bodies."""

@@ -60,7 +60,7 @@ def shaped(polygons: Polygons, kind: str, depth_m: float) -> ConvexBodies:
     the rock's edges. `pyramid`: over the polygon. `plate`: moved along its normal.
     """
     if kind == "cut":
-        return _bodies(_cut(polygons, depth_m), polygons)
+        return bodies_of(_cut(polygons, depth_m), polygons.corners, -polygons.normals, polygons.numbers)
     corners, normals = polygons.corners, polygons.normals[:, None]
     if kind == "pyramid":
         back = corners.mean(axis=1, keepdims=True) + depth_m * normals
@@ -107,22 +107,35 @@ def _cut(polygons: Polygons, depth_m: float) -> list[manifold3d.Manifold]:
     return solids
 
 
-def _bodies(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
-    """Return solids as bodies; those of no volume are their polygon, which is in nothing."""
+def bodies_of(
+    solids: list[manifold3d.Manifold], fronts: np.ndarray, outward: np.ndarray, owner: np.ndarray
+) -> ConvexBodies:
+    """Return convex solids as bodies; those of no volume are their front, which is in nothing.
+
+    Parameters
+    ----------
+    solids : list of manifold3d.Manifold
+    fronts : (n, k, 3) float64, m
+        Corners of the face of each that lies on the free space's surface.
+    outward : (n, 3) float64
+        Unit normal of that face, out of the solid.
+    owner : (n,) int64
+        As of `ConvexBodies`.
+    """
     corners, directions, edges = [], [], []
     for n, solid in enumerate(solids):
-        points, faces = polygons.corners[n], np.array([[0, 1, 2]])
+        points, faces = fronts[n], np.array([[0, 1, 2]])
         if not solid.is_empty() and solid.volume() > 0:
             mesh = solid.to_mesh64()
             points, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
-        a, b, c = np.moveaxis(points[faces], 1, 0)
+        a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
         normal = np.cross(b - a, c - a)
-        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        size = np.sqrt((normal**2).sum(axis=1, keepdims=True))
         real = size[:, 0] > 1e-12
         corners.append(points)
-        directions.append(np.concatenate([-polygons.normals[n : n + 1], normal[real] / size[real]]))
+        directions.append(np.concatenate([outward[n : n + 1], normal[real] / size[real]]))
         edges.append(np.concatenate([b - a, c - b]))
-    return ConvexBodies(_padded(corners), _padded(directions), _padded(edges), polygons.numbers)
+    return ConvexBodies(_padded(corners), _padded(directions), _padded(edges), owner)
 
 
 def _padded(rows: list[np.ndarray]) -> np.ndarray:
