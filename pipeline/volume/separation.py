@@ -8,8 +8,7 @@ import numpy as np
 import shapely
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
-_PAIRS = 20_000  # tried together
-_TOGETHER = 500  # bodies: their pairs with facets take some 100 MB where facets are small
+_TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
 
 
 @dataclass(frozen=True)
@@ -49,6 +48,25 @@ class Contacts:
     facet: np.ndarray
     depth_m: np.ndarray
 
+    @classmethod
+    def joined(cls, found: list[Contacts]) -> Contacts:
+        """Return the pairs of some lists as one."""
+        columns = zip(*(vars(one).values() for one in [NO_CONTACTS, *found]), strict=True)
+        return cls(*map(np.concatenate, columns))
+
+    def some(self, chosen: np.ndarray) -> Contacts:
+        """Return those that are chosen."""
+        return Contacts(self.body[chosen], self.facet[chosen], self.depth_m[chosen])
+
+    def within(self, depth_m: np.ndarray) -> Contacts:
+        """Return the pairs that touch no more than a depth (n,) m, without those that a plane separates."""
+        depth = np.minimum(self.depth_m, depth_m)
+        deep = depth > ROUNDING_M
+        return Contacts(self.body[deep], self.facet[deep], depth[deep])
+
+
+NO_CONTACTS = Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
+
 
 class Facets:
     """The facets of a closed mesh, indexed by their boxes."""
@@ -61,6 +79,7 @@ class Facets:
         self.owner = np.arange(len(faces))
         self._low, self._high = self.corners.min(axis=1), self.corners.max(axis=1)
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
+        self._points, self._ways = _apart(self.corners), _apart(self.normals[:, None])[0]
 
     def crossing(self, bodies: ConvexBodies, enough_m: float = np.inf) -> Contacts:
         """Return the facets that reach into each body; those of its owner are not tried.
@@ -72,83 +91,95 @@ class Facets:
         """
         found = []
         for start in range(0, len(bodies), _TOGETHER):
-            chosen = slice(start, start + _TOGETHER)
-            body, facet, depth = self._crossing(bodies.some(chosen), enough_m)
-            found.append((body + start, facet, depth))
-        if not found:
-            return Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
-        return Contacts(*(np.concatenate(column) for column in zip(*found, strict=True)))
+            some = bodies.some(slice(start, start + _TOGETHER))
+            body, facet = self.near(some.corners.min(axis=1), some.corners.max(axis=1))
+            other = self.owner[facet] != some.owner[body]
+            pairs = self._crossing(_Apart(some), body[other], facet[other], enough_m)
+            found.append(Contacts(pairs.body + start, pairs.facet, pairs.depth_m))
+        return Contacts.joined(found)
 
-    def _crossing(self, bodies: ConvexBodies, enough_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        body, facet = self._near(bodies)
-        depth = np.full(len(body), np.inf)
-        reach = np.einsum("ndk,nck->ndc", bodies.directions, bodies.corners).max(axis=2)
-        for which in (slice(0, 1), None, slice(1, None)):
-            if which is None:
-                inside = self._past_planes(bodies.corners[body], facet)
-            else:
-                directions = bodies.directions[body, which]
-                least = np.einsum("nck,ndk->ndc", self.corners[facet], directions).min(axis=2)
-                inside = (reach[body, which] - least).min(axis=1, initial=np.inf)
-            body, facet, depth = _deep(body, facet, np.minimum(depth, inside))
-        clear = self._first_inside(bodies, reach, body, facet, enough_m) if np.isfinite(enough_m) else np.zeros(0, int)
-        left = ~np.isin(body, body[clear])
-        for start in range(0, int(left.sum()), _PAIRS):
-            some = np.flatnonzero(left)[start : start + _PAIRS]
-            depth[some] = np.minimum(depth[some], self._between_edges(bodies, body[some], facet[some]))
-        left[clear] = True
-        return _deep(body[left], facet[left], depth[left])
+    def _crossing(self, bodies: _Apart, body: np.ndarray, facet: np.ndarray, enough_m: float) -> Contacts:
+        pairs = Contacts(body, facet, np.full(len(body), np.inf))
+        for number in range(len(bodies.directions)):
+            pairs = pairs.within(self._over(bodies, number, pairs).max(axis=0))
+            if number == 0:
+                pairs = pairs.within(self._past_planes(bodies, pairs))
+        inside = self._deepest_corner(bodies, pairs) > enough_m
+        first = np.flatnonzero(inside)[np.unique(pairs.body[inside], return_index=True)[1]]
+        left = ~np.isin(pairs.body, pairs.body[first])
+        clear, pairs = pairs.some(first), pairs.some(left)
+        for number in range(len(bodies.edges)):
+            pairs = pairs.within(self._between_edges(bodies, number, pairs))
+        return Contacts.joined([clear, pairs])
 
-    def _first_inside(
-        self, bodies: ConvexBodies, reach: np.ndarray, body: np.ndarray, facet: np.ndarray, enough_m: float
-    ) -> np.ndarray:
-        """Return one pair (n,) of each body in which a facet's corner is deeper than `enough_m`."""
-        deep = np.zeros(len(body), bool)
-        for start in range(0, len(body), _PAIRS):
-            some = slice(start, start + _PAIRS)
-            at = np.einsum("nck,ndk->ncd", self.corners[facet[some]], bodies.directions[body[some]])
-            deep[some] = (reach[body[some], None] - at).min(axis=2).max(axis=1) > enough_m
-        pairs = np.flatnonzero(deep)
-        first: np.ndarray = pairs[np.unique(body[pairs], return_index=True)[1]]
-        return first
+    def near(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pairs of a box, from `low` to `high` (n, 3) m, and a facet whose own box meets it, by box."""
+        box, facet = self._tree.query(shapely.box(*low[:, :2].T, *high[:, :2].T))
+        meets = (self._low[facet, 2] <= high[box, 2]) & (self._high[facet, 2] >= low[box, 2])
+        return box[meets], facet[meets]
 
-    def _near(self, bodies: ConvexBodies) -> tuple[np.ndarray, np.ndarray]:
-        low, high = bodies.corners.min(axis=1), bodies.corners.max(axis=1)
-        body, facet = self._tree.query(shapely.box(*low[:, :2].T, *high[:, :2].T))
-        meets = (self._low[facet, 2] <= high[body, 2]) & (self._high[facet, 2] >= low[body, 2])
-        meets &= self.owner[facet] != bodies.owner[body]
-        return body[meets], facet[meets]
+    def _over(self, bodies: _Apart, number: int, pairs: Contacts) -> np.ndarray:
+        """Return how far (3, n) m the facets' corners are behind a face of their bodies."""
+        at = _dots(self._points.take(pairs.facet, 2), bodies.directions[number].take(pairs.body, 1))
+        return bodies.reach[number].take(pairs.body) - at
 
-    def _past_planes(self, corners: np.ndarray, facet: np.ndarray) -> np.ndarray:
+    def _past_planes(self, bodies: _Apart, pairs: Contacts) -> np.ndarray:
         """Return how far (n,) m bodies reach over both sides of their facets' planes; inf for one without an area."""
-        normal = self.normals[facet]
-        over = np.einsum("nck,nk->nc", corners, normal) - np.einsum("nk,nk->n", self.corners[facet, 0], normal)[:, None]
-        both = np.minimum(over.max(axis=1), -over.min(axis=1))
-        return np.where(np.abs(normal).max(axis=1) > 0, both, np.inf)
+        normal = self._ways.take(pairs.facet, 1)
+        over = _dots(bodies.points.take(pairs.body, 2), normal)
+        over -= _dots(self._points[:1].take(pairs.facet, 2), normal)
+        both = np.minimum(over.max(axis=0), -over.min(axis=0))
+        return np.where(np.abs(normal).max(axis=0) > 0, both, np.inf)
 
-    def _between_edges(self, bodies: ConvexBodies, body: np.ndarray, facet: np.ndarray) -> np.ndarray:
-        corners = self.corners[facet]
-        sides = np.roll(corners, -1, axis=1) - corners
-        across = np.cross(bodies.edges[body][:, :, None], sides[:, None]).reshape(
-            len(body), 3 * bodies.edges.shape[1], 3
-        )
-        size = np.linalg.norm(across, axis=2)
-        scale = np.linalg.norm(sides, axis=2).max(axis=1, initial=0.0)[:, None] * _longest(bodies.edges[body])
-        across /= np.maximum(size, 1e-30)[:, :, None]
-        ours, theirs = (np.einsum("ndk,nck->ndc", across, x) for x in (bodies.corners[body], corners))
-        inside = np.minimum(ours.max(axis=2) - theirs.min(axis=2), theirs.max(axis=2) - ours.min(axis=2))
-        found: np.ndarray = np.where(size > 1e-9 * scale, inside, np.inf).min(axis=1, initial=np.inf)
+    def _deepest_corner(self, bodies: _Apart, pairs: Contacts) -> np.ndarray:
+        """Return how deep (n,) m the deepest of the facets' corners is behind all faces of their bodies."""
+        least = np.full((3, len(pairs.body)), np.inf)
+        for number in range(len(bodies.directions)):
+            np.minimum(least, self._over(bodies, number, pairs), out=least)
+        found: np.ndarray = least.max(axis=0)
+        return found
+
+    def _between_edges(self, bodies: _Apart, number: int, pairs: Contacts) -> np.ndarray:
+        """Return how far (n,) m bodies and facets overlap across an edge of the bodies and each side of the facets."""
+        ours, theirs = bodies.points.take(pairs.body, 2), self._points.take(pairs.facet, 2)
+        edge = bodies.edges[number].take(pairs.body, 1)
+        sides = np.roll(theirs, -1, axis=0) - theirs
+        scale = np.sqrt((sides**2).sum(axis=1).max(axis=0)) * bodies.longest.take(pairs.body)
+        found = np.full(len(pairs.body), np.inf)
+        for side in sides:
+            across = _cross(edge, side)
+            size = np.sqrt((across**2).sum(axis=0))
+            across /= np.maximum(size, 1e-30)
+            one, other = _dots(ours, across), _dots(theirs, across)
+            inside = np.minimum(one.max(axis=0) - other.min(axis=0), other.max(axis=0) - one.min(axis=0))
+            np.minimum(found, np.where(size > 1e-9 * scale, inside, np.inf), out=found)
         return found
 
 
-def _longest(edges: np.ndarray) -> np.ndarray:
-    found: np.ndarray = np.linalg.norm(edges, axis=2).max(axis=1, initial=0.0)[:, None]
+class _Apart:
+    """Bodies with their components apart, `(k, 3, n)`: NumPy is slow along short axes."""
+
+    def __init__(self, bodies: ConvexBodies) -> None:
+        """Take bodies, and how far each reaches in its directions."""
+        self.points, self.directions, self.edges = map(_apart, (bodies.corners, bodies.directions, bodies.edges))
+        self.reach = np.array([_dots(self.points, one).max(axis=0) for one in self.directions])
+        self.longest = np.sqrt((self.edges**2).sum(axis=1).max(axis=0, initial=0.0))
+
+
+def _apart(points: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(points.transpose(1, 2, 0))
+
+
+def _dots(points: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """Return the places (k, n) of points (k, 3, n) along ways (3, n)."""
+    found = points[:, 0] * ways[0]
+    found += points[:, 1] * ways[1]
+    found += points[:, 2] * ways[2]
     return found
 
 
-def _deep(body: np.ndarray, facet: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    deep = depth > ROUNDING_M
-    return body[deep], facet[deep], depth[deep]
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _units(vectors: np.ndarray) -> np.ndarray:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
 
-from pipeline.volume.rock.polygons import polygons_of, ways_into_rock
+from pipeline.volume.rock.polygons import polygons_of
+from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
+from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.union import Volume
@@ -38,7 +40,7 @@ class ShellPart:
 
 
 def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
-    """Return one part behind each convex polygon of facets.
+    """Return one part behind each convex polygon of facets, in the order of their first facets.
 
     The first shape counts that has nothing in the free space: the polygon moved 0.3 m into the rock along the ways of
     its corners, or less; the same cut along the bisectors of the rock's edges; a pyramid; a plate along the normal. If
@@ -46,15 +48,17 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
     a boolean decides where one hardly touches. That holds for a mesh that does not cross itself.
     """
     shell = _Shell(volume)
-    steps = progress(range(_SHAPES_OF_MANY + len(SHAPES)))
     surfaces = polygons_of(volume)
-    left = [surface for surface in surfaces if len(surface[1]) > 1]
-    for step in steps:
-        if step == _SHAPES_OF_MANY:
-            left = [([int(v) for v in volume.faces[k]], [k]) for _, facets in left for k in facets]
-            left += [surface for surface in surfaces if len(surface[1]) == 1]
-        left = shell.fit(left, *SHAPES[step if step < _SHAPES_OF_MANY else step - _SHAPES_OF_MANY])
-    return shell.parts + [shell.least(surface) for surface in left]
+    left = shell.begin(RockSurfaces(volume, [surface for surface in surfaces if len(surface[1]) > 1]))
+    for kind, depth_m in SHAPES[:_SHAPES_OF_MANY]:
+        left = shell.fit(left, kind, depth_m)
+    facets = [k for polygons in left for number in polygons.numbers.tolist() for k in shell.facets_of(number)]
+    facets += [k for _, (k, *more) in surfaces if not more]
+    left = shell.begin(RockSurfaces.of_facets(volume, facets))
+    for step in progress(range(len(SHAPES))):
+        left = shell.fit(left, *SHAPES[step])
+    parts = shell.parts + [shell.least(polygons.some([n])) for polygons in left for n in range(len(polygons))]
+    return sorted(parts, key=lambda part: part.facets[0])
 
 
 def facets_without_part(volume: Volume, some: np.ndarray | None = None) -> dict[int, list[int]]:
@@ -63,12 +67,14 @@ def facets_without_part(volume: Volume, some: np.ndarray | None = None) -> dict[
     With `some`, a mask (f,), only these are tried.
     """
     shell = _Shell(volume)
-    chosen = range(len(volume.faces)) if some is None else np.flatnonzero(some).tolist()
-    left = [([int(v) for v in volume.faces[k]], [k]) for k in chosen]
+    chosen = np.arange(len(volume.faces)) if some is None else np.flatnonzero(some)
+    left = shell.begin(RockSurfaces.of_facets(volume, chosen.tolist()))
     for kind, depth_m in _THINNEST:
         left = shell.fit(left, kind, depth_m)
-    thin = [k for _, (k,) in left if shell.area_m2([k]) > SLIVER_M2]
-    return shell.reached([([int(v) for v in volume.faces[k]], [k]) for k in thin])
+    found: dict[int, list[int]] = {}
+    for polygons in left:
+        found |= shell.reached(polygons.some(polygons.areas_m2 > SLIVER_M2))
+    return found
 
 
 class _Shell:
@@ -77,41 +83,54 @@ class _Shell:
     def __init__(self, volume: Volume) -> None:
         """Index the free space."""
         self.parts: list[ShellPart] = []
-        self._volume, self._ways = volume, ways_into_rock(volume)
         self._facets, self._tiles = Facets(volume.vertices, volume.faces), Tiles(volume.solid)
-        normal = volume.normals
-        self._size = np.linalg.norm(normal, axis=1)
-        self._unit = normal / np.maximum(self._size, 1e-30)[:, None]
-        self._beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}
+        self._rays = RaysIntoRock(volume.vertices, volume.faces)
 
-    def fit(self, surfaces: list[tuple[list[int], list[int]]], kind: str, depth_m: float) -> list:
-        """Add the parts of one shape that are in the rock; return the surfaces that need another shape."""
-        self._own(surfaces)
-        left = []
-        for polygons in self._polygons(surfaces):
-            bodies = shaped(polygons, kind, depth_m)
-            depth = np.einsum("nck,nk->nc", bodies.corners - polygons.corners[:, :1], polygons.normals).max(axis=1)
-            inside = self._inside(bodies)
-            for n, number in enumerate(polygons.numbers.tolist()):
-                _, facets = surfaces[number]
-                area = self.area_m2(facets)
-                shared = 0.0
-                if 0 < inside[n] < _SHALLOW_M:
-                    shared = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[n]))
-                least = THIN_M if area > SLIVER_M2 else _LEAST_M
-                if inside[n] >= _SHALLOW_M or depth[n] < least or shared > _ALLOWED_M * area:
-                    left.append(surfaces[number])
-                    continue
-                self.parts.append(
-                    ShellPart(bodies.corners[n], facets, f"{kind} {depth_m:g}", float(depth[n]), area, shared)
+    def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
+        """Take the surfaces that parts are to be found for; return them as polygons."""
+        self._surfaces = surfaces
+        self._facets.owner[:] = surfaces.owner
+        return surfaces.polygons()
+
+    def facets_of(self, number: int) -> list[int]:
+        """Return the facets of a surface."""
+        return self._surfaces.facets[number]
+
+    def fit(self, left: list[Polygons], kind: str, depth_m: float) -> list[Polygons]:
+        """Add the parts of one shape that are in the rock; return the polygons that need another shape."""
+        return [one for polygons in left if len(one := polygons.some(~self._fits(polygons, kind, depth_m)))]
+
+    def _fits(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
+        """Add the parts of one shape that are in the rock; return of which polygons (n,)."""
+        fits = ~self._rays.blocked(polygons, kind, depth_m)
+        numbers = np.flatnonzero(fits)
+        if not len(numbers):
+            return fits
+        tried = polygons.some(numbers)
+        bodies = shaped(tried, kind, depth_m)
+        depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
+        inside, shared = self._inside(bodies), np.zeros(len(bodies))
+        for k in np.flatnonzero((inside > 0) & (inside < _SHALLOW_M)):
+            shared[k] = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[k]))
+        least = np.where(tried.areas_m2 > SLIVER_M2, THIN_M, _LEAST_M)
+        good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
+        for n in np.flatnonzero(good).tolist():
+            self.parts.append(
+                ShellPart(
+                    bodies.corners[n],
+                    self.facets_of(int(tried.numbers[n])),
+                    f"{kind} {depth_m:g}",
+                    float(depth[n]),
+                    float(tried.areas_m2[n]),
+                    float(shared[n]),
                 )
-        return left
+            )
+        fits[numbers[~good]] = False
+        return fits
 
-    def least(self, surface: tuple[list[int], list[int]]) -> ShellPart:
+    def least(self, polygon: Polygons) -> ShellPart:
         """Return the part of the shape that has least in the free space, of those of 2 cm if there are any."""
-        ring, facets = surface
-        area = self.area_m2(facets)
-        polygon = next(self._polygons([surface]))
+        facets, area = self.facets_of(int(polygon.numbers[0])), float(polygon.areas_m2[0])
         best: ShellPart | None = None
         for kind, depth_m in _THINNEST:
             corners = shaped(polygon, kind, depth_m).corners[0]
@@ -123,29 +142,17 @@ class _Shell:
             if best is None or (depth < THIN_M, shared) < (best.depth_m < THIN_M, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
         if best is None:  # a facet without an area
-            corners = self._volume.vertices[ring]
-            return ShellPart(
-                np.concatenate([corners, corners + _THINNEST[0][1] * polygon.normals[0]]),
-                facets,
-                "none",
-                0.0,
-                area,
-                0.0,
-            )
+            corners = polygon.corners[0]
+            corners = np.concatenate([corners, corners + _THINNEST[0][1] * polygon.normals[0]])
+            return ShellPart(corners, facets, "none", 0.0, area, 0.0)
         return best
 
-    def area_m2(self, facets: list[int]) -> float:
-        """Return the area of some facets."""
-        return float(self._size[facets].sum() / 2)
-
-    def reached(self, surfaces: list[tuple[list[int], list[int]]]) -> dict[int, list[int]]:
+    def reached(self, polygons: Polygons) -> dict[int, list[int]]:
         """Return for each surface of one facet the facets that its part of 2 cm reaches."""
-        self._own(surfaces)
-        found: dict[int, list[int]] = {k: [] for _, (k,) in surfaces}
-        for polygons in self._polygons(surfaces):
-            contacts = self._facets.crossing(shaped(polygons, *_THINNEST[0]))
-            for body, facet in zip(contacts.body.tolist(), contacts.facet.tolist(), strict=True):
-                found[surfaces[polygons.numbers[body]][1][0]].append(facet)
+        found: dict[int, list[int]] = {k: [] for k in polygons.numbers.tolist()}
+        contacts = self._facets.crossing(shaped(polygons, *_THINNEST[0]))
+        for number, facet in zip(polygons.numbers[contacts.body].tolist(), contacts.facet.tolist(), strict=True):
+            found[number].append(facet)
         return found
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
@@ -154,27 +161,3 @@ class _Shell:
         contacts = self._facets.crossing(bodies, _SHALLOW_M)
         np.maximum.at(found, contacts.body, contacts.depth_m)
         return found
-
-    def _own(self, surfaces: list[tuple[list[int], list[int]]]) -> None:
-        owner = self._facets.owner
-        owner[:] = -1
-        for number, (_, facets) in enumerate(surfaces):
-            owner[facets] = number
-
-    def _polygons(self, surfaces: list[tuple[list[int], list[int]]]) -> Iterator[Polygons]:
-        """Return the surfaces as polygons, those with equally many corners together."""
-        counts = np.array([len(ring) for ring, _ in surfaces], int)
-        for k in np.unique(counts):
-            numbers = np.flatnonzero(counts == k)
-            rings = np.array([surfaces[n][0] for n in numbers])
-            following = np.roll(rings, -1, axis=1)
-            beside = np.array(
-                [
-                    [self._beside[b, a] for a, b in zip(*pair, strict=True)]
-                    for pair in zip(rings.tolist(), following.tolist(), strict=True)
-                ]
-            )
-            biggest = np.array([max(surfaces[n][1], key=lambda f: float(self._size[f])) for n in numbers])
-            yield Polygons(
-                numbers, self._volume.vertices[rings], self._ways[rings], self._unit[biggest], self._unit[beside]
-            )

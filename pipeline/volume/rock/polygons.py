@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pipeline.volume.union import Volume
 
 _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the corner stays nearer
 _FLAT = 1e-6  # m, of the corners of one polygon from its plane
+_PARALLEL = 1e-9  # of the cosine between facets of one plane
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
 
@@ -16,27 +19,47 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
     """Return convex polygons of coplanar facets with one label: their vertices in order, and their facets."""
     normal = volume.normals
     unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    ring = {k: face for k, face in enumerate(volume.faces.tolist())}
-    held = {k: [k] for k in ring}
-    owner = {(face[i], face[(i + 1) % 3]): k for k, face in ring.items() for i in range(3)}
-    vertices, label = volume.vertices, volume.label
-    offset = np.einsum("ij,ij->i", unit, vertices[volume.faces[:, 0]])
-    for (a, b), first in list(owner.items()):
-        one, two = owner[a, b], owner.get((b, a), -1)
-        if two < 0 or one == two or label[one] != label[two] or unit[one] @ unit[two] < 1 - 1e-9:
+    faces = volume.faces.tolist()
+    ring, held = dict(enumerate(faces)), {k: [k] for k in range(len(faces))}
+    owner = {(face[i], face[(i + 1) % 3]): k for k, face in enumerate(faces) for i in range(3)}
+    places, units = list(map(tuple, volume.vertices.tolist())), list(map(tuple, unit.tolist()))
+    offset = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]]).tolist()
+    beside = FacetEdges(volume.faces).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
+    flat = np.einsum("fx,fix->fi", unit, unit[beside]) > 1 - 2 * _PARALLEL
+    flat &= volume.label[:, None] == volume.label[beside]
+    for facet, side in np.argwhere(flat).tolist():
+        a, b = faces[facet][side], faces[facet][(side + 1) % 3]
+        one, two = owner.get((a, b), -1), owner.get((b, a), -1)
+        if one == two or _dot(units[one], units[two]) < 1 - _PARALLEL:
             continue
-        if np.abs(vertices[ring[two]] @ unit[one] - offset[one]).max() > _FLAT:
+        if max(abs(_dot(places[v], units[one]) - offset[one]) for v in ring[two]) > _FLAT:
             continue
         joined = _spliced(ring[one], ring[two], a, b)
-        if joined is None or not _is_convex(vertices[joined], unit[one]):
+        if joined is None or not _is_convex([places[v] for v in joined], units[one]):
             continue
         ring[one] = joined
         held[one] += held.pop(two)
-        for i, p in enumerate(ring[two]):
-            owner[p, ring[two][(i + 1) % len(ring[two])]] = one
-        del ring[two], owner[a, b], owner[b, a], first
+        for i, v in enumerate(ring[two]):
+            owner[v, ring[two][(i + 1) % len(ring[two])]] = one
+        del ring[two]
         owner[a, b] = owner[b, a] = one
     return [(ring[k], held[k]) for k in ring]
+
+
+class FacetEdges:
+    """The edges of a closed mesh, each from one corner to the next of the facet that has it so."""
+
+    def __init__(self, faces: np.ndarray) -> None:
+        """Sort the edges of facets (f, 3)."""
+        self._count = int(faces.max(initial=0)) + 1
+        keys = faces.ravel() * self._count + np.roll(faces, -1, axis=1).ravel()
+        order = np.argsort(keys)
+        self._keys, self._facets = keys[order], order // 3
+
+    def facets(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return the facets that have the edges from some corners to others."""
+        found: np.ndarray = self._facets[np.searchsorted(self._keys, start * self._count + end)]
+        return found
 
 
 def _spliced(one: list[int], two: list[int], a: int, b: int) -> list[int] | None:
@@ -48,11 +71,21 @@ def _spliced(one: list[int], two: list[int], a: int, b: int) -> list[int] | None
     return joined if len(set(joined)) == len(joined) else None
 
 
-def _is_convex(corners: np.ndarray, normal: np.ndarray) -> bool:
-    edge = np.roll(corners, -1, axis=0) - corners
-    edge /= np.maximum(np.linalg.norm(edge, axis=1, keepdims=True), 1e-30)
-    turn = np.cross(np.roll(edge, 1, axis=0), edge) @ normal
-    return bool((turn > -_STRAIGHT).all() and (np.einsum("ij,ij->i", np.roll(edge, 1, axis=0), edge) > -0.999).all())
+def _is_convex(corners: list[tuple[float, ...]], normal: tuple[float, ...]) -> bool:
+    """Return whether a ring turns left alone about its normal, and nowhere back. It is short: NumPy is slower."""
+    edges = []
+    for (x, y, z), (u, v, w) in zip(corners[-1:] + corners[:-1], corners, strict=True):
+        size = max(math.hypot(u - x, v - y, w - z), 1e-30)
+        edges.append(((u - x) / size, (v - y) / size, (w - z) / size))
+    for last, edge in zip(edges, edges[1:] + edges[:1], strict=True):
+        (x, y, z), (u, v, w) = last, edge
+        if _dot((y * w - z * v, z * u - x * w, x * v - y * u), normal) <= -_STRAIGHT or _dot(last, edge) <= -0.999:
+            return False
+    return True
+
+
+def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def ways_into_rock(volume: Volume) -> np.ndarray:

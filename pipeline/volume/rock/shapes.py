@@ -34,6 +34,7 @@ class Polygons:
         Unit vector into the rock.
     beside : (n, k, 3) float64
         Unit normals of the facets across the edge from each corner to the next.
+    areas_m2 : (n,) float64
     """
 
     numbers: np.ndarray
@@ -41,12 +42,13 @@ class Polygons:
     ways: np.ndarray
     normals: np.ndarray
     beside: np.ndarray
+    areas_m2: np.ndarray
 
     def __len__(self) -> int:
         """Return how many there are."""
         return len(self.numbers)
 
-    def some(self, chosen: np.ndarray) -> Polygons:
+    def some(self, chosen: np.ndarray | list[int]) -> Polygons:
         """Return those that are chosen."""
         return Polygons(*(column[chosen] for column in vars(self).values()))
 
@@ -58,7 +60,7 @@ def shaped(polygons: Polygons, kind: str, depth_m: float) -> ConvexBodies:
     the rock's edges. `pyramid`: over the polygon. `plate`: moved along its normal.
     """
     if kind == "cut":
-        return _bodies([_cut(polygons, n, depth_m) for n in range(len(polygons))], polygons)
+        return bodies_of(_cut(polygons, depth_m), polygons.corners, -polygons.normals, polygons.numbers)
     corners, normals = polygons.corners, polygons.normals[:, None]
     if kind == "pyramid":
         back = corners.mean(axis=1, keepdims=True) + depth_m * normals
@@ -97,32 +99,43 @@ def _outward(normals: np.ndarray, at: np.ndarray, points: np.ndarray) -> np.ndar
     return np.where(size > 1e-12, found, found[:, :1])
 
 
-def _cut(polygons: Polygons, n: int, depth_m: float) -> manifold3d.Manifold:
-    corners, normal = polygons.corners[n], polygons.normals[n]
-    ways = polygons.ways[n]
-    forward = np.where((ways @ normal)[:, None] > _FORWARD, ways, normal)
-    solid = manifold3d.Manifold.hull_points(np.concatenate([corners, corners + depth_m * forward]))
-    for direction, offset in _bisectors(corners, normal, polygons.beside[n]):
-        solid = solid.trim_by_plane(direction, offset)
-    return solid
+def _cut(polygons: Polygons, depth_m: float) -> list[manifold3d.Manifold]:
+    solids = [manifold3d.Manifold.hull_points(points) for points in shaped(polygons, "moved", depth_m).corners]
+    ways, offsets = halving_planes(polygons)
+    for n, k in zip(*np.nonzero(np.isfinite(offsets)), strict=True):
+        solids[n] = solids[n].trim_by_plane(ways[n, k], offsets[n, k])
+    return solids
 
 
-def _bodies(solids: list[manifold3d.Manifold], polygons: Polygons) -> ConvexBodies:
-    """Return solids as bodies; those of no volume are their polygon, which is in nothing."""
+def bodies_of(
+    solids: list[manifold3d.Manifold], fronts: np.ndarray, outward: np.ndarray, owner: np.ndarray
+) -> ConvexBodies:
+    """Return convex solids as bodies; those of no volume are their front, which is in nothing.
+
+    Parameters
+    ----------
+    solids : list of manifold3d.Manifold
+    fronts : (n, k, 3) float64, m
+        Corners of the face of each that lies on the free space's surface.
+    outward : (n, 3) float64
+        Unit normal of that face, out of the solid.
+    owner : (n,) int64
+        As of `ConvexBodies`.
+    """
     corners, directions, edges = [], [], []
     for n, solid in enumerate(solids):
-        points, faces = polygons.corners[n], np.array([[0, 1, 2]])
+        points, faces = fronts[n], np.array([[0, 1, 2]])
         if not solid.is_empty() and solid.volume() > 0:
             mesh = solid.to_mesh64()
             points, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
-        a, b, c = np.moveaxis(points[faces], 1, 0)
+        a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
         normal = np.cross(b - a, c - a)
-        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        size = np.sqrt((normal**2).sum(axis=1, keepdims=True))
         real = size[:, 0] > 1e-12
         corners.append(points)
-        directions.append(np.concatenate([-polygons.normals[n : n + 1], normal[real] / size[real]]))
+        directions.append(np.concatenate([outward[n : n + 1], normal[real] / size[real]]))
         edges.append(np.concatenate([b - a, c - b]))
-    return ConvexBodies(_padded(corners), _padded(directions), _padded(edges), polygons.numbers)
+    return ConvexBodies(_padded(corners), _padded(directions), _padded(edges), owner)
 
 
 def _padded(rows: list[np.ndarray]) -> np.ndarray:
@@ -133,19 +146,18 @@ def _padded(rows: list[np.ndarray]) -> np.ndarray:
     )
 
 
-def _bisectors(corners: np.ndarray, normal: np.ndarray, across: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    """Return the planes that halve the rock at the polygon's edges where it is a wedge: normal to the part, offset."""
-    found = []
-    for a, b, other in zip(corners, np.roll(corners, -1, axis=0), across, strict=True):
-        edge = (b - a) / max(float(np.linalg.norm(b - a)), 1e-30)
-        inward = np.cross(normal, edge)  # in the facet, away from the edge
-        if inward @ other > -1e-6:  # the rock is not a wedge here
-            continue
-        into = normal + other
-        direction = np.cross(edge, -into)
-        size = float(np.linalg.norm(direction))
-        if size < 1e-6:
-            direction, size = inward, 1.0
-        direction = direction / size * (1 if direction @ inward > 0 else -1)
-        found.append((direction, float(direction @ a)))
-    return found
+def halving_planes(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
+    """Return the planes that halve the rock at each polygon's edges: normals (n, k, 3) to the part, offsets (n, k).
+
+    Where the rock is not a wedge at an edge, the offset is -inf.
+    """
+    corners, normals = polygons.corners, polygons.normals[:, None]
+    edge = np.roll(corners, -1, axis=1) - corners
+    edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), 1e-30)
+    inward = np.cross(normals, edge)  # in the polygon, away from the edge
+    ways = np.cross(edge, -(normals + polygons.beside))
+    size = np.linalg.norm(ways, axis=2, keepdims=True)
+    ways = np.where(size < 1e-6, inward, ways / np.maximum(size, 1e-6))
+    ways *= np.where((ways * inward).sum(axis=2, keepdims=True) > 0, 1, -1)
+    is_wedge = (inward * polygons.beside).sum(axis=2) <= -1e-6
+    return ways, np.where(is_wedge, (ways * corners).sum(axis=2), -np.inf)

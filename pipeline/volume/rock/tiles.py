@@ -13,15 +13,15 @@ _LEAST_M = 1.0  # of a box that is cut again
 
 
 @dataclass
-class _Node:
+class Tile:
     """A part of the free space within a box; it is cut in two when somebody asks for less of it."""
 
     solid: manifold3d.Manifold
     low: np.ndarray
     high: np.ndarray
-    halves: list[_Node] | None = None
+    halves: list[Tile] | None = None
 
-    def cut(self) -> list[_Node]:
+    def cut(self) -> list[Tile]:
         """Return the halves across the longest side; none of a node that is small enough."""
         if self.halves is None:
             self.halves = []
@@ -39,16 +39,15 @@ class Tiles:
         """Begin with the whole solid."""
         self._root = _node(solid)
 
-    def all(self) -> list[_Node]:
-        """Return every tile; their boxes are `low` and `high`."""
-        found, stack = [], [self._root]
-        while stack:
-            node = stack.pop()
-            halves = node.cut()
-            stack += halves
-            if not halves:
-                found.append(node)
-        return found
+    def drawn(self, count: int, rng: np.random.Generator) -> list[Tile]:
+        """Return at most `count` different tiles, drawn by halves; their boxes are `low` and `high`."""
+        found: dict[int, Tile] = {}
+        for _ in range(count):
+            node = self._root
+            while halves := node.cut():
+                node = halves[int(rng.integers(len(halves)))]
+            found[id(node)] = node
+        return list(found.values())
 
     def near(self, low: np.ndarray, high: np.ndarray) -> Iterator[manifold3d.Manifold]:
         """Return the pieces of the free space that reach into a box."""
@@ -68,6 +67,6 @@ class Tiles:
         return sum(abs((part ^ one).volume()) for one in self.near(bounds[:3], bounds[3:]))
 
 
-def _node(solid: manifold3d.Manifold) -> _Node:
+def _node(solid: manifold3d.Manifold) -> Tile:
     bounds = np.array(solid.bounding_box())
-    return _Node(solid, bounds[:3], bounds[3:])
+    return Tile(solid, bounds[:3], bounds[3:])

@@ -22,14 +22,13 @@ from pipeline.store.verify import verify_world
 from pipeline.types import NO_SOLID, ClosedMesh, Mesh, SurveyedLegs
 from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
-from pipeline.volume.shell import ShellPart
 from pipeline.volume.surface.proof import measure_rock, read_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
 from pipeline.volume.world.proof.compiled import compare_model
-from pipeline.volume.world.proof.fronts import fronts_of
+from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
 from pipeline.volume.world.proof.region import Region, region_of
 from pipeline.volume.world.proof.throws import throw_balls, throw_robots
@@ -123,7 +122,7 @@ def validate_volume(
             else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
         ),
         "enclosure": {
-            **_enclosure(params, volume, fronts.parts, rng),
+            **_enclosure(params, volume, fronts, rng),
             "bare_m2": round(fronts.bare_m2, 9),
             "compiled_mm": round(compiled.compiled_mm, 6),
             "unlike": compiled.unlike,
@@ -202,10 +201,8 @@ def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: MineVolume) 
     }
 
 
-def _enclosure(
-    params: VolumeProofParams, volume: Volume, parts: list[ShellPart], rng: np.random.Generator
-) -> dict[str, Any]:
-    found = measure_enclosure(volume, parts, params.tiles, rng)
+def _enclosure(params: VolumeProofParams, volume: Volume, fronts: Fronts, rng: np.random.Generator) -> dict[str, Any]:
+    found = measure_enclosure(volume, fronts.parts, params.tiles, rng, fronts.faces)
     return {
         "intrusion_m3": round(found.intrusion_m3, 9),
         "intrusion_um": round(1e6 * found.intrusion_m3 / found.measured_m2, 6),

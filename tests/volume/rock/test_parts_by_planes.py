@@ -1,0 +1,116 @@
+"""Parts against the free space by planes and rays: what they say is what booleans say."""
+
+import dataclasses
+
+import manifold3d
+import numpy as np
+import pytest
+
+from benchmarks.comparisons.volume.cases import GateCase
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.rock.cleared import parts_not_cleared
+from pipeline.volume.rock.faces import faces_on_facets
+from pipeline.volume.rock.polygons import polygons_of
+from pipeline.volume.rock.ragged import PartCorners
+from pipeline.volume.rock.rays import RaysIntoRock
+from pipeline.volume.rock.shapes import shaped
+from pipeline.volume.rock.surfaces import RockSurfaces
+from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.shell import build_shell
+from pipeline.volume.union import pieces_of, unite
+from tests.heights import HEADER
+
+DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
+BESIDE = DRIFT + "B,3,0,4.1,2,2,0,3,0\nB,4,20,4.1,2,2,0,3,0\n"  # 10 cm of rock between two drifts
+
+
+def built(rows, folder):
+    network = GateCase("test", HEADER + rows).network(folder)
+    return solve_floors(unite(network, pieces_of(network)), network)
+
+
+@pytest.fixture(scope="module")
+def drift(tmp_path_factory):
+    volume = built(DRIFT, tmp_path_factory.mktemp("drift"))
+    return volume, build_shell(volume)
+
+
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory):
+    return built(BESIDE, tmp_path_factory.mktemp("beside"))
+
+
+def outward_of(volume, parts):
+    unit = volume.normals / np.linalg.norm(volume.normals, axis=1, keepdims=True)
+    return -unit[[part.facets[0] for part in parts]]
+
+
+def test_planes_clear_every_part_that_booleans_find_in_the_rock_and_no_part_that_is_moved_into_the_drift(drift):
+    volume, parts = drift
+    tiles, outward = Tiles(volume.solid), outward_of(volume, parts)
+    assert len(parts_not_cleared(volume, PartCorners.of([part.corners for part in parts]), outward)) == 0
+    moved = [part.corners + 0.01 * way for part, way in zip(parts, outward, strict=True)]
+    assert all(tiles.shared_m3(manifold3d.Manifold.hull_points(one)) > 1e-4 for one in moved)
+    assert parts_not_cleared(volume, PartCorners.of(moved), outward).tolist() == list(range(len(parts)))
+
+
+def test_a_part_in_the_middle_of_the_drift_that_touches_no_facet_intrudes_with_its_whole_volume(drift):
+    volume, parts = drift
+    cube = np.array(np.meshgrid(*[[-0.1, 0.1]] * 3)).reshape(3, -1).T
+    floating = dataclasses.replace(parts[0], corners=volume.vertices.mean(axis=0) + cube)
+    found = measure_enclosure(volume, [*parts, floating], 0, np.random.default_rng(0))
+    assert found.intrusion_m3 == pytest.approx(0.2**3, rel=1e-6)
+
+
+def test_half_a_part_covers_half_of_its_facets(drift):
+    volume, parts = drift
+    largest = max(parts, key=lambda part: part.area_m2)
+    corners = largest.corners
+    middle = corners[:, 0].mean()
+    near, far = corners[corners[:, 0] < middle], corners[corners[:, 0] > middle]
+    halfway = [(a * (b[0] - middle) + b * (middle - a[0])) / (b[0] - a[0]) for a in near for b in far]
+    half = dataclasses.replace(largest, corners=np.concatenate([near, halfway]))
+    some = [half if part is largest else part for part in parts]
+    found = faces_on_facets(volume, PartCorners.of([part.corners for part in some]))
+    bare = found.uncovered_m2(np.linalg.norm(volume.normals, axis=1) / 2)
+    assert bare.sum() == pytest.approx(largest.area_m2 / 2, rel=0.05)
+    by_booleans = measure_enclosure(volume, some, 1000, np.random.default_rng(0)).missing_m2
+    assert bare.sum() == pytest.approx(by_booleans, rel=1e-3)
+
+
+def test_a_facet_that_two_parts_cover_in_halves_is_covered(drift):
+    volume, parts = drift
+    x = volume.vertices[:, 0].mean()
+    halves = []
+    for part in parts:
+        solid = manifold3d.Manifold.hull_points(part.corners)
+        halves += [
+            np.asarray(half.to_mesh64().vert_properties)[:, :3]
+            for half in solid.split_by_plane([1, 0, 0], x)
+            if not half.is_empty()
+        ]
+    assert len(halves) > len(parts)
+    bare = faces_on_facets(volume, PartCorners.of(halves)).uncovered_m2(np.linalg.norm(volume.normals, axis=1) / 2)
+    assert bare.sum() < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["moved", "cut"])
+def test_rays_block_deep_parts_between_two_drifts_and_none_that_fits(beside, kind):
+    rays, tiles = RaysIntoRock(beside.vertices, beside.faces), Tiles(beside.solid)
+    blocked = {}
+    for depth in (0.3, 0.08):
+        blocked[depth] = 0
+        for polygons in RockSurfaces(beside, polygons_of(beside)).polygons():
+            bodies = shaped(polygons, kind, depth)
+            for n in np.flatnonzero(rays.blocked(polygons, kind, depth)):
+                blocked[depth] += 1
+                assert tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[n])) > 0
+    assert blocked[0.3] > 0
+    assert blocked[0.08] == 0
+
+
+def test_drawn_boxes_are_different_parts_of_the_free_space(beside):
+    drawn = Tiles(beside.solid).drawn(100, np.random.default_rng(0))
+    assert sum(tile.solid.volume() for tile in drawn) <= beside.solid.volume() * (1 + 1e-9)
+    assert len({tuple(tile.low) for tile in drawn}) == len(drawn)
