@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.survey.clouds.decimate import decimated
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
-from pipeline.survey.clouds.gaps import Gap, find_gaps
+from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
 from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, sided
 from pipeline.survey.clouds.surface import surface_of
 from pipeline.survey.clouds.things import Thing, find_things
@@ -22,6 +21,7 @@ _WELD_M = 1e-6
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
 _SEED = 0
+NOWHERE = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,12 @@ class ScannedVolume:
 
 
 def volume_of_cloud(
-    cloud: ThinnedCloud, voxel_m: float, tolerance_m: float, most_facets: int, inside_m: Sequence[Sequence[float]] = ()
+    cloud: ThinnedCloud,
+    voxel_m: float,
+    close_m: float,
+    tolerance_m: float,
+    most_facets: int,
+    inside_m: np.ndarray = NOWHERE,
 ) -> ScannedVolume:
     """Return the free space of a scan.
 
@@ -55,11 +60,13 @@ def volume_of_cloud(
     cloud : ThinnedCloud
     voxel_m : float
         Of the free space, at least the spacing of the points.
+    close_m : float
+        Parts of the surface that nobody saw are filled smoothly if they are no wider.
     tolerance_m : float
         Of 20 points of the surface 19 move by less when it is simplified.
     most_facets : int
         Of the simplified surface.
-    inside_m : sequence of (3,)
+    inside_m : (n, 3) float64, m
         Places in the workings, such as those of the scanner; without one the largest space is taken.
 
     Raises
@@ -82,6 +89,8 @@ def volume_of_cloud(
     vertices, faces = _closed_surface(free, voxel_m, bounding, sides)
     spacing = spacing_of(bounding.points_m)
     gaps = find_gaps(vertices, faces, bounding.points_m, max(_BARE_M, 2 * spacing))
+    holes = [gap for gap in gaps if gap.width_m <= close_m]
+    vertices = fill_gaps(vertices, holes, bounding.points_m, sides.normals)
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
@@ -102,12 +111,12 @@ def _occupied(cloud: ThinnedCloud, voxel_m: float) -> np.ndarray:
 
 
 def _flooded(
-    cloud: ThinnedCloud, voxel_m: float, inside_m: Sequence[Sequence[float]]
+    cloud: ThinnedCloud, voxel_m: float, inside_m: np.ndarray
 ) -> tuple[Flood, Walls, list[Flood]]:
     occupied = _occupied(cloud, voxel_m)
     walls = Walls(occupied, voxel_m)
     if len(inside_m):
-        return walls.flood(cells_at(np.array(inside_m, float), voxel_m)), walls, []
+        return walls.flood(cells_at(inside_m, voxel_m)), walls, []
     free, others = largest_flood(walls, occupied, np.random.default_rng(_SEED))
     return free, walls, others
 

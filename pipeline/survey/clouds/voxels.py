@@ -44,20 +44,14 @@ def is_in(keys: np.ndarray, found: np.ndarray) -> np.ndarray:
     return np.asarray(found[np.minimum(np.searchsorted(found, keys), len(found) - 1)] == keys)
 
 
-def grown(keys: np.ndarray, times: int = 1, steps: np.ndarray = STEPS) -> np.ndarray:
-    """Return a set with its neighbours."""
-    offsets = offsets_of(steps)
+def grown(keys: np.ndarray, times: int = 1) -> np.ndarray:
+    """Return a set with its 26 neighbours, along one axis after the other."""
     for _ in range(times):
-        keys = np.unique(np.concatenate([keys, *(keys + offset for offset in offsets)]))
+        for offset in offsets_of(np.eye(3, dtype=np.int64)):
+            # Sorted runs are merged, which is far faster than hashing.
+            merged = np.sort(np.concatenate([keys - offset, keys, keys + offset]), kind="stable")
+            keys = merged[np.concatenate([[True], merged[1:] != merged[:-1]])[: len(merged)]]
     return keys
-
-
-def shrunk(keys: np.ndarray) -> np.ndarray:
-    """Return the voxels of a set with all their neighbours in it."""
-    inner = np.ones(len(keys), bool)
-    for offset in offsets_of(STEPS):
-        inner &= is_in(keys + offset, keys)
-    return keys[inner]
 
 
 def components_of(keys: np.ndarray, reach: int = 1) -> np.ndarray:
