@@ -16,6 +16,7 @@ _KINDS = {
     "passages": "a station survey",
     "centrelines": "centrelines of drifts",
     "solid": "the surface of workings",
+    "cloud": "a scan of workings",
 }
 _WIDTH_OPTIONS = {
     "plan": "--bar-length, --px-per-m",
@@ -24,6 +25,7 @@ _WIDTH_OPTIONS = {
     "passages": "--half-width",
     "centrelines": "--half-width, --unit",
     "solid": "--unit",
+    "cloud": "--unit",
 }
 
 

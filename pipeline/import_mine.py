@@ -102,6 +102,10 @@ def draft_import(name: str, source: Path, stated: StatedOptions) -> ImportDraft:
     if stated.heights is not None:
         copies |= _targets(stated.heights, [Path(file) for file in height_files(stated.heights)], DATA / name)
         detected.values["heights"] = copies[stated.heights].as_posix()
+    if stated.trajectory is not None:
+        require_plain_file(stated.trajectory)
+        copies |= _targets(stated.trajectory, [stated.trajectory], DATA / name)
+        detected.values["trajectory"] = copies[stated.trajectory].as_posix()
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
     for remark in findings_of(detected, conf):
@@ -151,7 +155,7 @@ def _require_kept(conf: Path, stated: StatedOptions) -> None:
     kept = {**section, **(scale if isinstance(scale, dict) else {})}
     for key, value in stated.values().items():
         written = [{"rgb": rgb} for rgb in value] if key == "ignore_colours" else value
-        if key != "heights" and key in kept and kept[key] != written:
+        if key not in ("heights", "trajectory") and key in kept and kept[key] != written:
             raise ParamsError(
                 f"survey.{key} = {value}: {conf} exists and states {kept[key]}; change it there, or remove it"
             )

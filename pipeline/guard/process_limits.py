@@ -19,6 +19,7 @@ TASKS = {
     "survey": "pipeline.survey.load:read_here",
     "sources": "pipeline.survey.load:sources_here",
     "cloud": "pipeline.scans.cloud:read_here",
+    "points": "pipeline.survey.clouds.points:read_here",
 }
 
 

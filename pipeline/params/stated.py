@@ -35,9 +35,11 @@ class FileKind(StrEnum):
     VECTOR = "a vector file"
     STATIONS = "a station survey"
     SOLID = "a solid"
+    CLOUD = "a point cloud"
 
 
 _PICTURES = (FileKind.PICTURE, FileKind.PDF)
+_BODIES = (FileKind.SOLID, FileKind.CLOUD)
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class StatedOptions(Params):
         le=1_000_000,
         description="scale of a drawing whose file states its resolution",
     )
-    unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR, FileKind.SOLID)] = Field(
+    unit: Annotated[Unit | None, _option("--unit", FileKind.VECTOR, *_BODIES)] = Field(
         default=None, description="unit of a drawing"
     )
     half_width_m: Annotated[float | None, _option("--half-width", FileKind.VECTOR, FileKind.STATIONS)] = Field(
@@ -121,14 +123,23 @@ class StatedOptions(Params):
     snap_m: Annotated[float | None, _option("--snap", FileKind.VECTOR)] = Field(
         default=None, ge=0, le=10, description="largest gap between wall ends that are joined, m"
     )
-    close_m: Annotated[float | None, _option("--close", FileKind.VECTOR, FileKind.SOLID, metavar="M")] = Field(
-        default=None, ge=0, le=50, description="widest hole of a solid that is closed, m"
+    close_m: Annotated[float | None, _option("--close", FileKind.VECTOR, *_BODIES, metavar="M")] = Field(
+        default=None, ge=0, le=50, description="widest hole of a solid or a scan that is closed, m"
     )
-    simplify_m: Annotated[float | None, _option("--simplify", FileKind.VECTOR, FileKind.SOLID, metavar="M")] = Field(
-        default=None, gt=0, le=0.5, description="how far the mesh of a solid may move when it is simplified, m"
+    simplify_m: Annotated[float | None, _option("--simplify", FileKind.VECTOR, *_BODIES, metavar="M")] = Field(
+        default=None, gt=0, le=0.5, description="how far the mesh of a solid or a scan may move when it is simplified, m"
     )
-    up: Annotated[Literal["y", "z"] | None, _option("--up", FileKind.VECTOR, FileKind.SOLID, metavar="y|z")] = Field(
-        default=None, description="axis of a solid's file that points up"
+    up: Annotated[Literal["y", "z"] | None, _option("--up", FileKind.VECTOR, *_BODIES, metavar="y|z")] = Field(
+        default=None, description="axis of the file of a solid or a scan that points up"
+    )
+    voxel_m: Annotated[float | None, _option("--voxel", *_BODIES, metavar="M")] = Field(
+        default=None,
+        ge=0.02,
+        le=2,
+        description="resolution at which the free space of a scan is found, m; a solid is then read as a scan",
+    )
+    trajectory: Annotated[Path | None, _option("--trajectory", *_BODIES, metavar="FILE")] = Field(
+        default=None, description="where the scanner of a scan was: rows of time x y z"
     )
     page: Annotated[int | None, _option("--page", FileKind.PDF)] = Field(
         default=None, ge=1, le=100_000, description="page of a PDF"

@@ -118,7 +118,8 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
 
     _require_records(path)
     try:
-        with laspy.open(path) as reader:
+        # The parallel decoder's threads do not survive a fork.
+        with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader:
             count = 0
             for chunk in reader.chunk_iterator(_BLOCK):
                 count += len(chunk)

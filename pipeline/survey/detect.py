@@ -21,6 +21,7 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.remarks import Remark, collect_remarks, hand_on
+from pipeline.survey.detect_cloud import detect_cloud, is_cloud
 from pipeline.survey.detect_picture import detect_picture
 from pipeline.survey.detect_solid import detect_solid
 from pipeline.survey.detection import Detection
@@ -70,6 +71,8 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
     require_plain_file(path)
     stated = stated or StatedOptions()
     require_read(path, kind_of(path), stated)
+    if is_cloud(path, stated):  # its points are read in a process of their own
+        return detect_cloud(path, stated)
     payload = run_limited("detect", {"path": str(path), "stated": stated.values()}, str(path), scratch=is_solved(path))
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})

@@ -56,6 +56,7 @@ FORMATS: dict[str, Format] = {
     **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson, has_fields=True)),
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata, has_fields=True)),
     **dict.fromkeys((".obj", ".stl", ".ply", ".glb"), Format(FileKind.SOLID)),
+    **dict.fromkeys((".las", ".laz", ".pcd", ".xyz"), Format(FileKind.CLOUD)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
     **dict.fromkeys(
@@ -79,6 +80,7 @@ _CONVERTED = {
         (".kml", ".kmz", ".gml", ".tab", ".mif", ".gdb"),
         "QGIS exports it as GeoPackage, or `ogr2ogr out.gpkg` and its name",
     ),
+    **dict.fromkeys((".e57", ".pts", ".ptx", ".rcp", ".rcs"), "CloudCompare saves it as .laz or .xyz"),
     **dict.fromkeys((".zip", ".7z", ".gz"), "unpack it, and give the file of the survey"),
     ".th2": "a drawing of Therion without a survey; give the .th file that inputs it",
 }

@@ -15,7 +15,14 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import reading_by
-from pipeline.params.survey import PlanSurveyParams, PosesParams, SolidSurveyParams, StationSurveyParams, SurveyParams
+from pipeline.params.survey import (
+    CloudSurveyParams,
+    PlanSurveyParams,
+    PosesParams,
+    SolidSurveyParams,
+    StationSurveyParams,
+    SurveyParams,
+)
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.registry import read_registry
@@ -117,7 +124,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     InputError
         If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
-    if params.kind == "procedural":
+    if params.kind in ("procedural", "cloud"):  # the points of a cloud are read in a process of their own
         read = _read(params)
         return _outputs(read.plan, read.survey, read.workings, read.legs, read.solid)
     # A fit to poses casts rays by a library whose threads do not survive a fork.
@@ -189,7 +196,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
             grid = read_grid(params)
             scale = Scale(grid.frame.px_per_m, "map")
             read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, workings=grid.workings)
-        case "solid":
+        case "solid" | "cloud":
             read = _read_solid(params)
         case _:
             found = read_vector_survey(params)
@@ -218,10 +225,12 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
     return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid)
 
 
-def _read_solid(params: SolidSurveyParams) -> _Drawn:
-    from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load, and few have solids
+def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
+    # trimesh, ezdxf and open3d take a second each to load, and few surveys are solids or clouds
+    from pipeline.survey.clouds.read import read_scan
+    from pipeline.survey.solids.read import read_solid
 
-    found = read_solid(params)
+    found = read_scan(params) if params.kind == "cloud" else read_solid(params)
     frame = frame_of(params.file, found.workings, params)
     plan = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
     scale = Scale(frame.px_per_m, "drawn")
@@ -424,6 +433,8 @@ def _sources(params: SurveyParams) -> list[str]:
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
         case "solid":
             files = [params.file]
+        case "cloud":
+            files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:
             files = vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from pipeline.params.survey.base import PosesParams
+from pipeline.params.survey.clouds import CloudSurveyParams
 from pipeline.params.survey.generated import ProceduralSurveyParams, VariantSurveyParams
 from pipeline.params.survey.pictures import GridSurveyParams, PlanSurveyParams, StationSurveyParams
 from pipeline.params.survey.solids import SolidSurveyParams
@@ -30,6 +31,7 @@ SurveyParams = Annotated[
     | CentrelineSurveyParams
     | GridSurveyParams
     | SolidSurveyParams
+    | CloudSurveyParams
     | ProceduralSurveyParams
     | VariantSurveyParams,
     Field(discriminator="kind"),
@@ -39,6 +41,7 @@ __all__ = [
     "GRADES_NEED",
     "BoxPx",
     "CentrelineSurveyParams",
+    "CloudSurveyParams",
     "Elevation",
     "Grade",
     "Grey",

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import manifold3d
 import numpy as np
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
@@ -69,7 +70,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     if not is_stated:
         _warn(path, read, closed, params, up)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
-    return SolidReading(mesh, view_from_above(closed), place)
+    return SolidReading(mesh, view_from_above(closed.solid), place)
 
 
 def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
@@ -88,9 +89,9 @@ def _tolerance(closed: ClosedSolids) -> float:
     return _STEPS_M[-1]
 
 
-def view_from_above(closed: ClosedSolids) -> MultiPolygon:
+def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
     """Return the polygons that a solid covers in plan, m."""
-    rings = [np.asarray(ring) for ring in closed.solid.project().to_polygons()]
+    rings = [np.asarray(ring) for ring in solid.project().to_polygons()]
     area = [float(np.cross(ring, np.roll(ring, -1, axis=0)).sum() / 2) for ring in rings]
     holes = [ring for ring, a in zip(rings, area, strict=True) if a < -_LEAST_M2]
     found = []

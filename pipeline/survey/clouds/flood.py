@@ -1,0 +1,98 @@
+"""The free space of a scan: voxels that a flood reaches between thickened walls, as far as walls lie about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.survey.clouds.voxels import SIDES, STEPS, cells_of_keys, grown, is_in, keys_of, offsets_of
+
+SIGHT_M = 30.0  # how far off a wall still encloses a place
+_ENCLOSED = 14  # of 26 directions end at a wall: at the mouth of a drift 17 do, one step beyond it 9
+_WHOLLY = 24  # of 26 directions about a place to begin from
+_CANDIDATES = 3000
+_TRIES = 12
+_BIAS = 1 << 20
+
+
+@dataclass(frozen=True)
+class Flood:
+    """The voxels that a flood reached, and those beside them in which it ended without a wall."""
+
+    free: np.ndarray
+    ends: np.ndarray
+
+
+class Walls:
+    """Voxels with points and how far off they are in 26 directions."""
+
+    def __init__(self, occupied: np.ndarray, size_m: float) -> None:
+        """Sort the thickened voxels (sorted numbers) along each direction."""
+        self.thick = grown(occupied)
+        self.size_m = size_m
+        cells = cells_of_keys(self.thick)
+        self._lines = [(step, np.sort(_along(cells, step))) for step in STEPS if tuple(step) > (0, 0, 0)]
+
+    def hits(self, cells: np.ndarray) -> np.ndarray:
+        """Return in how many of 26 directions (n,) a wall lies within sight of cells (n, 3)."""
+        count = np.zeros(len(cells), int)
+        for step, line in self._lines:
+            here = _along(cells, step)
+            most = int(SIGHT_M / (self.size_m * np.linalg.norm(step)))
+            after = np.searchsorted(line, here, side="right")
+            count += (after < len(line)) & (line[np.minimum(after, len(line) - 1)] - here <= most)
+            before = np.searchsorted(line, here, side="left") - 1
+            count += (before >= 0) & (here - line[np.maximum(before, 0)] <= most)
+        return count
+
+    def flood(self, seeds: np.ndarray) -> Flood:
+        """Return what is reached from cells (n, 3) by steps across the sides of voxels."""
+        offsets = offsets_of(SIDES)
+        front = np.unique(keys_of(seeds))
+        front = front[~is_in(front, self.thick)]
+        last, reached, ends = np.zeros(0, np.int64), [front], []
+        while len(front):
+            near = np.unique((front[:, None] + offsets).ravel())
+            near = near[~is_in(near, last) & ~is_in(near, front) & ~is_in(near, self.thick)]
+            enclosed = self.hits(cells_of_keys(near)) >= _ENCLOSED
+            ends.append(near[~enclosed])
+            last, front = front, near[enclosed]
+            reached.append(front)
+        free = np.unique(np.concatenate(reached))
+        return Flood(free, np.unique(np.concatenate([*ends, np.zeros(0, np.int64)])))
+
+
+def _along(cells: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return a number (n,) of the line of each cell in a direction, and its place along it, as one number."""
+    axis = int(np.flatnonzero(step)[0])
+    place = cells[:, axis] * step[axis]
+    across = [cells[:, k] - place * step[k] for k in range(3) if k != axis]
+    one, two = (value + _BIAS for value in across)
+    return np.asarray((one << 42) | (two << 21) | (place + _BIAS))
+
+
+def largest_flood(walls: Walls, occupied: np.ndarray, rng: np.random.Generator) -> tuple[Flood, list[Flood]]:
+    """Return the largest flood from places about which nearly all directions end at walls, and the others.
+
+    Places lie half-way between a wall and the next one over it.
+    """
+    floors = occupied[rng.permutation(len(occupied))[:_CANDIDATES]]
+    cells = cells_of_keys(floors)
+    lift = 2 + np.arange(1, int(8.0 / walls.size_m), 2)
+    column = cells[:, None] + lift[:, None] * np.array([0, 0, 1])
+    taken = is_in(keys_of(column.reshape(-1, 3)), walls.thick).reshape(column.shape[:2])
+    high = np.where(taken.any(axis=1), taken.argmax(axis=1), 0)
+    places = cells + np.column_stack([np.zeros((len(cells), 2), int), lift[high // 2]])
+    places = places[(high > 0)]
+    places = places[walls.hits(places) >= _WHOLLY]
+    found: list[Flood] = []
+    for _ in range(_TRIES):
+        if not len(places):
+            break
+        found.append(walls.flood(places[:1]))
+        places = places[~is_in(keys_of(places), found[-1].free)][1 if not len(found[-1].free) else 0 :]
+    found.sort(key=lambda flood: -len(flood.free))
+    if not found or not len(found[0].free):
+        return Flood(np.zeros(0, np.int64), np.zeros(0, np.int64)), []
+    return found[0], [other for other in found[1:] if len(other.free)]

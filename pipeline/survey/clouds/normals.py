@@ -1,0 +1,76 @@
+"""The planes of points, turned towards the free space, and the signed distance to the surface that they sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.survey.clouds.thinned import ThinnedCloud
+from pipeline.survey.clouds.voxels import cells_at, is_in, keys_of
+
+_PLANE_POINTS = 16
+_NEAR_POINTS = 12
+_BLOCK = 200_000
+_LOOK = (1.5, 2.5, 3.5, 4.5)  # voxels from a point to either side at which free space is looked for
+_MOST_COUNT = 50.0  # points of one voxel count at most so many times
+
+
+@dataclass(frozen=True)
+class SidedPoints:
+    """The points of a cloud that bound free space, with their planes' normals (n, 3) into it; `rows` of the cloud.
+
+    `thin` are the rows of points with free space on both sides, `beyond` of those with none.
+    """
+
+    rows: np.ndarray
+    normals: np.ndarray
+    thin: np.ndarray
+    beyond: np.ndarray
+
+
+def sided(cloud: ThinnedCloud, free: np.ndarray, size_m: float) -> SidedPoints:
+    """Return the points beside a set of free voxels of a size, with normals into it."""
+    tree = cKDTree(cloud.points_m)
+    normals = np.concatenate(
+        [_planes(tree, cloud.points_m[k : k + _BLOCK]) for k in range(0, len(cloud), _BLOCK)] or [np.zeros((0, 3))]
+    )
+    seen = np.zeros((2, len(cloud)), int)
+    for k, way in enumerate((1, -1)):
+        for look in _LOOK:
+            seen[k] += is_in(keys_of(cells_at(cloud.points_m + way * look * size_m * normals, size_m)), free)
+    thin = (seen > 0).all(axis=0) & (np.abs(seen[0] - seen[1]) <= 1)
+    beyond = ~seen.any(axis=0)
+    rows = np.flatnonzero(~thin & ~beyond)
+    turned = normals[rows] * np.where(seen[0] > seen[1], 1, -1)[rows, None]
+    return SidedPoints(rows, turned, np.flatnonzero(thin), np.flatnonzero(beyond))
+
+
+def _planes(tree: cKDTree, points: np.ndarray) -> np.ndarray:
+    """Return the normals (n, 3) of the planes through the nearest points."""
+    near = tree.data[tree.query(points, min(_PLANE_POINTS, tree.n))[1]]
+    near = near - near.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", near, near))[1][:, :, 0])
+
+
+class SignedDistance:
+    """The distance to the surface of points with normals, m, positive in the free space: a mean of their planes'."""
+
+    def __init__(self, points_m: np.ndarray, normals: np.ndarray, count: np.ndarray, smooth_m: float) -> None:
+        """Take points with normals and the weight of each; planes are weighted within about `smooth_m`."""
+        self.tree, self.normals = cKDTree(points_m), normals
+        self.count, self.smooth_m = np.minimum(count, _MOST_COUNT), smooth_m
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """Return the distance (n,) at places (n, 3) m."""
+        blocks = [self._at(places[k : k + _BLOCK]) for k in range(0, len(places), _BLOCK)]
+        return np.concatenate([np.zeros(0), *blocks])
+
+    def _at(self, places: np.ndarray) -> np.ndarray:
+        far, near = self.tree.query(places, min(_NEAR_POINTS, self.tree.n))
+        # Far from all points the reach grows, so that planes about a hole carry on into it.
+        reach = np.maximum(self.smooth_m, 0.7 * far[:, :1])
+        weight = self.count[near] * np.exp(-0.5 * (far / reach) ** 2)
+        off = np.einsum("nki,nki->nk", places[:, None] - self.tree.data[near], self.normals[near])
+        return np.asarray((weight * off).sum(axis=1) / weight.sum(axis=1))

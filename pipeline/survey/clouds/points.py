@@ -1,0 +1,108 @@
+"""Read the points of a scan, thinned, in a process with limits; its memory does not grow with the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import Payload, run_limited
+from pipeline.params.reader_limits import reader_limits
+from pipeline.scans.cloud_formats import read_blocks
+from pipeline.survey.clouds.thinned import ThinnedCloud, thin
+from pipeline.survey.vector.shapes import REACH_M
+
+MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm
+_NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
+_MESH_POINTS = 4.0  # of a voxel's side of a mesh
+
+Origin = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ScanFile:
+    """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m."""
+
+    path: str
+    unit_m: float
+    up: str
+    origin: Origin | None
+    thin_m: float
+
+
+@dataclass(frozen=True)
+class ScanPoints:
+    """The thinned points of a scan, m from an origin in the file's coordinates."""
+
+    cloud: ThinnedCloud
+    origin: Origin
+
+
+def read_points(file: ScanFile) -> ScanPoints:
+    """Read a scan in a process with the limits of `conf/reader_limits.yaml`; its time grows with the file.
+
+    Raises
+    ------
+    InputError
+        If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
+    """
+    path = Path(file.path)
+    extra_s = reader_limits().cloud_s_per_gb * path.stat().st_size / 1e9
+    fresh = path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork
+    payload = run_limited("points", {"file": vars(file)}, file.path, extra_s, fresh)
+    cloud = ThinnedCloud(payload.arrays["points"], payload.arrays["count"], int(payload.values["total"]))
+    x, y, z = payload.values["origin"]
+    return ScanPoints(cloud, (x, y, z))
+
+
+def read_here(file: dict[str, Any]) -> Payload:
+    """Read a scan in this process; `read_points` has limits."""
+    found = _read(ScanFile(**file))
+    values = {"total": found.cloud.total, "origin": list(found.origin)}
+    return Payload(values, {"points": found.cloud.points_m, "count": found.cloud.count})
+
+
+def _read(file: ScanFile) -> ScanPoints:
+    path = Path(file.path)
+    blocks = _turned(read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2), file.up)
+    first = next(blocks, None)
+    if first is None or not len(first):
+        raise InputError(f"{path}: has no points")
+    origin = np.array(file.origin if file.origin is not None else origin_of(first, file.unit_m))
+    in_metres = ((block - origin) * file.unit_m for block in _after(first, blocks))
+    try:
+        cloud = thin(_within_reach(path, in_metres), file.thin_m, MOST_VOXELS)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    x, y, z = origin.tolist()
+    return ScanPoints(cloud, (x, y, z))
+
+
+def _turned(blocks: Iterator[np.ndarray], up: str) -> Iterator[np.ndarray]:
+    for block in blocks:
+        yield block[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else block
+
+
+def _after(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+    yield first
+    yield from others
+
+
+def _within_reach(path: Path, blocks: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+    for block in blocks:
+        far = np.abs(block).max(initial=0.0)
+        if not far <= REACH_M:
+            raise InputError(f"reaches {far:.0f} m from its first points, beyond {REACH_M:g} m; --unit states its unit")
+        yield block
+
+
+def origin_of(points: np.ndarray, metres: float) -> Origin:
+    """Return an origin in the file's coordinates: a height in whole metres, and zero in plan if that is near."""
+    low = points.min(axis=0) * metres
+    plan = [0.0 if np.abs(points[:, k] * metres).max() <= _NEAR_M else np.floor(low[k] / 10) * 10 for k in (0, 1)]
+    x, y, z = (float(value / metres) for value in (*plan, np.floor(low[2])))
+    return x, y, z

@@ -1,0 +1,115 @@
+"""Read a scan as the solid of its free space, with what was left out, closed and not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import manifold3d
+import numpy as np
+from shapely import MultiPolygon
+
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import warn_user
+from pipeline.params.survey import CloudSurveyParams
+from pipeline.survey.clouds.points import Origin, ScanFile, read_points
+from pipeline.survey.clouds.thinned import ThinnedCloud
+from pipeline.survey.clouds.trajectory import read_trajectory
+from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
+from pipeline.survey.solids.read import MOST_FACETS, view_from_above
+from pipeline.survey.vector.shapes import METRES
+from pipeline.types import ClosedMesh, Georeference
+
+_KEPT_M = 0.001  # a surface that is simplified already moves by no more than this in stage 3
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class ScanReading:
+    """The free space of a scan (m, mine frame), its view from above, where the frame lies, and how it was found."""
+
+    solid: ClosedMesh
+    workings: MultiPolygon
+    georeference: Georeference
+    volume: ScannedVolume
+
+
+def thinned_scan(params: CloudSurveyParams, thin_m: float) -> tuple[ThinnedCloud, Origin]:
+    """Read the points of a scan, m from the origin that is returned, thinned to voxels of `thin_m`."""
+    file = ScanFile(params.file, METRES[params.unit or "m"], params.up or "z", params.origin, thin_m)
+    found = read_points(file)
+    return found.cloud, found.origin
+
+
+def read_scan(params: CloudSurveyParams) -> ScanReading:
+    """Read a scan, and find the free space that its points bound. Warnings list what was left out and closed.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or its points enclose no space. The message names the file and the option.
+    """
+    cloud, origin = thinned_scan(params, params.voxel_m / 2)
+    metres = METRES[params.unit or "m"]
+    way = np.zeros((0, 3))
+    if params.trajectory is not None:
+        way = read_trajectory(Path(params.trajectory))
+        way = ((way[:, [0, 2, 1]] * [1, -1, 1] if params.up == "y" else way) - origin) * metres
+    try:
+        found = volume_of_cloud(cloud, params.voxel_m, params.close_m, params.simplify_m, MOST_FACETS, way)
+    except InputError as error:
+        raise InputError(f"{params.file}: {error}") from error
+    _warn(Path(params.file), found, params)
+    # The frame's height 0 is a whole metre below the lowest floor.
+    down = float(np.floor(found.vertices[:, 2].min()))
+    lift = np.array([0, 0, down])
+    solid = ClosedMesh(
+        found.vertices - lift,
+        found.faces.astype(np.int32),
+        origin[2] * metres + down,
+        _KEPT_M,
+        found.bounding.points_m - lift,
+    )
+    place = Georeference(params.unit or "m", metres, (origin[0], origin[1]))
+    manifold = manifold3d.Manifold(manifold3d.Mesh64(found.vertices, found.faces.astype(np.uint64)))
+    return ScanReading(solid, view_from_above(manifold), place, found)
+
+
+def _place(middle_m: tuple[float, float, float]) -> str:
+    return "({:.1f}, {:.1f}, {:.1f})".format(*middle_m)
+
+
+def _listed(texts: list[str]) -> str:
+    more = f" and {len(texts) - _NAMED} more" if len(texts) > _NAMED else ""
+    return ", ".join(texts[:_NAMED]) + more
+
+
+def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams) -> None:
+    name = path.name
+    if found.things:
+        listed = [
+            f"{a:.1f} x {b:.1f} x {c:.1f} m at {_place(thing.middle_m)}"
+            for thing in found.things
+            for a, b, c in [thing.size_m]
+        ]
+        warn_user(f"{name}: {len(found.things)} things stand free and are left out: {_listed(listed)}")
+    thin = len(found.thin_points_m)
+    if thin:
+        warn_user(f"{name}: {thin} voxels with points have free space on both sides, as ropes have, and are left out")
+    for what, gaps in (
+        (
+            f"holes of the scan, at most {params.close_m:g} m wide (--close M), are closed",
+            [gap for gap in found.gaps if gap.width_m <= params.close_m],
+        ),
+        (f"places more than {params.close_m:g} m wide (--close M) were not seen and end the workings",
+         [gap for gap in found.gaps if gap.width_m > params.close_m]),
+    ):
+        if gaps:
+            listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m)}" for gap in gaps]
+            warn_user(f"{name}: {len(gaps)} {what}: {_listed(listed)}")
+    others = [size for size in found.others_m3 if size >= 1.0]
+    if others:
+        warn_user(
+            f"{name}: the largest space that the points enclose is built; {len(others)} others of {sum(others):.0f} m3 "
+            "are not; --trajectory FILE says where the scanner was"
+        )

@@ -1,0 +1,91 @@
+"""Points thinned block by block to one of each voxel, so that memory does not grow with the scan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.errors import InputError
+from pipeline.survey.clouds.voxels import REACH, cells_at, keys_of
+
+LEAST_POINTS = 100
+_SAMPLES = 20_000
+_NEIGHBOURS = 8
+_PENDING = 4_000_000  # rows that are merged at once
+
+
+@dataclass(frozen=True)
+class ThinnedCloud:
+    """The mean place (n, 3) m of the points in each voxel, and how many (n,) they are, of `total` in all."""
+
+    points_m: np.ndarray
+    count: np.ndarray
+    total: int
+
+    def __len__(self) -> int:
+        """Return the number of voxels with points."""
+        return len(self.points_m)
+
+    def some(self, rows: np.ndarray) -> ThinnedCloud:
+        """Return some of the voxels."""
+        return ThinnedCloud(self.points_m[rows], self.count[rows], self.total)
+
+
+def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int) -> ThinnedCloud:
+    """Return the means of blocks of points (n, 3) m in voxels.
+
+    Raises
+    ------
+    InputError
+        If fewer than 100 voxels or more than `most` have points, or a point lies too far from the origin.
+    """
+    keys, sums = np.zeros(0, np.int64), np.zeros((0, 4))
+    waiting: list[tuple[np.ndarray, np.ndarray]] = []
+    total = rows = 0
+    for block in blocks:
+        total += len(block)
+        if len(block) and np.abs(block).max() > REACH * voxel_m:
+            raise InputError(
+                f"reaches {np.abs(block).max():.0f} m from its origin, at most {REACH * voxel_m:.0f} m; --unit states "
+                "its unit"
+            )
+        waiting.append(_summed(keys_of(cells_at(block, voxel_m)), np.column_stack([block, np.ones(len(block))])))
+        rows += len(waiting[-1][0])
+        if rows > max(_PENDING, len(keys)):
+            keys, sums = _merged(keys, sums, waiting)
+            waiting, rows = [], 0
+            if len(keys) > most:
+                break
+    keys, sums = _merged(keys, sums, waiting)
+    if len(keys) > most:
+        raise InputError(f"its points fill more than {most:,} voxels of {voxel_m:g} m; --voxel states a larger size")
+    if len(keys) < LEAST_POINTS:
+        raise InputError(f"its points fill {len(keys)} voxels of {voxel_m:g} m, at least {LEAST_POINTS} are needed")
+    return ThinnedCloud(sums[:, :3] / sums[:, 3:], sums[:, 3], total)
+
+
+def _merged(
+    keys: np.ndarray, sums: np.ndarray, more: list[tuple[np.ndarray, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
+    return _summed(np.concatenate([keys, *(k for k, _ in more)]), np.concatenate([sums, *(s for _, s in more)]))
+
+
+def _summed(keys: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return each number once, with the sum of its rows."""
+    order = np.argsort(keys, kind="stable")
+    keys, values = keys[order], values[order]
+    first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)])
+    return keys[first], np.add.reduceat(values, first, axis=0) if len(first) else values
+
+
+def spacing_of(points_m: np.ndarray) -> float:
+    """Return how far apart the points of most of the surface are, m: nine of ten lie denser.
+
+    It is that of a square grid with as many points as lie within the eighth neighbour's distance.
+    """
+    chosen = points_m[:: max(1, len(points_m) // _SAMPLES)]
+    far = cKDTree(points_m).query(chosen, _NEIGHBOURS + 1)[0][:, -1]
+    return float(np.quantile(far, 0.9) * np.sqrt(np.pi / _NEIGHBOURS))

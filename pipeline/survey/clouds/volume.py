@@ -1,0 +1,133 @@
+"""The closed volume of free space that a scan's points bound, and what was left out and closed on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.survey.clouds.decimate import decimated
+from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
+from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
+from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, sided
+from pipeline.survey.clouds.surface import surface_of
+from pipeline.survey.clouds.things import Thing, find_things
+from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
+from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, is_in, keys_of
+from pipeline.survey.solids.closing import close_solids
+
+_WELD_M = 1e-6
+_BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
+_LEAST_M3 = 5.0  # of the free space of a scan
+_SEED = 0
+NOWHERE = np.zeros((0, 3))
+
+
+@dataclass(frozen=True)
+class ScannedVolume:
+    """The surface of a scan's free space: vertices (n, 3) m, and triangles (m, 3) whose normals point out of it.
+
+    `bounding` are the points of it, `things` what stood free and was left out with its points `thing_points_m`,
+    `thin_points_m` points with free space on both sides, such as ropes, `beyond_m` points with none, which bound
+    nothing, `gaps` where nobody saw the surface, and `others_m3` the sizes of other free spaces that the points bound.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    bounding: ThinnedCloud
+    spacing_m: float
+    things: list[Thing]
+    thing_points_m: np.ndarray
+    thin_points_m: np.ndarray
+    beyond_m: np.ndarray
+    gaps: list[Gap]
+    others_m3: list[float]
+
+
+def volume_of_cloud(
+    cloud: ThinnedCloud,
+    voxel_m: float,
+    close_m: float,
+    tolerance_m: float,
+    most_facets: int,
+    inside_m: np.ndarray = NOWHERE,
+) -> ScannedVolume:
+    """Return the free space of a scan.
+
+    Parameters
+    ----------
+    cloud : ThinnedCloud
+    voxel_m : float
+        Of the free space, at least the spacing of the points.
+    close_m : float
+        Parts of the surface that nobody saw are filled smoothly if they are no wider.
+    tolerance_m : float
+        Of 20 points of the surface 19 move by less when it is simplified.
+    most_facets : int
+        Of the simplified surface.
+    inside_m : (n, 3) float64, m
+        Places in the workings, such as those of the scanner; without one the largest space is taken.
+
+    Raises
+    ------
+    InputError
+        If the points enclose no space.
+    """
+    free, walls, others = _flooded(cloud, voxel_m, inside_m)
+    sides = sided(cloud, free.free, voxel_m)
+    things, rows = find_things(cloud, sides, free.free, voxel_m)
+    standing = cloud.points_m[rows]
+    if len(rows):
+        cloud = cloud.some(np.setdiff1d(np.arange(len(cloud)), rows))
+        walls = Walls(_occupied(cloud, voxel_m), voxel_m)
+        free = walls.flood(cells_of_keys(free.free[~is_in(free.free, walls.thick)][:1]))
+        sides = sided(cloud, free.free, voxel_m)
+    if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
+        raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")
+    bounding = cloud.some(sides.rows)
+    vertices, faces = _closed_surface(free, voxel_m, bounding, sides)
+    spacing = spacing_of(bounding.points_m)
+    gaps = find_gaps(vertices, faces, bounding.points_m, max(_BARE_M, 2 * spacing))
+    holes = [gap for gap in gaps if gap.width_m <= close_m]
+    vertices = fill_gaps(vertices, holes, bounding.points_m, sides.normals)
+    vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
+    return ScannedVolume(
+        vertices,
+        faces,
+        bounding,
+        spacing,
+        things,
+        standing,
+        cloud.points_m[sides.thin],
+        cloud.points_m[sides.beyond],
+        gaps,
+        [round(len(other.free) * voxel_m**3, 1) for other in others],
+    )
+
+
+def _occupied(cloud: ThinnedCloud, voxel_m: float) -> np.ndarray:
+    return np.unique(keys_of(cells_at(cloud.points_m, voxel_m)))
+
+
+def _flooded(
+    cloud: ThinnedCloud, voxel_m: float, inside_m: np.ndarray
+) -> tuple[Flood, Walls, list[Flood]]:
+    occupied = _occupied(cloud, voxel_m)
+    walls = Walls(occupied, voxel_m)
+    if len(inside_m):
+        return walls.flood(cells_at(inside_m, voxel_m)), walls, []
+    free, others = largest_flood(walls, occupied, np.random.default_rng(_SEED))
+    return free, walls, others
+
+
+def _closed_surface(
+    free: Flood, voxel_m: float, bounding: ThinnedCloud, sides: SidedPoints
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the surface of the free space, without pieces that it encloses or that lie apart."""
+    signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
+    vertices, faces = surface_of(free.free, voxel_m, signed)
+    closed = close_solids(vertices, faces, _WELD_M, voxel_m)
+    largest = max(closed.solid.decompose(), key=lambda piece: piece.volume())
+    mesh = largest.to_mesh64()
+    return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)

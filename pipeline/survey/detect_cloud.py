@@ -1,0 +1,89 @@
+"""Detect the origin and the resolution of a scan of workings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.guard.reading_process import warn_user
+from pipeline.params.stated import FileKind, StatedOptions
+from pipeline.params.survey import CloudSurveyParams
+from pipeline.survey.detection import Detection
+from pipeline.survey.formats import kind_of
+from pipeline.survey.vector.shapes import METRES
+
+_FINEST_M, _COARSEST_M = 0.05, 0.2
+_BY_SPACING = 1.6  # a voxel by the spacing of points: few are empty then
+_MOST_VOXELS = 100_000  # of the surface, at which a volume takes a minute
+_HEAD_BYTES = 65_536
+_LARGE_BYTES = 200_000_000  # points of such a file are looked at coarsely
+
+
+def is_cloud(path: Path, stated: StatedOptions) -> bool:
+    """Return whether a file is read as a scan: its format is one of clouds, or `--voxel` says so of a mesh."""
+    kind = kind_of(path)
+    if kind is FileKind.CLOUD:
+        return True
+    if kind is not FileKind.SOLID:
+        return False
+    return stated.voxel_m is not None or (path.suffix.lower() == ".ply" and _has_no_faces(path))
+
+
+def _has_no_faces(path: Path) -> bool:
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES).partition(b"end_header")[0]
+    faces = [line.split() for line in head.splitlines() if line.startswith(b"element face")]
+    return all(words[2:3] == [b"0"] for words in faces)
+
+
+def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
+    """Read the points of a scan, and choose the resolution by their spacing and the size of the surface.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    from pipeline.survey.clouds.read import thinned_scan  # open3d takes a second to load
+    from pipeline.survey.clouds.thinned import spacing_of
+
+    options = stated.model_dump(include={"unit", "up", "close_m", "simplify_m", "voxel_m"}, exclude_none=True)
+    params = CloudSurveyParams.model_validate({"kind": "cloud", "name": "detect", "file": "data/x", **options})
+    thin_m = _FINEST_M / 2 if path.stat().st_size < _LARGE_BYTES else _FINEST_M
+    cloud, origin = thinned_scan(params.model_copy(update={"file": path.as_posix()}), thin_m)
+    spacing = spacing_of(cloud.points_m)
+    voxel_m = stated.voxel_m or resolution(cloud.points_m, spacing)
+    if stated.unit is None:
+        size = " x ".join(f"{side:.4g}" for side in np.ptp(cloud.points_m, axis=0))
+        warn_user(f"{path.name}: read as metres, {size} m; --unit states another")
+    if stated.voxel_m is None:
+        warn_user(f"{path.name}: points are {spacing:.2f} m apart; its surface is found to {voxel_m:g} m; --voxel M")
+    values = {
+        "kind": "cloud",
+        "file": path.name,
+        "trajectory": None,
+        "unit": stated.unit or "m",
+        "up": stated.up,
+        "origin": list(origin),
+        "voxel_m": voxel_m,
+        "close_m": params.close_m,
+        "simplify_m": params.simplify_m,
+    }
+    remarks = {
+        "trajectory": "where the scanner was, rows of time x y z; null: the largest space is built",
+        "origin": "of the mine frame, in the file's coordinates",
+        "voxel_m": "resolution of the surface, m; gaps of as much between points are bridged",
+        "close_m": "unseen parts of the surface up to this width are holes, wider ones ends of the workings, m",
+        "simplify_m": "95 % of the surface moves by no more than this when it is simplified, m",
+        "up": "axis of the file that points up; null: z",
+    }
+    return Detection(values, remarks, [path], None, has_heights=True)
+
+
+def resolution(points_m: np.ndarray, spacing_m: float) -> float:
+    """Return the voxels' size, m: as fine as 100,000 of the surface allow, no finer than points are apart."""
+    cells = np.unique(np.floor(points_m / _COARSEST_M).astype(np.int64), axis=0)
+    by_size = np.sqrt(len(cells) * _COARSEST_M**2 / _MOST_VOXELS)
+    wanted = max(float(np.clip(by_size, _FINEST_M, _COARSEST_M)), _BY_SPACING * spacing_m)
+    return round(float(np.ceil(round(100 * wanted, 3))) / 100, 2)
