@@ -30,9 +30,7 @@ def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> Any:
     path = source if isinstance(source, Path) else folder / "survey.csv"
     if isinstance(source, str):
         path.write_text(source)
-    params = PassageSurveyParams.model_validate(
-        {"kind": "passages", "name": "test", "file": "data/x", "volume": True, **values}
-    )
+    params = PassageSurveyParams.model_validate({"kind": "passages", "name": "test", "file": "data/x", **values})
     return _read(params.model_copy(update={"file": path.as_posix()}))
 
 

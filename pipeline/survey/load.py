@@ -35,9 +35,10 @@ from pipeline.survey.formats import is_solved
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
-from pipeline.survey.passages.sheets import lay_out_sheets
+from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan, start_over
-from pipeline.survey.stations.table import read_stations
+from pipeline.survey.stations.table import read_stations, section_of
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import (
@@ -196,7 +197,10 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
             read = _Drawn(
                 found.plan, found.frame, scale, found.georeference, found.heights, [], found.workings, found.legs
             )
-    heights = _stated_heights(params, read) or read.heights
+    stated = _stated_heights(params, read)
+    if stated is not None and (len(read.legs) or len(read.solid)):
+        raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
+    heights = stated or read.heights
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
@@ -309,17 +313,15 @@ def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:
     Raises
     ------
     InputError
-        If workings lie over each other: one drawing shows one sheet.
+        If workings lie over each other: a drawn plan shows one floor.
     """
     if legs[0].grades is None:
         return None
-    _, heights = lay_out_sheets(path, legs)
-    if heights.seams:
-        raise InputError(
-            f"{path}: its grades put workings over each other in {len(heights.offset_m)} sheets, and a drawn plan "
-            "shows one; survey.kind=passages builds them"
-        )
-    return heights
+    require_single(path, [section_of(leg) for leg in legs])
+    places = [np.column_stack([leg.positions_m, floor_of(leg)]) for leg in legs]
+    datum = float(np.floor(min(line[:, 2].min() for line in places)))
+    lines = [[(float(x), float(y), float(z)) for x, y, z in line - (0, 0, datum)] for line in places]
+    return Heights(lines=lines, datum_m=datum)
 
 
 def read_plan(params: PlanSurveyParams) -> Reading:

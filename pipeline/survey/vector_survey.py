@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
@@ -26,16 +25,21 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.survey.draw import draw_picture, draw_workings, frame_of
-from pipeline.survey.formats import is_solved, leg_reader
+from pipeline.survey.formats import is_solved
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
-from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
+from pipeline.survey.passages.legs import (
+    SurveyLeg,
+    build_workings,
+    require_connected,
+    require_no_crossing,
+    warn_of_shafts,
+)
+from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
-from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
@@ -44,7 +48,7 @@ from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
-from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
+from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, SurveyedLegs
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -202,24 +206,15 @@ def _read_levels(
 
 def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
-    if params.volume:
-        whole = read_whole(path, params)
-        _require_short(path, whole.legs)
-        _, georeference = locate(path, Shapes([footprint(path, whole.legs)], "m"), "m", params.origin)
-        place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
-        return _Workings(seen, place, legs=surveyed)
-    reader = leg_reader(path)
-    if isinstance(params.grade, dict):  # of the legs of a station table
-        legs, crs = read_station_legs(path, params.grade), None
-    else:
-        legs, crs = reader(path, params.half_width_m)
-    built, heights = _build(path, legs, params)
+    whole = read_whole(path, params)
+    _require_short(path, whole.legs)
+    built = _level_workings(path, whole.legs, params) if whole.is_level else footprint(path, whole.legs)
     shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
-    place = Georeference("m", 1.0, georeference.origin, crs)
-    if heights is None:
+    place = Georeference("m", 1.0, georeference.origin, whole.crs)
+    if whole.is_level:
         return _Workings(as_polygons(shapely.union_all(shapes)), place)
-    return _Workings(shapes[0], place, _moved(heights, georeference.origin))
+    surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
+    return _Workings(seen, place, legs=surveyed)
 
 
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
@@ -229,33 +224,32 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None
     )
-    if params.volume:
-        whole = WholeSurvey(plan_legs(path, survey, params.half_width_m), [], None)
-        _require_short(path, whole.legs)
-        surveyed, seen = whole_in_frame(path, whole, params, (0.0, 0.0))
-        return _Workings(seen, georeference, legs=surveyed)
-    built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
-    return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
-
-
-def _build(
-    path: Path, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
-) -> tuple[BaseGeometry, Heights | None]:
-    """Return the workings of legs, sheet by sheet if they have heights, and these."""
+    legs = plan_legs(path, survey, params.half_width_m)
     _require_short(path, legs)
-    if has_relief(legs):
-        return lay_out_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
+    if not has_relief(legs):
+        return _Workings(as_polygons(_level_workings(path, legs, params)), georeference)
+    surveyed, seen = whole_in_frame(path, WholeSurvey(legs, is_level=False, is_named=False), params, (0.0, 0.0))
+    return _Workings(seen, georeference, legs=surveyed)
+
+
+def _level_workings(
+    path: Path, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
+) -> BaseGeometry:
+    """Return the workings of legs whose floors are level, seen from above, without shafts."""
     is_drawn = params.kind == "centrelines"
     if params.piece is not None and not is_drawn:
         raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
     driven = [leg for leg in legs if not leg.is_plumb]
+    warn_of_shafts(path, [leg for leg in legs if leg.is_plumb])
+    if not driven:
+        raise InputError(f"{path}: every leg is plumb; nothing to drive on")
     if not is_drawn:
         require_connected(path, driven)
     require_no_crossing(path, driven)
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
-    return choose_flat_piece(path, built, params.piece) if is_drawn else built, None
+    return choose_flat_piece(path, built, params.piece) if is_drawn else built
 
 
 def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
@@ -267,21 +261,6 @@ def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
             raise InputError(
                 f"{path}: {leg.stations[k]} to {leg.stations[k + 1]} are {steps[k]:.0f} m apart, at most {REACH_M:g} m"
             )
-
-
-def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:
-    """Return heights about another origin of the mine frame."""
-    east, north = origin
-    lines = [[(x - east, y - north, z) for x, y, z in line] for line in heights.lines]
-    seams = [
-        Seam(seam.sheets, tuple((x - east, y - north) for x, y in seam.ends_m))  # type: ignore[arg-type]
-        for seam in heights.seams
-    ]
-    shafts = [
-        dataclasses.replace(shaft, place_m=(shaft.place_m[0] - east, shaft.place_m[1] - north))
-        for shaft in heights.shafts
-    ]
-    return dataclasses.replace(heights, lines=lines, seams=seams, shafts=shafts)
 
 
 def _name(params: VectorSurvey) -> str:

@@ -12,8 +12,6 @@ from scipy.spatial import ConvexHull
 from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.metrics.containment import cover_floor
-from pipeline.params.survey import PassageSurveyParams
-from pipeline.survey.load import _read
 from pipeline.survey.passages.sheet_cells import Cell
 from pipeline.survey.passages.sheet_layout import lay_apart
 from pipeline.survey.passages.sheets import _lie_over, lay_out_sheets
@@ -23,7 +21,7 @@ from pipeline.types import Workings
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 from tests.composed import compose
-from tests.heights import HEADER
+from tests.heights import HEADER, lay_out
 
 # A drift, and a ramp from its east end that comes back under it; station, east, north, left, right, floor.
 UPPER = [
@@ -56,10 +54,9 @@ def built(text, config, folder):
     """Return outline, floor and walls of a table, as stages 1 to 3 make them."""
     path = folder / "stations.csv"
     path.write_text(HEADER + text)
-    params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
-    read = _read(params.model_copy(update={"file": path.as_posix()}))
-    traced = trace_free_space(config.contours, read.plan, read.survey, Workings(read.workings))
-    rock = compile_rock(config.compile3d, traced["free_space"], traced["topology"], read.survey)
+    plan, polygons, survey = lay_out(path)
+    traced = trace_free_space(config.contours, plan, survey, Workings(polygons))
+    rock = compile_rock(config.compile3d, traced["free_space"], traced["topology"], survey)
     return traced["free_space"].polygon, rock["floor"], rock["collision"]
 
 
