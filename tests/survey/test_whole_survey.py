@@ -78,7 +78,9 @@ def test_a_stated_start_is_kept_with_its_elevation(tmp_path):
 def test_a_survey_without_elevations_or_with_like_ones_stays_a_plan(tmp_path, rise):
     head = "leg,station,easting_m,northing_m,left_m,right_m" + (",elevation_m" if rise else "")
     first = ",5" if rise else ""
-    assert len(legs_of_table(f"{head}\nA,1,0,0,2,2{first}\nA,2,9,0,2,2{rise}\n", tmp_path)) == 0
+    text = f"{head}\nA,1,0,0,2,2{first}\nA,2,9,0,2,2{rise}\n"
+    assert len(legs_of_table(text, tmp_path, flat_step_m=1.0)) == 0
+    assert len(legs_of_table(text, tmp_path, flat_step_m=0.0)) == (rise != "")
 
 
 @pytest.mark.parametrize("stated", [{"grade": 0.02}, {"heights": "data/spots.csv"}])

@@ -18,13 +18,13 @@ def floor_of(leg: SurveyLeg) -> np.ndarray:
 
 
 def has_relief(legs: list[SurveyLeg]) -> bool:
-    """Return whether a survey has grades, or floors that differ in height by more than `flat_step_m`; else it is flat.
+    """Return whether a survey has grades, or floors that differ in height by `flat_step_m` or more; else it is flat.
 
-    A shaft has relief. Legs without elevations have none.
+    A shaft has relief. Legs without elevations have none, also where `flat_step_m` is 0.
     """
     if any(leg.heights_m is None for leg in legs):
         return False
     if any(leg.grades is not None for leg in legs):
         return True
     floors = np.concatenate([floor_of(leg) for leg in legs])
-    return bool(np.isfinite(floors).all() and np.ptp(floors) > floor_rules().flat_step_m)
+    return bool(np.isfinite(floors).all() and np.ptp(floors) >= floor_rules().flat_step_m)
