@@ -30,7 +30,8 @@ def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> Any:
     path = source if isinstance(source, Path) else folder / "survey.csv"
     if isinstance(source, str):
         path.write_text(source)
-    params = PassageSurveyParams.model_validate({"kind": "passages", "name": "test", "file": "data/x", "flat_step_m": 0, **values})
+    section = {"kind": "passages", "name": "test", "file": "data/x", "flat_step_m": 0}  # level ones, too
+    params = PassageSurveyParams.model_validate({**section, **values})
     return _read(params.model_copy(update={"file": path.as_posix()}))
 
 

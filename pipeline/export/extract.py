@@ -46,8 +46,8 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
         raise ArtifactError(str(error)) from error
     zones = [zone.name for zone in record.zones]
     parts = [_part(spec, geom, zones) for geom in spec.geoms if geom.group in _PARTS]
-    materials = {material.name: _material(material) for material in spec.materials}
-    lights = [_light(light) for light in spec.lights]
+    materials = {material.name: material_of(material) for material in spec.materials}
+    lights = [light_of(light) for light in spec.lights]
     return ExportScene(_facts(record, licence), parts, surfaces, materials, lights, texture)
 
 
@@ -101,13 +101,15 @@ def _rectangle(plane: mujoco.MjsGeom) -> TriangleMesh:
     return TriangleMesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]]), np.zeros((0, 2)), up)
 
 
-def _material(material: mujoco.MjsMaterial) -> Material:
+def material_of(material: mujoco.MjsMaterial) -> Material:
+    """Return the colour of a material of `mine.xml`."""
     textured = bool(material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB])
     red, green, blue, alpha = (round(float(value), 6) for value in material.rgba)
     return Material(material.name, (red, green, blue, alpha), textured, float(material.shininess))
 
 
-def _light(light: mujoco.MjsLight) -> Light:
+def light_of(light: mujoco.MjsLight) -> Light:
+    """Return a spot light of `mine.xml`."""
     red, green, blue = (round(float(value), 6) for value in light.diffuse)
     direction = np.array(light.dir) / np.linalg.norm(light.dir)
     return Light(light.name, np.array(light.pos), direction, float(light.cutoff), (red, green, blue))
