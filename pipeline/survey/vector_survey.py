@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
 
@@ -27,14 +26,16 @@ from pipeline.params.survey import (
 )
 from pipeline.survey.draw import draw_picture, draw_workings, frame_of
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.levels.areas import areas_of
+from pipeline.survey.levels.areas import Area, areas_of
+from pipeline.survey.levels.floors import floors_of_areas
 from pipeline.survey.levels.sheets import lay_out_levels
-from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
+from pipeline.survey.levels.walls import Wall, lie_over, split_steep, walls_in_space
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
 from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
+from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
@@ -44,7 +45,7 @@ from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
-from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
+from pipeline.types import METRIC, NO_FLOORS, NO_LEGS, FloorMesh, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -56,7 +57,8 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and the plan drawn of them with its frame.
 
-    `legs` are those of a survey that is built as one volume; its workings are their view from above.
+    `legs` are those of a survey that is built as one volume, `floors` those of drawn areas with heights, whose shafts
+    are the legs; the workings are their view from above.
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
     """
 
@@ -66,6 +68,7 @@ class VectorReading:
     plan: Image
     frame: Frame
     legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
 
     @property
     def width_m(self) -> float:
@@ -81,6 +84,7 @@ class _Workings:
     georeference: Georeference
     heights: Heights | None = None
     legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -100,7 +104,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(_name(params), workings, params)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs)
+        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs, read.floors)
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
@@ -168,6 +172,8 @@ def _read_levels(
         return _LevelReading(None, [True] * len(moved))
     try:
         areas = areas_of(path, walls, params.snap_m)
+        if params.volume and areas:
+            return _LevelReading(_whole_levels(path, areas, axes, georeference, params), [True] * len(moved))
         drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
     except InputError:
         if elevations or lie_over(walls):
@@ -198,6 +204,15 @@ def _read_levels(
     )
     steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
     return _LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])
+
+
+def _whole_levels(
+    path: Path, areas: list[Area], axes: list[Wall], georeference: Georeference, params: VectorSurveyParams
+) -> _Workings:
+    """Return the floors of areas that are built as one volume, and the shafts between them."""
+    found = floors_of_areas(path, areas, axes, params.snap_m, params.piece)
+    legs = replace(found.shafts, start_m=start_over(params.entrance_m, found.floors.datum_m))
+    return _Workings(found.seen, georeference, legs=legs, floors=found.floors)
 
 
 def _read_passages(params: PassageSurveyParams) -> _Workings:
@@ -278,10 +293,10 @@ def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:
         for seam in heights.seams
     ]
     shafts = [
-        dataclasses.replace(shaft, place_m=(shaft.place_m[0] - east, shaft.place_m[1] - north))
+        replace(shaft, place_m=(shaft.place_m[0] - east, shaft.place_m[1] - north))
         for shaft in heights.shafts
     ]
-    return dataclasses.replace(heights, lines=lines, seams=seams, shafts=shafts)
+    return replace(heights, lines=lines, seams=seams, shafts=shafts)
 
 
 def _name(params: VectorSurvey) -> str:

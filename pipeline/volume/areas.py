@@ -1,0 +1,90 @@
+"""The free space of drawn areas with heights: a slab over each floor, and the shafts between them, as one solid."""
+
+from __future__ import annotations
+
+import manifold3d
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from pipeline.errors import GeometryError
+from pipeline.survey.passages.legs import legs_of
+from pipeline.types import ClosedMesh, FloorMesh, SurveyedLegs
+from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.network import network_of
+from pipeline.volume.union import pieces_of, unite
+
+_SIMPLE_M = 0.004  # of the mesh, as of surveyed legs: floors keep within 1 cm of the drawn heights
+
+
+def solid_of_floors(floors: FloorMesh, shafts: SurveyedLegs, height_m: float, half_m: float) -> ClosedMesh:
+    """Return the closed mesh of all free space: floors with plumb walls and a roof `height_m` over them, and shafts.
+
+    Shafts that nobody measured are `half_m` wide to each side. Floors keep their triangles, so that they are as drawn.
+
+    Raises
+    ------
+    GeometryError
+        If a roof cuts through the floor over it; the message names the place and what states less height.
+    """
+    vertices, faces = slab(floors.vertices, floors.faces, height_m)
+    _require_apart(vertices, faces, height_m, floors.datum_m)
+    solids = [_solid(vertices, faces[part]) for part in _parts(len(vertices), faces)]
+    if len(shafts):
+        network = network_of(legs_of(shafts), height_m, half_m)
+        middle = shafts.positions_m[0] - network.places_m[0]
+        solids.append(unite(network, pieces_of(network)).solid.translate(middle.tolist()))
+    found = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add).to_mesh64()
+    return ClosedMesh(
+        np.array(found.vert_properties, np.float64)[:, :3],
+        np.asarray(found.tri_verts).astype(np.int32),
+        floors.datum_m,
+        _SIMPLE_M,
+    )
+
+
+def slab(vertices: np.ndarray, faces: np.ndarray, height_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices and faces of the space over a floor mesh: floor, roof, and a wall on each rim.
+
+    Normals point out of the space: those of floors point down.
+    """
+    n = len(vertices)
+    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
+    rim = ~np.isin(start * n + end, end * n + start)
+    a, b = start[rim], end[rim]
+    walls = [np.column_stack([a, b, b + n]), np.column_stack([a, b + n, a + n])]
+    lifted = vertices + np.array([0.0, 0.0, height_m])
+    return np.concatenate([vertices, lifted]), np.concatenate([faces[:, ::-1], faces + n, *walls])
+
+
+def _parts(count: int, faces: np.ndarray) -> list[np.ndarray]:
+    """Return the faces of each connected part of a mesh."""
+    a, b = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
+    number, label = connected_components(coo_matrix((np.ones(len(a)), (a, b)), (count, count)), directed=False)
+    part = label[faces[:, 0]]
+    order = np.argsort(part, kind="stable")
+    return [rows for rows in np.split(order, np.searchsorted(part[order], np.arange(1, number))) if len(rows)]
+
+
+def _solid(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
+    used, faces = np.unique(faces, return_inverse=True)
+    mesh = manifold3d.Mesh64(np.array(vertices[used], order="C"), faces.reshape(-1, 3).astype(np.uint64))
+    solid = manifold3d.Manifold(mesh)
+    if solid.status() != manifold3d.Error.NoError:
+        x, y, z = vertices[used].mean(axis=0)
+        raise GeometryError(
+            f"compile3d: the walls of the areas about ({x:.1f}, {y:.1f}), {z:.1f} m high, enclose no space "
+            f"({solid.status().name})"
+        )
+    return solid.as_original()
+
+
+def _require_apart(vertices: np.ndarray, faces: np.ndarray, height_m: float, datum_m: float) -> None:
+    """Refuse roofs that cut through floors or walls over them."""
+    pairs = crossing_facets(vertices, faces, CROSSING_M)
+    if len(pairs):
+        x, y, z = vertices[faces[pairs[0]]].reshape(-1, 3).mean(axis=0)
+        raise GeometryError(
+            f"roof: floors over each other are less than their height of {height_m:g} m apart in {len(pairs)} places, "
+            f"the first at ({x:.1f}, {y:.1f}), {z + datum_m:.1f} m high; compile3d.height_m states less"
+        )
