@@ -311,6 +311,27 @@ class FloorMesh:
         """Return the number of faces."""
         return len(self.faces)
 
+    @property
+    def rim(self) -> np.ndarray:
+        """Return the edges (k, 2) on walls, from vertex to vertex with the floor on their left."""
+        edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64)
+        number = edges @ [len(self.vertices), 1]
+        found: np.ndarray = edges[~np.isin(number, edges @ [1, len(self.vertices)])]
+        return found
+
+    @property
+    def width_m(self) -> float:
+        """Return the typical width of its drifts: that of one long drift of the same area and length of walls."""
+        a, b, c = np.moveaxis(self.vertices[self.faces][:, :, :2], 1, 0)
+        double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        return float(double.sum() / self.walls_m)
+
+    @property
+    def walls_m(self) -> float:
+        """Return the length of its walls, seen from above."""
+        start, end = self.vertices[self.rim][:, :, :2].transpose(1, 0, 2)
+        return float(np.linalg.norm(end - start, axis=1).sum())
+
 
 NO_FLOORS = FloorMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0)
 

@@ -69,8 +69,7 @@ def compile_rock(
         from pipeline.volume.world.compile import compile_volume  # open3d takes a second to load
 
         subject = (survey.sources or [survey.name])[0]
-        if survey.entrance_m is not None:  # of a plan with heights; others have it in `network`
-            network = replace(network, start_m=np.array(survey.entrance_m))
+        network = replace(network, start_m=_start_in_plan(survey, topology, network))
         return {**_nothing(params), "volume": compile_volume(params, network, solid, subject, floors)}
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
@@ -105,6 +104,15 @@ def compile_rock(
         "spawn": first_anchor(grid, starts, params.spawn.radius_m, params.spawn.clearance_m),
         "volume": {"none.txt": b"survey.volume = false: no volume\n"},
     }
+
+
+def _start_in_plan(survey: Survey, topology: DriftNetwork, network: SurveyedLegs) -> np.ndarray:
+    """Return where robots start: stated, or of a plan with one grade where that begins; none if it is to be chosen."""
+    if survey.entrance_m is not None:
+        return np.array(survey.entrance_m)
+    if survey.heights is not None and survey.heights.grade is not None:
+        return np.array(topology.main_drift_m[0])
+    return network.start_m
 
 
 def _nothing(params: Compile3dParams) -> dict[str, Any]:

@@ -52,13 +52,14 @@ class VolumeWorld:
         return world
 
     @classmethod
-    def from_areas(cls, path: Path, **values: Any) -> Self:
+    def from_areas(cls, path: Path, heights: Path | None = None, **values: Any) -> Self:
         """Build the areas of a drawing with heights instead; `values` are those of the survey's section."""
         params = VectorSurveyParams.model_validate(
             {"kind": "vector", "name": "test", "file": "data/x", "volume": True, **values}
         )
+        update = {"file": path.as_posix(), "heights": None if heights is None else heights.as_posix()}
         world = cls.__new__(cls)
-        world._build(_read(params.model_copy(update={"file": path.as_posix()})), path.parent)
+        world._build(_read(params.model_copy(update=update)), path.parent)
         return world
 
     def _build(self, read: Any, folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import manifold3d
 import numpy as np
+import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -14,6 +15,7 @@ from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.network import network_of
 from pipeline.volume.union import pieces_of, unite
 
+_LEAST_M2 = 1e-12  # of a face seen from above, twice
 _SIMPLE_M = 0.004  # of the mesh, as of surveyed legs: floors keep within 1 cm of the drawn heights
 
 
@@ -27,8 +29,8 @@ def solid_of_floors(floors: FloorMesh, shafts: SurveyedLegs, height_m: float, ha
     GeometryError
         If a roof cuts through the floor over it; the message names the place and what states less height.
     """
-    vertices, faces = slab(floors.vertices, floors.faces, height_m)
-    _require_apart(vertices, faces, height_m, floors.datum_m)
+    vertices, faces = slab(floors, height_m)
+    _require_apart(floors, vertices, faces, height_m)
     solids = [_solid(vertices, faces[part]) for part in _parts(len(vertices), faces)]
     if len(shafts):
         network = network_of(legs_of(shafts), height_m, half_m)
@@ -43,15 +45,13 @@ def solid_of_floors(floors: FloorMesh, shafts: SurveyedLegs, height_m: float, ha
     )
 
 
-def slab(vertices: np.ndarray, faces: np.ndarray, height_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices and faces of the space over a floor mesh: floor, roof, and a wall on each rim.
+def slab(floors: FloorMesh, height_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices and faces of the space over floors: these, a roof, and a plumb wall on each edge of the rim.
 
     Normals point out of the space: those of floors point down.
     """
-    n = len(vertices)
-    start, end = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel().astype(np.int64)
-    rim = ~np.isin(start * n + end, end * n + start)
-    a, b = start[rim], end[rim]
+    vertices, faces, n = floors.vertices, floors.faces.astype(np.int64), len(floors.vertices)
+    a, b = floors.rim.T
     walls = [np.column_stack([a, b, b + n]), np.column_stack([a, b + n, a + n])]
     lifted = vertices + np.array([0.0, 0.0, height_m])
     return np.concatenate([vertices, lifted]), np.concatenate([faces[:, ::-1], faces + n, *walls])
@@ -79,12 +79,25 @@ def _solid(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
     return solid.as_original()
 
 
-def _require_apart(vertices: np.ndarray, faces: np.ndarray, height_m: float, datum_m: float) -> None:
-    """Refuse roofs that cut through floors or walls over them."""
+def _require_apart(floors: FloorMesh, vertices: np.ndarray, faces: np.ndarray, height_m: float) -> None:
+    """Refuse roofs that cut through floors or walls over them.
+
+    Where walls over each other lie in one plane no facets cross: there the floors' middles are compared.
+    """
+    corners = floors.vertices[floors.faces]
+    middle = corners.mean(axis=1)
+    place, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(
+        shapely.points(middle[:, :2]), predicate="intersects"
+    )
+    a, b, c = np.moveaxis(corners[face], 1, 0)
+    normal = np.cross(b - a, c - a)
+    over = np.sum((a - middle[place]) * normal, axis=1) / np.maximum(normal[:, 2], _LEAST_M2)
+    low = np.flatnonzero((place != face) & (over > CROSSING_M) & (over < height_m))
     pairs = crossing_facets(vertices, faces, CROSSING_M)
-    if len(pairs):
-        x, y, z = vertices[faces[pairs[0]]].reshape(-1, 3).mean(axis=0)
+    if len(low) or len(pairs):
+        x, y, z = middle[place[low[0]]] if len(low) else vertices[faces[pairs[0]]].reshape(-1, 3).mean(axis=0)
         raise GeometryError(
-            f"roof: floors over each other are less than their height of {height_m:g} m apart in {len(pairs)} places, "
-            f"the first at ({x:.1f}, {y:.1f}), {z + datum_m:.1f} m high; compile3d.height_m states less"
+            f"roof: floors over each other are less than their height of {height_m:g} m apart in "
+            f"{len(low) + len(pairs)} places, the first at ({x:.1f}, {y:.1f}), {z + floors.datum_m:.1f} m high; "
+            "compile3d.height_m states less"
         )

@@ -21,7 +21,7 @@ class FloorPart:
 
 @dataclass(frozen=True)
 class StitchedFloors:
-    """One mesh: vertices (n, 3) m, faces (f, 3), the part (f,) of each face, and the pairs (k, 2) that share an edge."""
+    """One mesh: vertices (n, 3) m, faces (f, 3), the part (f,) of each face, and the pairs (k, 2) of parts joined."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -84,7 +84,7 @@ def _mates(spot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(key, kind="stable")
     at = np.searchsorted(key[order], back)
     at = np.minimum(at, len(key) - 1)
-    found, number, times = np.unique(key, return_inverse=True, return_counts=True)
+    _, number, times = np.unique(key, return_inverse=True, return_counts=True)
     single = times[number] == 1
     mate = order[at]
     shared = (key[mate] == back) & single & single[mate] & (begin < finish)

@@ -46,7 +46,8 @@ def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs:
         if made[0, 2] > made[-1, 2]:
             legs.append(made)
     if left_out:
-        warn_user(f"{path.name}: {len(left_out)} shafts reach no floor and are left out: {'; '.join(left_out[:_NAMED])}")
+        named = "; ".join(left_out[:_NAMED])
+        warn_user(f"{path.name}: {len(left_out)} shafts reach no floor and are left out: {named}")
     if not legs:
         return replace(NO_LEGS, datum_m=floors.datum_m)
     count = [len(leg) for leg in legs]

@@ -1,4 +1,4 @@
-"""Floors of the areas of a drawing, stitched where they meet, and the shafts between them: what one volume is made of."""
+"""Floors of the areas of a drawing, stitched where they meet, and the shafts between them, for one volume."""
 
 from __future__ import annotations
 

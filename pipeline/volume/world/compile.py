@@ -127,9 +127,9 @@ def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) 
 def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:
     ends = [name for name in legs.dead_ends if name not in legs.entrances]
     return BuiltVolume(
-        round(surveyed.surveyed_m, 3),
+        round(max(surveyed.surveyed_m, legs.total_length_m), 3),  # sums of rounded lengths differ by 1e-4 m
         round(legs.total_length_m, 3),
-        round(built_m, 3),
+        round(min(built_m, legs.total_length_m), 3),
         surveyed.datum_m,
         [OpenEnd(name, legs.stations_m[name]) for name in legs.entrances],
         [OpenEnd(name, legs.stations_m[name]) for name in ends],

@@ -125,8 +125,9 @@ def validate_volume(
             "free_m3": round(float(volume.solid.volume()), 3),
             "storeys": world.record.volume.storeys,
         },
+        **({"drawn": _drawn(params, volume, floors, surveyed)} if len(floors) else {}),
         **(
-            {"solid": _solid(volume, solid, rng)} | ({"drawn": _drawn(params, volume, floors, surveyed)} if len(floors) else {})
+            {"solid": _solid(volume, solid, rng)}
             if len(solid)
             else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
         ),
