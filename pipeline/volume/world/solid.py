@@ -7,6 +7,7 @@ from itertools import pairwise
 import manifold3d
 import numpy as np
 import shapely
+from scipy.ndimage import minimum_filter1d
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -20,6 +21,7 @@ from pipeline.volume.world.content import Cells, MineVolume
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
+_SHAFT_M = 2.0  # along a leg: what is so high for less is a shaft over a station, not its passage
 _JOIN_M = 0.02  # cells that touch in a corner are joined by so much
 _LEAST_M2 = 1.0  # of a floor with a leg of its own
 _SIGHT_M = 1.0  # of a station over the floor, at most half-way to the roof
@@ -82,7 +84,8 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
                 plan = np.array(leg.stations_m)
                 span = own[tree.query(plan)[1]]
                 places.append(np.column_stack([plan, cells.floor_m[span]]))
-                walls.append(np.column_stack([leg.half_width_m, leg.half_width_m, cells.headroom_m[span]]))
+                headroom = minimum_filter1d(cells.headroom_m[span], 1 + 2 * round(_SHAFT_M / _SPACING_M), mode="nearest")
+                walls.append(np.column_stack([leg.half_width_m, leg.half_width_m, headroom]))
                 inner = [f"{leg.name}.{k}" for k in range(1, len(plan) - 1)]
                 names += [f"{storey}.{number}.{name}" for name in (leg.start, *inner, leg.end)]
                 first.append(len(names))
