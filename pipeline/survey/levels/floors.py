@@ -26,6 +26,7 @@ from pipeline.types import FloorMesh, Place, SurveyedLegs
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given
 _STITCH_M = 2 * TOUCH_M  # corners of areas that meet are nearer
+_GRID_M = 1e-4  # of the corners of an area that is cut
 _LEAST_M2 = 0.01  # of a part of an area
 _LEFT_M = 0.3  # between floors that meet, at most, as `even_floors` leaves them
 _NAMED = 10  # pieces that a message names
@@ -59,8 +60,7 @@ def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: flo
     Raises
     ------
     InputError
-        If areas that meet share no edge or lie over each other there, or none is near to `piece`; the message names
-        the place.
+        If areas that meet lie over each other there, or none is near to `piece`; the message names the place.
     """
     joins = meetings_of(areas, snap_m)
     if piece is not None:
@@ -75,11 +75,11 @@ def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: flo
     outlines = [(name, part) for name in names for part in shapely.get_parts(shapes[name]) if part.area > _LEAST_M2]
     _share_corners(outlines, joins)
     found = stitch([_part(evened[int(name)], part) for name, part in outlines], _STITCH_M, _LEFT_M)
-    _require_joined(path, evened, shapes, joins, [name for name, _ in outlines], found)
+    joined = _joined(path, evened, shapes, joins, [name for name, _ in outlines], found)
     datum = float(np.floor(found.vertices[:, 2].min()))
     floors = FloorMesh((found.vertices - [0.0, 0.0, datum]).round(6), found.faces.astype(np.int32), datum)
     shafts = shaft_legs(path, axes, floors)
-    _warn_of_pieces(path, areas, joins)
+    _warn_of_pieces(path, evened, joined)
     return DrawnFloors(floors, shafts, as_polygons(shapely.union_all([part for _, part in outlines])))
 
 
@@ -101,7 +101,8 @@ def _cut_overlap(path: Path, areas: list[Area], shapes: dict[str, BaseGeometry],
                 f"{path}: two areas meet and lie up to {apart.max():.1f} m over each other at ({x:.1f}, {y:.1f}); "
                 "draw the end of the ramp where its floor has the level's height"
             )
-        shapes[b] = shapes[b].difference(part)
+        rest = shapely.difference(shapes[b], part, grid_size=_GRID_M)  # else rounding leaves spikes of no width
+        shapes[b] = shapely.set_precision(rest, 0.0)
 
 
 def _share_corners(outlines: list[tuple[str, Polygon]], joins: nx.Graph) -> None:
@@ -143,29 +144,29 @@ def _part(area: Area, outline: Polygon) -> FloorPart:
     return FloorPart(np.column_stack([points, area.heights_at(points)]), faces)
 
 
-def _require_joined(
+def _joined(
     path: Path,
     areas: list[Area],
     shapes: dict[str, BaseGeometry],
     joins: nx.Graph,
     names: list[str],
     found: StitchedFloors,
-) -> None:
-    """Refuse areas that meet if their floors share no edge."""
+) -> nx.Graph:
+    """Return which areas share an edge, and warn of those that meet without one: rock stays between them."""
     joined: nx.Graph = nx.Graph()
     joined.add_nodes_from(joins)
     joined.add_edges_from((names[a], names[b]) for a, b in found.joined.tolist())
-    for a, b in joins.edges:
-        if nx.has_path(joined, a, b):
-            continue
-        one, two = shapely.shortest_line(shapes[a], shapes[b]).coords
-        gap = float(np.hypot(*np.subtract(one, two)))
-        height = float(areas[int(a)].heights_at(np.array([one]))[0])
-        raise InputError(
-            f"{path}: two areas meet at ({one[0]:.1f}, {one[1]:.1f}), {height:.1f} m high, {gap:.2f} m apart, but "
-            "share no edge there; draw the end of the ramp along the level's wall, or into the level, or state --snap "
-            "0 to keep them apart"
+    apart = [(a, b) for a, b in joins.edges if not nx.has_path(joined, a, b)]
+    if apart:
+        a, b = apart[0]
+        (x, y), other = shapely.shortest_line(shapes[a], shapes[b]).coords
+        height = float(areas[int(a)].heights_at(np.array([[x, y]]))[0])
+        warn_user(
+            f"{path.name}: {len(apart)} pairs of areas meet but share no edge, and are not joined, the first at "
+            f"({x:.1f}, {y:.1f}), {height:.1f} m high, {np.hypot(other[0] - x, other[1] - y):.2f} m apart; draw the "
+            "end of a ramp along the level's wall, or into the level"
         )
+    return joined
 
 
 def _warn_of_pieces(path: Path, areas: list[Area], joins: nx.Graph) -> None:

@@ -84,7 +84,9 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
                 plan = np.array(leg.stations_m)
                 span = own[tree.query(plan)[1]]
                 places.append(np.column_stack([plan, cells.floor_m[span]]))
-                headroom = minimum_filter1d(cells.headroom_m[span], 1 + 2 * round(_SHAFT_M / _SPACING_M), mode="nearest")
+                headroom = minimum_filter1d(
+                    cells.headroom_m[span], 1 + 2 * round(_SHAFT_M / _SPACING_M), mode="nearest"
+                )
                 walls.append(np.column_stack([leg.half_width_m, leg.half_width_m, headroom]))
                 inner = [f"{leg.name}.{k}" for k in range(1, len(plan) - 1)]
                 names += [f"{storey}.{number}.{name}" for name in (leg.start, *inner, leg.end)]

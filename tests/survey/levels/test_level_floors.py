@@ -5,11 +5,22 @@ import pytest
 import shapely
 from shapely import Polygon
 
-from pipeline.errors import InputError
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.vector_survey import read_vector_survey
 from pipeline.types import lines_of
-from tests.survey.levels.test_drawn_levels import DATUM_M, DROP_M, LEFT, LOWER, MINE, RIGHT, UPPER, at, closed, write
+from tests.survey.levels.test_drawn_levels import (
+    DATUM_M,
+    DROP_M,
+    LEFT,
+    LOWER,
+    MINE,
+    RIGHT,
+    UPPER,
+    at,
+    closed,
+    fork,
+    write,
+)
 
 DRIFT = [(0, 0), (60, 0), (60, 5), (0, 5)]
 UNDER = [(10, -20), (15, -20), (15, 40), (10, 40)]
@@ -109,8 +120,22 @@ def test_a_stated_start_is_kept_over_the_datum(tmp_path):
     assert start.tolist() == [30.0, 2.5, DROP_M]
 
 
-def test_areas_that_meet_in_a_corner_alone_are_refused_with_the_place(tmp_path):
+def test_areas_that_meet_in_a_corner_alone_are_built_apart_with_a_warning(tmp_path, capsys):
     corner = [(60, 5), (70, 5), (70, 15), (60, 15)]
     layers = {"one": [closed(at(DRIFT, 0))], "two": [closed(at(corner, 0))], "low": [closed(at(UNDER, -DROP_M))]}
-    with pytest.raises(InputError, match=r"a.dxf: two areas meet at \(60.0, 5.0\), 400.0 m high, .* share no edge"):
-        read(write(tmp_path / "a.dxf", layers))
+    found = read(write(tmp_path / "a.dxf", layers))
+    assert area_m2(found.floors) == pytest.approx(300 + 300 + 100)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "1 pairs of areas meet but share no edge, and are not joined, the first at (60.0, 5.0), 400.0 m high" in said
+    assert "3 pieces of its levels and ramps do not meet" in said
+
+
+def test_a_ramp_that_leaves_its_level_at_a_small_angle_is_cut_along_the_wall(tmp_path):
+    """The corner of the ramp inside the level is no corner of what is left of it."""
+    floors = read(write(tmp_path / "fork.dxf", fork(20.0, 0.06))).floors
+    corners = floors.vertices[floors.faces]
+    middle = corners.mean(axis=1)
+    outlines = shapely.STRtree(shapely.polygons(corners[:, :, :2]).tolist())
+    place, face = outlines.query(shapely.points(middle[:, :2]), predicate="within")
+    other = face != place
+    assert (np.abs(middle[place[other], 2] - middle[face[other], 2]) > 3.5).all()
