@@ -22,7 +22,7 @@ from pipeline.params.survey import (
 )
 from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detect_picture import detect_picture
-from pipeline.survey.detect_solid import detect_solid
+from pipeline.survey.detect_solid import detect_solid, has_solids
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
@@ -98,12 +98,12 @@ def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
 
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as walls, or with a stated half width as centrelines."""
-    if stated.volume:
-        if path.suffix.lower() == _DXF and stated.half_width_m is None:
-            return detect_solid(path, stated)
-        raise InputError(f"{path}: --volume reads the solids in a DXF file; other surveys are read without it")
     if stated.half_width_m is None:
+        if stated.volume and path.suffix.lower() == _DXF and has_solids(path):
+            return detect_solid(path, stated)
         return _detect_vector(path, stated)
+    if stated.volume:
+        raise InputError(f"{path}: --volume is not read with --half-width: centrelines with elevations are built so")
     return _detect_centrelines(path, stated)
 
 
@@ -191,7 +191,8 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.heights is not None)
+    has_heights = read.heights is not None or len(read.floors) > 0
+    return Detection(values, remarks, files, read.width_m, has_heights=has_heights)
 
 
 def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
@@ -221,7 +222,7 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
         in_metres = (place.metres_per_unit * shapely.get_coordinates(line, include_z=True) for line in lines)
         lines = [line for line, points in zip(lines, in_metres, strict=True) if axis_of(points) is None]
     distinct = {shapely.normalize(line).wkb: line.length for line in lines}  # drawings often hold a line twice
-    if read.workings.length / place.metres_per_unit < _OF_WALLS * sum(distinct.values()):
+    if read.walls_m / place.metres_per_unit < _OF_WALLS * sum(distinct.values()):
         raise InputError(
             f"{path}: its lines have elevations, and most of them bound no workings; --half-width M reads them as "
             "centrelines of drifts, M metres from the line to either wall"
@@ -263,7 +264,7 @@ def _projected(place: Georeference) -> str:
 
 def _vector(path: Path, unit: Unit | None, stated: StatedOptions) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = stated.model_dump(include=_DRAWN, exclude_none=True)
+    options = stated.model_dump(include={*_DRAWN, "volume"}, exclude_none=True)
     section = VectorSurveyParams.model_validate(
         {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )

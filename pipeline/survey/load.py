@@ -43,9 +43,11 @@ from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import (
     METRIC,
+    NO_FLOORS,
     NO_LEGS,
     NO_SOLID,
     ClosedMesh,
+    FloorMesh,
     Frame,
     Georeference,
     Heights,
@@ -89,6 +91,7 @@ class _Drawn:
     workings: MultiPolygon = field(default_factory=MultiPolygon)
     legs: SurveyedLegs = NO_LEGS
     solid: ClosedMesh = NO_SOLID
+    floors: FloorMesh = NO_FLOORS
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ class _SurveyContent:
     workings: MultiPolygon
     legs: SurveyedLegs
     solid: ClosedMesh
+    floors: FloorMesh
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -110,7 +114,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     dict
         `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
         a vector survey; `survey`, the frame, scale and origin of both; `network`, the legs of a survey that is built
-        as one volume, and `solid`, its mesh where it is one; none of others.
+        as one volume, `solid`, its mesh where it is one, and `floors`, those of drawn areas; none of others.
 
     Raises
     ------
@@ -119,7 +123,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     """
     if params.kind == "procedural":
         read = _read(params)
-        return _outputs(read.plan, read.survey, read.workings, read.legs, read.solid)
+        return _outputs(read)
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
@@ -127,17 +131,22 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
-    legs, solid = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh))
-    return _outputs(payload.arrays["plan"], survey, polygons, legs, solid)
+    whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))
+    return _outputs(_SurveyContent(payload.arrays["plan"], survey, polygons, *whole))
 
 
-def _outputs(
-    plan: Image, survey: Survey, workings: MultiPolygon, legs: SurveyedLegs, solid: ClosedMesh
-) -> dict[str, Any]:
-    return {"plan": plan, "survey": survey, "workings": Workings(workings), "network": legs, "solid": solid}
+def _outputs(read: _SurveyContent) -> dict[str, Any]:
+    return {
+        "plan": read.plan,
+        "survey": read.survey,
+        "workings": Workings(read.workings),
+        "network": read.legs,
+        "solid": read.solid,
+        "floors": read.floors,
+    }
 
 
-def _packed(record: SurveyedLegs | ClosedMesh) -> dict[str, np.ndarray]:
+def _packed(record: SurveyedLegs | ClosedMesh | FloorMesh) -> dict[str, np.ndarray]:
     """Return a record of arrays and numbers as arrays."""
     return {f"{type(record).__name__}/{f.name}": np.asarray(getattr(record, f.name)) for f in fields(record)}
 
@@ -152,7 +161,7 @@ def read_here(params: dict[str, Any]) -> Payload:
     """Read a survey in this process; `read_survey` has limits."""
     read = _read(_section(params))
     arrays = {"plan": read.plan, "workings": np.frombuffer(shapely.to_wkb(read.workings), np.uint8)}
-    arrays |= _packed(read.legs) | _packed(read.solid)
+    arrays |= _packed(read.legs) | _packed(read.solid) | _packed(read.floors)
     return Payload(TypeAdapter(Survey).dump_python(read.survey, mode="json"), arrays)
 
 
@@ -194,13 +203,14 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            read = _Drawn(
-                found.plan, found.frame, scale, found.georeference, found.heights, [], found.workings, found.legs
-            )
+            read = _Drawn(found.plan, found.frame, scale, found.georeference, found.heights, workings=found.workings)
+            read = replace(read, legs=found.legs, floors=found.floors)
     stated = _stated_heights(params, read)
-    if stated is not None and (len(read.legs) or len(read.solid)):
+    if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
+    if heights is not None and params.volume:
+        heights = replace(heights, as_volume=True)
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
@@ -218,7 +228,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         licences,
         heights,
     )
-    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid)
+    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid, read.floors)
 
 
 def _read_solid(params: SolidSurveyParams) -> _Drawn:
@@ -234,7 +244,7 @@ def _read_solid(params: SolidSurveyParams) -> _Drawn:
 
 def _entrance(params: SurveyParams, read: _Drawn, heights: Heights | None) -> tuple[float, float] | None:
     """Return where robots start in the plan; the legs of a volume have the place with its elevation."""
-    if params.entrance_m is None or len(read.legs) or len(read.solid):
+    if params.entrance_m is None or len(read.legs) or len(read.solid) or len(read.floors):
         return None
     return start_in_plan(params.entrance_m, heights)
 

@@ -26,9 +26,7 @@ from pipeline.params.survey import (
 )
 from pipeline.survey.draw import draw_picture, draw_workings, frame_of
 from pipeline.survey.formats import is_solved
-from pipeline.survey.levels.areas import areas_of
-from pipeline.survey.levels.sheets import lay_out_levels
-from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
+from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import (
     SurveyLeg,
@@ -48,7 +46,17 @@ from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
-from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, SurveyedLegs
+from pipeline.types import (
+    METRIC,
+    NO_FLOORS,
+    NO_LEGS,
+    FloorMesh,
+    Frame,
+    Georeference,
+    Heights,
+    Image,
+    SurveyedLegs,
+)
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -60,7 +68,8 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and the plan drawn of them with its frame.
 
-    `legs` are those of a survey that is built as one volume; its workings are their view from above.
+    `legs` are those of a survey that is built as one volume, `floors` those of drawn areas with heights, whose shafts
+    are the legs; the workings are their view from above.
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
     """
 
@@ -70,11 +79,17 @@ class VectorReading:
     plan: Image
     frame: Frame
     legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
 
     @property
     def width_m(self) -> float:
         """Return the typical width of the drifts: that of one long drift of the same area and length of walls."""
-        return 2 * self.workings.area / self.workings.length
+        return self.floors.width_m if len(self.floors) else 2 * self.workings.area / self.workings.length
+
+    @property
+    def walls_m(self) -> float:
+        """Return the length of all walls seen from above, those over each other among them."""
+        return self.floors.walls_m if len(self.floors) else float(self.workings.length)
 
 
 @dataclass(frozen=True)
@@ -85,6 +100,7 @@ class _Workings:
     georeference: Georeference
     heights: Heights | None = None
     legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -104,7 +120,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(_name(params), workings, params)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs)
+        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs, read.floors)
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
@@ -129,9 +145,10 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    found = _read_levels(path, content, shapes, georeference, params)
+    found = read_levels(path, content, shapes, georeference, params)
     if found.levels is not None:
-        return found.levels
+        levels = found.levels
+        return _Workings(levels.polygons, georeference, levels.heights, levels.legs, levels.floors)
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
@@ -143,65 +160,6 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
     warn_of_overlaps(path, content, shapes, workings)
     return _Workings(workings, georeference, heights)
-
-
-@dataclass(frozen=True)
-class _LevelReading:
-    """Levels over each other, a sheet a level; None if the walls are those of one plan.
-
-    Then `is_wall` is for each shape whether it is read in that plan: the axes of shafts are not.
-    """
-
-    levels: _Workings | None
-    is_wall: list[bool]
-
-
-def _read_levels(
-    path: Path,
-    content: Shapes,
-    moved: list[BaseGeometry],
-    georeference: Georeference,
-    params: VectorSurveyParams,
-) -> _LevelReading:
-    """Return the levels that walls with elevations enclose, if they lie over each other."""
-    elevations = elevations_of(path, content, params)
-    is_checked = params.no_elevation is None
-    found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
-    walls, axes = split_steep(found)
-    if not walls:
-        return _LevelReading(None, [True] * len(moved))
-    try:
-        areas = areas_of(path, walls, params.snap_m)
-        drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
-    except InputError:
-        if elevations or lie_over(walls):
-            raise
-        drawn = None
-    else:
-        if drawn is None and lie_over(walls):
-            raise InputError(
-                f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
-                "level, or put each level and each ramp on a layer of its own"
-            )
-        if drawn is not None and params.seeds_m:
-            raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
-        if left_out:
-            names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
-            done = "are read in plan with the others" if drawn is None else "are left out"
-            warn_user(
-                f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; "
-                "--elevation LAYER=M states one"
-            )
-    if drawn is not None or not axes:
-        levels = None if drawn is None else _Workings(drawn[0], georeference, drawn[1])
-        return _LevelReading(levels, [True] * len(moved))
-    x, y, z = axes[0][0]
-    warn_user(
-        f"{path.name}: {len(axes)} lines too steep to drive are left out, as the walls are read as one plan; the first "
-        f"at ({x:.1f}, {y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m"
-    )
-    steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
-    return _LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])
 
 
 def _read_passages(params: PassageSurveyParams) -> _Workings:

@@ -8,6 +8,7 @@ from pipeline.volume.union import Volume
 
 _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the corner stays nearer
 _FLAT = 1e-6  # m, of the corners of one polygon from its plane
+_OF_EACH = 5e-6  # m, of all corners from the plane of each of its facets: the certificate takes 1e-5
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
 
@@ -28,6 +29,10 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
         if np.abs(vertices[ring[two]] @ unit[one] - offset[one]).max() > _FLAT:
             continue
         joined = _spliced(ring[one], ring[two], a, b)
+        if joined is not None:
+            facets = held[one] + held[two]  # the plane of a narrow facet may be far off beyond it
+            if np.abs(vertices[joined] @ unit[facets].T - offset[facets]).max() > _OF_EACH:
+                continue
         if joined is None or not _is_convex(vertices[joined], unit[one]):
             continue
         ring[one] = joined
