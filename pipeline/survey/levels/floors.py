@@ -184,7 +184,7 @@ def _warn_of_pieces(path: Path, areas: list[Area], joins: nx.Graph) -> None:
 
 
 def _size_m2(areas: list[Area], names: set[str]) -> float:
-    return float(sum(areas[int(name)].polygon.area for name in names))
+    return float(shapely.union_all([areas[int(name)].polygon for name in names]).area)
 
 
 def _about(areas: list[Area], names: set[str]) -> str:

@@ -119,8 +119,13 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
 
 def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
     """Return the network of each connected floor of some spans, seen from above."""
-    corner = cells.origin_m + np.column_stack([cells.column[own], cells.row[own]]) * cells.cell_m
-    boxes = shapely.box(*(corner - _JOIN_M).T, *(corner + cells.cell_m + _JOIN_M).T)
+    own = own[np.lexsort((cells.column[own], cells.row[own]))]
+    column, row = cells.column[own], cells.row[own]
+    starts = np.flatnonzero(np.append(True, (np.diff(row) != 0) | (np.diff(column) != 1)))  # of cells side by side
+    ends = np.append(starts[1:], len(own)) - 1
+    low = cells.origin_m + np.column_stack([column[starts], row[starts]]) * cells.cell_m
+    high = cells.origin_m + np.column_stack([column[ends], row[ends]]) * cells.cell_m + cells.cell_m
+    boxes = shapely.box(*(low - _JOIN_M).T, *(high + _JOIN_M).T)
     outlines = [part for part in shapely.get_parts(shapely.union_all(boxes)) if part.area >= _LEAST_M2]
     return [trace_network(_without_gaps(part), cells.cell_m / 2, _SHORTEST_M, _SPACING_M) for part in outlines]
 
