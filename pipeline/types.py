@@ -186,7 +186,8 @@ class Heights:
     drifts, away from the entrance. `offset_m` is how far each sheet is moved aside in plan; the first is not moved.
     Spots that are `sampled` are points of a surface, linear between them, that holds in the drifts.
     `roofs` are (m, share) at the points of the lines: the roof is as many metres, and that share of
-    `compile3d.height_m`, over the floor; it is empty if the survey knows none.
+    `compile3d.height_m`, over the floor; it is empty if the survey knows none. With `as_volume` the mine is built as
+    one volume.
     """
 
     lines: list[list[tuple[float, float, float]]] = field(default_factory=list)
@@ -198,6 +199,7 @@ class Heights:
     seams: list[Seam] = field(default_factory=list)
     roofs: list[list[tuple[float, float]]] = field(default_factory=list)
     shafts: list[Shaft] = field(default_factory=list)
+    as_volume: bool = False
 
 
 @dataclass(frozen=True)
@@ -292,6 +294,47 @@ class ClosedMesh:
 
 
 NO_SOLID = ClosedMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class FloorMesh:
+    """The floors of drawn areas with heights, which are built as one volume: triangles in space, m, mine frame.
+
+    Faces are counter-clockwise seen from above. Areas that meet share vertices; floors over each other do not.
+    `datum_m` is the survey's elevation of height 0. A survey without such areas has no faces.
+    """
+
+    vertices: Float64[np.ndarray, "n 3"]
+    faces: Int32[np.ndarray, "f 3"]
+    datum_m: float
+
+    def __len__(self) -> int:
+        """Return the number of faces."""
+        return len(self.faces)
+
+    @property
+    def rim(self) -> np.ndarray:
+        """Return the edges (k, 2) on walls, from vertex to vertex with the floor on their left."""
+        edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64)
+        number = edges @ [len(self.vertices), 1]
+        found: np.ndarray = edges[~np.isin(number, edges @ [1, len(self.vertices)])]
+        return found
+
+    @property
+    def width_m(self) -> float:
+        """Return the typical width of its drifts: that of one long drift of the same area and length of walls."""
+        a, b, c = np.moveaxis(self.vertices[self.faces][:, :, :2], 1, 0)
+        double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        return float(double.sum() / self.walls_m)
+
+    @property
+    def walls_m(self) -> float:
+        """Return the length of its walls, seen from above."""
+        start, end = self.vertices[self.rim][:, :, :2].transpose(1, 0, 2)
+        return float(np.linalg.norm(end - start, axis=1).sum())
+
+
+NO_FLOORS = FloorMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0)
 
 
 @dataclass(frozen=True)

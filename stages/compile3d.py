@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -29,6 +30,7 @@ from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import (
+    NO_FLOORS,
     NO_LEGS,
     NO_OPENINGS,
     NO_PICTURE,
@@ -36,6 +38,7 @@ from pipeline.types import (
     ClosedMesh,
     ConvexParts,
     DriftNetwork,
+    FloorMesh,
     FreeSpace,
     Image,
     Occupancy,
@@ -55,17 +58,19 @@ def compile_rock(
     openings: Openings = NO_OPENINGS,
     network: SurveyedLegs = NO_LEGS,
     solid: ClosedMesh = NO_SOLID,
+    floors: FloorMesh = NO_FLOORS,
 ) -> dict[str, Any]:
     """Return collision parts, occupancy (grid, octree and Nav2 map), extent, the spawn region, and the openings.
 
     Raises that do not reach over the roof are left out, and it is printed where. Of a survey that is built as one
     volume the files of `volume` hold all, and the others hold nothing.
     """
-    if len(network) or len(solid):
+    if len(floors) or len(network) or len(solid):
         from pipeline.volume.world.compile import compile_volume  # open3d takes a second to load
 
         subject = (survey.sources or [survey.name])[0]
-        return {**_nothing(params), "volume": compile_volume(params, network, solid, subject)}
+        network = replace(network, start_m=_start_in_plan(survey, topology, network))
+        return {**_nothing(params), "volume": compile_volume(params, network, solid, subject, floors)}
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
@@ -99,6 +104,15 @@ def compile_rock(
         "spawn": first_anchor(grid, starts, params.spawn.radius_m, params.spawn.clearance_m),
         "volume": {"none.txt": b"survey.volume = false: no volume\n"},
     }
+
+
+def _start_in_plan(survey: Survey, topology: DriftNetwork, network: SurveyedLegs) -> np.ndarray:
+    """Return where robots start: stated, or of a plan with one grade where that begins; none if it is to be chosen."""
+    if survey.entrance_m is not None:
+        return np.array(survey.entrance_m)
+    if survey.heights is not None and survey.heights.grade is not None:
+        return np.array(topology.main_drift_m[0])
+    return network.start_m
 
 
 def _nothing(params: Compile3dParams) -> dict[str, Any]:
@@ -158,6 +172,7 @@ STAGE = Stage(
         "openings": Artifact("contours/openings.json", Openings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
+        "floors": Artifact("contours/floors.npz", FloorMesh),
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),

@@ -13,6 +13,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
+from pipeline.geometry.floor.plan_floors import plan_floors
 from pipeline.geometry.floor.sheets import count_islands, filled, plan_seams
 from pipeline.geometry.floor.simplified_outline import (
     NetworkGrid,
@@ -35,6 +36,7 @@ from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
 from pipeline.stage import Artifact, Stage, main
 from pipeline.types import (
+    NO_FLOORS,
     NO_LEGS,
     NO_OPENINGS,
     NO_PICTURE,
@@ -42,6 +44,7 @@ from pipeline.types import (
     Areas,
     ClosedMesh,
     DriftNetwork,
+    FloorMesh,
     Frame,
     FreeSpace,
     Image,
@@ -71,13 +74,16 @@ def trace_free_space(
     workings: Workings,
     network: SurveyedLegs = NO_LEGS,
     solid: ClosedMesh = NO_SOLID,
+    floors: FloorMesh = NO_FLOORS,
 ) -> dict[str, Any]:
-    """Return the binarised plan, the cleaned plan, the free space, its drift network, a picture and tables.
+    """Return the binarised plan, the cleaned plan, the free space, its drift network, floors, a picture and tables.
 
-    A survey that is built as one volume passes through as it is seen from above.
+    A survey that is built as one volume passes through as it is seen from above. Of a plan with heights that is built
+    so, the floors are those of its outline.
     """
-    if len(network) or len(solid):
-        return _view_from_above(params, survey, workings, network)
+    if len(floors) or len(network) or len(solid):
+        legs = NO_LEGS if len(floors) else network
+        return _view_from_above(params, survey, workings, legs) | {"floors": floors}
     frame = survey.frame
     try:
         drawn = _trace(params, plan, survey, workings)
@@ -87,6 +93,9 @@ def trace_free_space(
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
     simplified = _simplify(params, survey, corrected.workings)
     drifts = simplified.network  # openings are no islands in it
+    heights = survey.heights
+    if heights is not None and heights.as_volume:
+        floors = plan_floors(simplified.outline, heights, drifts, survey.entrance_m or drifts.main_drift_m[0])
     openings = _find_openings(params, survey, simplified.outline)
     outline = cut_openings(simplified.outline, openings) if openings.collars else simplified.outline
     traced = _drawn_again(cut_openings(corrected.workings, openings), frame) if openings.collars else corrected
@@ -96,6 +105,7 @@ def trace_free_space(
         "traced": Workings(MultiPolygon(shapely.get_parts(traced.workings).tolist())),
         "free_space": FreeSpace(outline, _measure_areas(outline, traced, frame), simplified.moved_m, frame),
         "openings": openings,
+        "floors": floors,
         "topology": drifts,
         "topology_dot": network_dot(drifts),
         "widths": width_table(drifts),
@@ -192,7 +202,7 @@ def _measure_areas(outline: Polygon | MultiPolygon, traced: _Traced, frame: Fram
 
 def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry) -> Openings:
     """Return the survey's shafts that fit into the workings, and print which do not, if the parameters ask for any."""
-    if survey.heights is None or not params.openings:
+    if survey.heights is None or survey.heights.as_volume or not params.openings:
         return Openings()
     openings, left_out = fit_openings(outline, survey.heights)
     for line in left_out:
@@ -274,6 +284,7 @@ STAGE = Stage(
         "workings": Artifact("survey/workings.geojson", Workings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
+        "floors": Artifact("survey/floors.npz", FloorMesh),
     },
     writes={
         "raw": Artifact("contours/raw.png", Mask),
@@ -281,6 +292,7 @@ STAGE = Stage(
         "traced": Artifact("contours/traced.geojson", Workings),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "openings": Artifact("contours/openings.json", Openings),
+        "floors": Artifact("contours/floors.npz", FloorMesh),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "topology_dot": Artifact("contours/topology.dot", str),
         "widths": Artifact("contours/widths.csv", str),

@@ -6,7 +6,7 @@ import sys
 
 from pipeline.stage import Artifact, Stage, main
 from pipeline.survey.load import read_survey, sources
-from pipeline.types import ClosedMesh, Image, Survey, SurveyedLegs, Workings
+from pipeline.types import ClosedMesh, FloorMesh, Image, Survey, SurveyedLegs, Workings
 
 STAGE = Stage(
     name="survey",
@@ -19,6 +19,7 @@ STAGE = Stage(
         "workings": Artifact("survey/workings.geojson", Workings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
+        "floors": Artifact("survey/floors.npz", FloorMesh),
     },
 )
 

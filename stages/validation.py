@@ -27,7 +27,19 @@ from pipeline.report.figures.graph import blocked_table
 from pipeline.report.figures.plans import draw_agreement
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
-from pipeline.types import NO_LEGS, NO_PICTURE, NO_SOLID, ClosedMesh, Image, Mask, Survey, SurveyedLegs, Workings
+from pipeline.types import (
+    NO_FLOORS,
+    NO_LEGS,
+    NO_PICTURE,
+    NO_SOLID,
+    ClosedMesh,
+    FloorMesh,
+    Image,
+    Mask,
+    Survey,
+    SurveyedLegs,
+    Workings,
+)
 
 _SLOW_MEASURES = ("texture", "containment", "columns", "relief", "walls")
 
@@ -41,15 +53,16 @@ def validate_world(
     traced: Workings,
     network: SurveyedLegs = NO_LEGS,
     solid: ClosedMesh = NO_SOLID,
+    floors: FloorMesh = NO_FLOORS,
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
-    if len(network) or len(solid):
+    if len(floors) or len(network) or len(solid):
         from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
             open_volume,
             validate_volume,
         )
 
-        found = validate_volume(params.volume, open_volume(world), network, solid)
+        found = validate_volume(params.volume, open_volume(world), network, solid, floors)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE}
     validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
@@ -166,6 +179,7 @@ STAGE = Stage(
         "traced": Artifact("contours/traced.geojson", Workings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
+        "floors": Artifact("contours/floors.npz", FloorMesh),
     },
     writes={
         "metrics": Artifact("validation/metrics.json", dict, in_git=True),

@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from shapely import MultiPolygon
 
 from benchmarks.worlds.small_world import finish_world
 from pipeline.params.config import Config
-from pipeline.params.survey import PassageSurveyParams, SurveyParams, VectorSurveyParams
+from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
 from pipeline.params.validation import ValidationParams
+from pipeline.survey.draw import draw_workings, frame_of
 from pipeline.survey.load import _read
-from pipeline.types import Workings
+from pipeline.survey.passages.sheets import lay_out_sheets
+from pipeline.survey.stations.table import read_station_legs
+from pipeline.types import Image, Scale, Survey, Workings
 from stages.contours import trace_free_space
 from tests.mines import unreported
 
@@ -97,6 +101,16 @@ def table(legs: dict[str, Leg], half_m: float = 2.2, roofs: Roofs | None = None)
     return HEADER + "".join(rows)
 
 
+def lay_out(path: Path) -> tuple[Image, MultiPolygon, Survey]:
+    """Return the plan, the workings and the survey of a station table as folded sheets, which drawings still are."""
+    polygons, heights = lay_out_sheets(path, read_station_legs(path))
+    params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
+    frame = frame_of(path.as_posix(), polygons, params)
+    scale, sources = Scale(frame.px_per_m, "drawn"), [path.as_posix()]
+    survey = Survey("heights", "passages", frame, scale, [], None, {}, sources, heights=heights)
+    return draw_workings(polygons, frame, {}, params.drawing_grey), polygons, survey
+
+
 class MineWithHeights:
     """A station table built by stages 1 to 5 in memory; its bundle is written to `folder / "world"`."""
 
@@ -112,21 +126,21 @@ class MineWithHeights:
         """Run the functions of the stages; without `report`, those of stage 4's report (see `unreported`)."""
         path = folder / "stations.csv"
         path.write_text(table(legs, half_m, roofs))
-        params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
-        self._build(params.model_copy(update={"file": path.as_posix()}), config, folder, report)
+        plan, polygons, self.survey = lay_out(path)
+        self._build(plan, polygons, config, folder, report)
 
     @classmethod
     def from_file(cls, path: Path, config: Config, **values: Any) -> Self:
         """Build a vector file instead."""
         mine = cls.__new__(cls)
         params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
-        mine._build(params.model_copy(update={"file": path.as_posix()}), config, path.parent, False)
+        read = _read(params.model_copy(update={"file": path.as_posix()}))
+        mine.survey = read.survey
+        mine._build(read.plan, read.workings, config, path.parent, False)
         return mine
 
-    def _build(self, params: SurveyParams, config: Config, folder: Path, report: bool) -> None:
-        read = _read(params)
-        self.survey = read.survey
-        traced = trace_free_space(config.contours, read.plan, self.survey, Workings(read.workings))
+    def _build(self, plan: Image, workings: MultiPolygon, config: Config, folder: Path, report: bool) -> None:
+        traced = trace_free_space(config.contours, plan, self.survey, Workings(workings))
         self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
         self.free_space, self.network = traced["free_space"], traced["topology"]
         self.bundle = folder / "world"

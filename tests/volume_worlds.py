@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any, Self
 
 from pipeline.compose import compose
-from pipeline.params.survey import PassageSurveyParams, SolidSurveyParams
+from pipeline.params.survey import PassageSurveyParams, SolidSurveyParams, VectorSurveyParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.store.codecs import Bundle, decode
 from pipeline.survey.load import _read
-from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, Workings
+from pipeline.types import NO_FLOORS, NO_LEGS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedLegs, Workings
 from pipeline.volume.world.bundle import bundle_volume
-from pipeline.volume.world.compile import compile_volume
 from pipeline.volume.world.proof.certificate import Validated, VolumeBundle, open_volume, validate_volume
+from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 
 CONFIG = compose(["preset=light"])
@@ -30,9 +30,8 @@ def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> Any:
     path = source if isinstance(source, Path) else folder / "survey.csv"
     if isinstance(source, str):
         path.write_text(source)
-    params = PassageSurveyParams.model_validate(
-        {"kind": "passages", "name": "test", "file": "data/x", "volume": True, **values}
-    )
+    section = {"kind": "passages", "name": "test", "file": "data/x", "flat_step_m": 0}  # level ones, too
+    params = PassageSurveyParams.model_validate({**section, **values})
     return _read(params.model_copy(update={"file": path.as_posix()}))
 
 
@@ -51,12 +50,33 @@ class VolumeWorld:
         world._build(_read(params.model_copy(update={"file": path.as_posix()})), path.parent)
         return world
 
+    @classmethod
+    def from_areas(cls, path: Path, heights: Path | None = None, **values: Any) -> Self:
+        """Build the areas of a drawing with heights instead; `values` are those of the survey's section."""
+        params = VectorSurveyParams.model_validate(
+            {"kind": "vector", "name": "test", "file": "data/x", "volume": True, **values}
+        )
+        update = {"file": path.as_posix(), "heights": None if heights is None else heights.as_posix()}
+        world = cls.__new__(cls)
+        world._build(_read(params.model_copy(update=update)), path.parent)
+        return world
+
     def _build(self, read: Any, folder: Path) -> None:
         self.survey, self.legs, self.solid = read.survey, read.legs, read.solid
-        seen = Workings(read.workings)
-        self.traced = trace_free_space(CONFIG.contours, read.plan, self.survey, seen, self.legs, self.solid)
+        seen, whole = Workings(read.workings), (read.legs, read.solid, read.floors)
+        self.traced = trace_free_space(CONFIG.contours, read.plan, self.survey, seen, *whole)
+        self.floors = self.traced["floors"]
         self.compiled, self.bundle = folder / "compiled", folder / "world"
-        _write(self.compiled, compile_volume(CONFIG.compile3d, self.legs, self.solid))
+        compiled = compile_rock(
+            CONFIG.compile3d,
+            self.traced["free_space"],
+            self.traced["topology"],
+            self.survey,
+            network=self.legs,
+            solid=self.solid,
+            floors=self.floors,
+        )
+        _write(self.compiled, compiled["volume"])
         _write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
 
     def opened(self) -> VolumeBundle:
@@ -75,10 +95,14 @@ def proof(**values: Any) -> VolumeProofParams:
 
 
 def validated(
-    world: VolumeBundle, legs: SurveyedLegs = NO_LEGS, solid: ClosedMesh = NO_SOLID, **values: Any
+    world: VolumeBundle,
+    legs: SurveyedLegs = NO_LEGS,
+    solid: ClosedMesh = NO_SOLID,
+    floors: FloorMesh = NO_FLOORS,
+    **values: Any,
 ) -> Validated:
     """Return what stage 6 measures of a bundle that was read."""
-    return validate_volume(proof(**values), world, legs, solid)
+    return validate_volume(proof(**values), world, legs, solid, floors)
 
 
 def _write(folder: Path, files: Bundle) -> None:

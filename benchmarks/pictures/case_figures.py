@@ -16,7 +16,7 @@ from pipeline.params.floor_rules import floor_rules
 from pipeline.store.codecs import decode
 from pipeline.survey.formats import leg_reader
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.passages.sheet_cells import floor_of
+from pipeline.survey.passages.relief import floor_of
 from pipeline.types import DriftNetwork, Openings, Survey
 
 _LEVEL_M = 0.5  # a floor so much above or below a station is that of another drift

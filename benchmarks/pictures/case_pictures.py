@@ -23,7 +23,7 @@ from minexplore.floors.floor import Floor
 from pipeline.mjcf.bundle import OpenedBundle, open_bundle
 from pipeline.mjcf.render import render_from
 from pipeline.store.codecs import decode
-from pipeline.survey.passages.sheet_cells import floor_of
+from pipeline.survey.passages.relief import floor_of
 from pipeline.types import Image, Survey
 from tests.heights import UNDER, Roofs, levels, seam, shelves, spiral, table
 from tests.project import Project

@@ -29,7 +29,7 @@ _WIDTH_PX = 1200
 def draw_volume(path: Path) -> None:
     """Draw the longest piece of Wheal Pell; it needs no collision parts."""
     params = compose([]).compile3d
-    surveyed = read_survey(PassageSurveyParams(kind="passages", name="pell", file=SURVEY, volume=True))["network"]
+    surveyed = read_survey(PassageSurveyParams(kind="passages", name="pell", file=SURVEY))["network"]
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     volume = in_mine_frame(solve_floors(unite(network, pieces_of(network)), network), offset)
     robot = robot_size(params.volume)

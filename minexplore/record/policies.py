@@ -51,7 +51,7 @@ def _explorer(name: str, env: MineEnv, seed: int) -> Drive:
     """Return one of the baselines; they drive many robots at a time."""
     found, errors = importlib.import_module(_EXPLORERS), importlib.import_module(_ERRORS)
     try:
-        made = found.make_policy(name, 1, env.task, env.robot, not env.world.floor.is_flat)
+        made = found.make_policy(name, 1, env.task, env.robot, env.world.has_heights)
     except errors.BaselineError as error:
         raise ValueError(str(error)) from error
     made.reset(np.arange(1), np.array([seed]))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from minexplore.bundle import FREE_SPACE
+from minexplore.bundle import FREE_SPACE, VOLUME
 from pipeline.commands.arguments import positive
+
+if TYPE_CHECKING:
+    from pipeline.proof.certificate import Certificate
 
 _CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no project that made a world decides
 
@@ -40,19 +43,39 @@ def limits_of_kind(kind: str, overrides: list[str]) -> Any:
 
 
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
-    """Check that a world is what the builder writes and that its walls enclose the plan. Print the certificate."""
+    """Check that a world is what the builder writes and that its rock encloses the workings. Print the certificate."""
+    from pipeline.errors import LimitError
+    from pipeline.store.codecs import encode
+    from pipeline.store.files import write_atomically
+
+    certificate = (_of_volume if (bundle / VOLUME).is_file() else _of_plan)(bundle, contacts, overrides)
+    text = encode(Path("certificate.json"), certificate)
+    print(text.decode(), end="")
+    if out is not None:
+        write_atomically(out, text)
+    if not certificate.holds:
+        failed = [name for name, clause in certificate.clauses.items() if not clause.holds]
+        raise LimitError(f"{bundle}: the certificate does not hold: {', '.join(failed)}")
+
+
+def _of_volume(bundle: Path, contacts: int, overrides: list[str]) -> Certificate:
+    from pipeline.mjcf.bundle import read_made_by
+    from pipeline.volume.world.proof.alone import certify_alone
+
+    params = limits_of_kind(read_made_by(bundle).kind, overrides).volume
+    return certify_alone(bundle, params.model_copy(update={"robot_contacts": contacts, "ball_contacts": contacts}))
+
+
+def _of_plan(bundle: Path, contacts: int, overrides: list[str]) -> Certificate:
     from functools import partial
 
     from tqdm import tqdm
 
-    from pipeline.errors import LimitError
     from pipeline.mjcf.bundle import open_bundle, read_made_by
     from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
     from pipeline.proof.claims import allowed_claims
     from pipeline.proof.rebuilt.built import require_built
-    from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
 
     world, claims = open_bundle(bundle), read_made_by(bundle)
     params = allowed_claims(bundle, claims, limits_of_kind(claims.kind, overrides))
@@ -61,14 +84,7 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
     tracing = params.network_cell_m, params.network_min_leg_m
     progress = partial(tqdm, desc="stress test", disable=None)
     measured = measure_containment(bundle, world, free_space, settings, tracing, os.cpu_count() or 1, progress)
-    certificate = apply_limits(world.record.world_sha256, measured, settings.limits)
-    text = encode(Path("certificate.json"), certificate)
-    print(text.decode(), end="")
-    if out is not None:
-        write_atomically(out, text)
-    if not certificate.holds:
-        failed = [name for name, clause in certificate.clauses.items() if not clause.holds]
-        raise LimitError(f"{bundle}: the certificate does not hold: {', '.join(failed)}")
+    return apply_limits(world.record.world_sha256, measured, settings.limits)
 
 
 def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from minexplore import __version__
-from minexplore.bundle import RECORD
+from minexplore.bundle import RECORD, BundleError
+from minexplore.world import World
 from pipeline.errors import ArtifactError, InputError, LimitError
 from pipeline.export.checks.prove import Proof, prove
+from pipeline.export.checks.prove_volume import prove_volume
 from pipeline.export.extract import load_checked, read_scene
+from pipeline.export.extract_volume import arrays_of, read_volume_scene
 from pipeline.export.formats.known import require_format
+from pipeline.export.scene import ExportScene, ReadScene
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.params.validation import ValidationParams
 from pipeline.stage import ARTIFACTS
@@ -62,18 +67,15 @@ def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: 
     chosen = require_format(to)
     if not licence.isprintable() or not 0 < len(licence) <= _MOST_LICENCE:
         raise InputError(f"--licence {licence[:80]!r}: want 1 to {_MOST_LICENCE} printable characters")
-    opened = open_bundle(bundle)
-    folder = out or ARTIFACTS / "export" / f"{opened.record.name}-{to}"
-    _require_place(folder)
     world = load_checked(bundle)
-    if world.record["world_sha256"] != opened.record.world_sha256:
-        raise ArtifactError(f"{bundle}: changed while it was read")
-    scene = read_scene(opened.record, world, licence)
+    folder = out or ARTIFACTS / "export" / f"{world.record['name']}-{to}"
+    _require_place(folder)
+    scene, proof_of = (_volume if world.volume is not None else _plan)(bundle, world, licence, params)
     files = chosen.write(scene)
     with tempfile.TemporaryDirectory() as name:
         for file, data in files.items():
             write_atomically(Path(name) / file, data)
-        proof = prove(bundle, opened, scene, chosen.read(Path(name), scene.facts), params)
+        proof = proof_of(chosen.read(Path(name), scene.facts))
     if not proof.holds:
         raise LimitError(f"{bundle}: {to}: nothing is written: {'; '.join(proof.failures())}")
     stated = {
@@ -88,6 +90,28 @@ def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: 
     record = encode(Path(RECORD), world.record)
     replace_folder(folder, {**files, RECORD: record, EXPORT_RECORD: encode(Path(EXPORT_RECORD), stated)})
     return Export(folder, proof)
+
+
+def _plan(
+    bundle: Path, world: World, licence: str, params: ValidationParams
+) -> tuple[ExportScene, Callable[[ReadScene], Proof]]:
+    """Return the scene of a world that is drawn in plan, and what proves what was read back of it."""
+    opened = open_bundle(bundle)
+    if world.record["world_sha256"] != opened.record.world_sha256:
+        raise ArtifactError(f"{bundle}: changed while it was read")
+    scene = read_scene(opened.record, world, licence)
+    return scene, lambda read: prove(bundle, opened, scene, read, params)
+
+
+def _volume(
+    bundle: Path, world: World, licence: str, params: ValidationParams
+) -> tuple[ExportScene, Callable[[ReadScene], Proof]]:
+    """Return the same of a world that is one volume."""
+    try:
+        scene = read_volume_scene(world, licence)
+    except BundleError as error:
+        raise ArtifactError(str(error)) from error
+    return scene, lambda read: prove_volume(arrays_of(world), scene, read, params.volume)
 
 
 def _require_place(out: Path) -> None:

@@ -51,8 +51,8 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
     parts = [_part(spec, geom, zones) for geom in solid if not is_rough_floor(geom.name)]
     if len(parts) < len(solid):
         warn_user("export: left out is the rough floor; robots stand on its level planes")
-    materials = {material.name: _material(material) for material in spec.materials}
-    lights = [_light(light) for light in spec.lights]
+    materials = {material.name: material_of(material) for material in spec.materials}
+    lights = [light_of(light) for light in spec.lights]
     return ExportScene(_facts(record, licence), parts, surfaces, materials, lights, texture)
 
 
@@ -106,13 +106,15 @@ def _rectangle(plane: mujoco.MjsGeom) -> TriangleMesh:
     return TriangleMesh(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]]), np.zeros((0, 2)), up)
 
 
-def _material(material: mujoco.MjsMaterial) -> Material:
+def material_of(material: mujoco.MjsMaterial) -> Material:
+    """Return the colour of a material of `mine.xml`."""
     textured = bool(material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB])
     red, green, blue, alpha = (round(float(value), 6) for value in material.rgba)
     return Material(material.name, (red, green, blue, alpha), textured, float(material.shininess))
 
 
-def _light(light: mujoco.MjsLight) -> Light:
+def light_of(light: mujoco.MjsLight) -> Light:
+    """Return a spot light of `mine.xml`."""
     red, green, blue = (round(float(value), 6) for value in light.diffuse)
     direction = np.array(light.dir) / np.linalg.norm(light.dir)
     return Light(light.name, np.array(light.pos), direction, float(light.cutoff), (red, green, blue))

@@ -28,7 +28,7 @@ class FloorRules(Params):
     )
     flat_step_m: float = Field(
         default=1.0,
-        gt=0,
+        ge=0,
         le=100,
         description="greatest difference in height of workings that overlap in plan and are one floor",
     )

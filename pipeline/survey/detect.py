@@ -23,7 +23,7 @@ from pipeline.params.survey import (
 from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detect_cloud import detect_cloud, is_cloud
 from pipeline.survey.detect_picture import detect_picture
-from pipeline.survey.detect_solid import detect_solid
+from pipeline.survey.detect_solid import detect_solid, has_solids
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
@@ -41,11 +41,8 @@ _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls t
 _DXF = ".dxf"
 _METRIC = ("m", "cm", "mm")
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
-_PIECE = "a station of the drivable piece that is built; null: the longest"
-_PIECE_OF_ALL = "a station of the piece that is built; null: the longest"
-_VOLUME = "built whole, as one closed volume; false: what is flat enough to drive on, as a folded plan"
+_PIECE = "a station of the piece that is built; null: the longest"
 _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece"}  # stated of walls and centrelines
-_APART_M = 4.0  # between floors over each other: compile3d.height_m and 0.5 m of rock
 
 
 def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
@@ -105,14 +102,11 @@ def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as walls, or with a stated half width as centrelines."""
     if stated.half_width_m is None:
-        if stated.volume:
-            if path.suffix.lower() == _DXF:
-                return detect_solid(path, stated)
-            raise InputError(
-                f"{path}: --volume builds legs between stations, the solids in a DXF file, or with --half-width M the "
-                "centrelines of drifts; walls are built without it"
-            )
+        if stated.volume and path.suffix.lower() == _DXF and has_solids(path):
+            return detect_solid(path, stated)
         return _detect_vector(path, stated)
+    if stated.volume:
+        raise InputError(f"{path}: --volume is not read with --half-width: centrelines with elevations are built so")
     return _detect_centrelines(path, stated)
 
 
@@ -120,8 +114,7 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
     half, grades = stated.half_width_m, stated.grade
     grades = grades if isinstance(grades, dict) else None
-    options = {"half_width_m": half, "apart_m": _APART_M, "grade": grades, "piece": stated.piece}
-    options["volume"] = bool(stated.volume)
+    options = {"half_width_m": half, "grade": grades, "piece": stated.piece}
     params = params.model_copy(update={"file": path.as_posix(), **options})
     read = read_vector_survey(params)
     origin = list(read.georeference.origin)
@@ -131,17 +124,12 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
     }
     if len(read.legs):
-        values |= {"volume": True, "piece": stated.piece}
-        remarks |= {"volume": _VOLUME, "piece": _PIECE_OF_ALL}
-    if read.heights is not None:
-        values |= {"apart_m": _APART_M, "piece": stated.piece}
-        remarks["piece"] = _PIECE
-        remarks["apart_m"] = "passages nearer over or under others that they do not meet are left out; null: none"
+        values["piece"], remarks["piece"] = stated.piece, _PIECE
     if grades is not None:
         values["grade"] = grades
         remarks["grade"] = "rise over run of legs, in the order of their stations"
     files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.heights is not None or len(read.legs) > 0)
+    return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
 
 
 def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
@@ -206,7 +194,8 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.heights is not None)
+    has_heights = read.heights is not None or len(read.floors) > 0
+    return Detection(values, remarks, files, read.width_m, has_heights=has_heights)
 
 
 def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
@@ -236,7 +225,7 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
         in_metres = (place.metres_per_unit * shapely.get_coordinates(line, include_z=True) for line in lines)
         lines = [line for line, points in zip(lines, in_metres, strict=True) if axis_of(points) is None]
     distinct = {shapely.normalize(line).wkb: line.length for line in lines}  # drawings often hold a line twice
-    if read.workings.length / place.metres_per_unit < _OF_WALLS * sum(distinct.values()):
+    if read.walls_m / place.metres_per_unit < _OF_WALLS * sum(distinct.values()):
         raise InputError(
             f"{path}: its lines have elevations, and most of them bound no workings; --half-width M reads them as "
             "centrelines of drifts, M metres from the line to either wall"
@@ -245,32 +234,30 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
 
 def _detect_centrelines(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as centrelines of drifts of the stated half width."""
-    options = stated.model_dump(include={*_DRAWN, "unit", "half_width_m", "volume"}, exclude_none=True)
+    options = stated.model_dump(include={*_DRAWN, "unit", "half_width_m"}, exclude_none=True)
     params = CentrelineSurveyParams.model_validate(
-        {"kind": "centrelines", "name": "detect", "file": "data/x", "apart_m": _APART_M, **options}
+        {"kind": "centrelines", "name": "detect", "file": "data/x", **options}
     ).model_copy(update={"file": path.as_posix()})
     read = read_vector_survey(params)
     place = read.georeference
     values = {
         "kind": "centrelines",
         "file": path.name,
-        **params.model_dump(include={"layers", "unit", "half_width_m", "snap_m", "apart_m", "piece"}),
-        **stated.model_dump(include={"elevations_m", "level_by", "no_elevation", "volume"}, exclude_none=True),
+        **params.model_dump(include={"layers", "unit", "half_width_m", "snap_m", "piece"}),
+        **stated.model_dump(include={"elevations_m", "level_by", "no_elevation"}, exclude_none=True),
         "origin": list(place.origin),
     }
     remarks = {
         **({"projection": _projected(place)} if place.projection and place.crs else {}),
         "half_width_m": "from the line to either wall, m",
         "snap_m": "an end nearer than this to another line joins it",
-        "apart_m": "passages nearer over or under others that they do not meet are left out; null: none",
-        "piece": _PIECE_OF_ALL if len(read.legs) else _PIECE,
-        "volume": _VOLUME,
+        "piece": _PIECE,
         "layers": "null: all layers; or a list",
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
     }
     files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.heights is not None or len(read.legs) > 0)
+    return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
 
 
 def _projected(place: Georeference) -> str:
@@ -280,7 +267,7 @@ def _projected(place: Georeference) -> str:
 
 def _vector(path: Path, unit: Unit | None, stated: StatedOptions) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = stated.model_dump(include=_DRAWN, exclude_none=True)
+    options = stated.model_dump(include={*_DRAWN, "volume"}, exclude_none=True)
     section = VectorSurveyParams.model_validate(
         {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )

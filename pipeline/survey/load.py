@@ -43,16 +43,19 @@ from pipeline.survey.formats import is_solved
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
-from pipeline.survey.passages.sheets import lay_out_sheets
+from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan, start_over
-from pipeline.survey.stations.table import read_stations
+from pipeline.survey.stations.table import read_stations, section_of
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import (
     METRIC,
+    NO_FLOORS,
     NO_LEGS,
     NO_SOLID,
     ClosedMesh,
+    FloorMesh,
     Frame,
     Georeference,
     Heights,
@@ -96,6 +99,7 @@ class _Drawn:
     workings: MultiPolygon = field(default_factory=MultiPolygon)
     legs: SurveyedLegs = NO_LEGS
     solid: ClosedMesh = NO_SOLID
+    floors: FloorMesh = NO_FLOORS
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,7 @@ class _SurveyContent:
     workings: MultiPolygon
     legs: SurveyedLegs
     solid: ClosedMesh
+    floors: FloorMesh
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -117,7 +122,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     dict
         `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
         a vector survey; `survey`, the frame, scale and origin of both; `network`, the legs of a survey that is built
-        as one volume, and `solid`, its mesh where it is one; none of others.
+        as one volume, `solid`, its mesh where it is one, and `floors`, those of drawn areas; none of others.
 
     Raises
     ------
@@ -126,7 +131,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     """
     if params.kind in ("procedural", "cloud"):  # the points of a cloud are read in a process of their own
         read = _read(params)
-        return _outputs(read.plan, read.survey, read.workings, read.legs, read.solid)
+        return _outputs(read)
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
@@ -134,17 +139,22 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
-    legs, solid = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh))
-    return _outputs(payload.arrays["plan"], survey, polygons, legs, solid)
+    whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))
+    return _outputs(_SurveyContent(payload.arrays["plan"], survey, polygons, *whole))
 
 
-def _outputs(
-    plan: Image, survey: Survey, workings: MultiPolygon, legs: SurveyedLegs, solid: ClosedMesh
-) -> dict[str, Any]:
-    return {"plan": plan, "survey": survey, "workings": Workings(workings), "network": legs, "solid": solid}
+def _outputs(read: _SurveyContent) -> dict[str, Any]:
+    return {
+        "plan": read.plan,
+        "survey": read.survey,
+        "workings": Workings(read.workings),
+        "network": read.legs,
+        "solid": read.solid,
+        "floors": read.floors,
+    }
 
 
-def _packed(record: SurveyedLegs | ClosedMesh) -> dict[str, np.ndarray]:
+def _packed(record: SurveyedLegs | ClosedMesh | FloorMesh) -> dict[str, np.ndarray]:
     """Return a record of arrays and numbers as arrays."""
     return {f"{type(record).__name__}/{f.name}": np.asarray(getattr(record, f.name)) for f in fields(record)}
 
@@ -159,7 +169,7 @@ def read_here(params: dict[str, Any]) -> Payload:
     """Read a survey in this process; `read_survey` has limits."""
     read = _read(_section(params))
     arrays = {"plan": read.plan, "workings": np.frombuffer(shapely.to_wkb(read.workings), np.uint8)}
-    arrays |= _packed(read.legs) | _packed(read.solid)
+    arrays |= _packed(read.legs) | _packed(read.solid) | _packed(read.floors)
     return Payload(TypeAdapter(Survey).dump_python(read.survey, mode="json"), arrays)
 
 
@@ -201,10 +211,14 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            read = _Drawn(
-                found.plan, found.frame, scale, found.georeference, found.heights, [], found.workings, found.legs
-            )
-    heights = _stated_heights(params, read) or read.heights
+            read = _Drawn(found.plan, found.frame, scale, found.georeference, found.heights, workings=found.workings)
+            read = replace(read, legs=found.legs, floors=found.floors)
+    stated = _stated_heights(params, read)
+    if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):
+        raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
+    heights = stated or read.heights
+    if heights is not None and params.volume:
+        heights = replace(heights, as_volume=True)
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
@@ -222,7 +236,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         licences,
         heights,
     )
-    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid)
+    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid, read.floors)
 
 
 def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
@@ -240,7 +254,7 @@ def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
 
 def _entrance(params: SurveyParams, read: _Drawn, heights: Heights | None) -> tuple[float, float] | None:
     """Return where robots start in the plan; the legs of a volume have the place with its elevation."""
-    if params.entrance_m is None or len(read.legs) or len(read.solid):
+    if params.entrance_m is None or len(read.legs) or len(read.solid) or len(read.floors):
         return None
     return start_in_plan(params.entrance_m, heights)
 
@@ -320,17 +334,15 @@ def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:
     Raises
     ------
     InputError
-        If workings lie over each other: one drawing shows one sheet.
+        If workings lie over each other: a drawn plan shows one floor.
     """
     if legs[0].grades is None:
         return None
-    _, heights = lay_out_sheets(path, legs)
-    if heights.seams:
-        raise InputError(
-            f"{path}: its grades put workings over each other in {len(heights.offset_m)} sheets, and a drawn plan "
-            "shows one; survey.kind=passages builds them"
-        )
-    return heights
+    require_single(path, [section_of(leg) for leg in legs])
+    places = [np.column_stack([leg.positions_m, floor_of(leg)]) for leg in legs]
+    datum = float(np.floor(min(line[:, 2].min() for line in places)))
+    lines = [[(float(x), float(y), float(z)) for x, y, z in line - (0, 0, datum)] for line in places]
+    return Heights(lines=lines, datum_m=datum)
 
 
 def read_plan(params: PlanSurveyParams) -> Reading:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
@@ -26,16 +25,19 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.survey.draw import draw_picture, draw_workings, frame_of
-from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.levels.areas import areas_of
-from pipeline.survey.levels.sheets import lay_out_levels
-from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
+from pipeline.survey.formats import is_solved
+from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, require_connected, require_no_crossing
-from pipeline.survey.passages.sheets import has_relief, lay_out_sheets
+from pipeline.survey.passages.legs import (
+    SurveyLeg,
+    build_workings,
+    require_connected,
+    require_no_crossing,
+    warn_of_shafts,
+)
+from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
-from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
@@ -44,7 +46,17 @@ from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
-from pipeline.types import METRIC, NO_LEGS, Frame, Georeference, Heights, Image, Seam, SurveyedLegs
+from pipeline.types import (
+    METRIC,
+    NO_FLOORS,
+    NO_LEGS,
+    FloorMesh,
+    Frame,
+    Georeference,
+    Heights,
+    Image,
+    SurveyedLegs,
+)
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -56,7 +68,8 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and the plan drawn of them with its frame.
 
-    `legs` are those of a survey that is built as one volume; its workings are their view from above.
+    `legs` are those of a survey that is built as one volume, `floors` those of drawn areas with heights, whose shafts
+    are the legs; the workings are their view from above.
     A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
     """
 
@@ -66,11 +79,17 @@ class VectorReading:
     plan: Image
     frame: Frame
     legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
 
     @property
     def width_m(self) -> float:
         """Return the typical width of the drifts: that of one long drift of the same area and length of walls."""
-        return 2 * self.workings.area / self.workings.length
+        return self.floors.width_m if len(self.floors) else 2 * self.workings.area / self.workings.length
+
+    @property
+    def walls_m(self) -> float:
+        """Return the length of all walls seen from above, those over each other among them."""
+        return self.floors.walls_m if len(self.floors) else float(self.workings.length)
 
 
 @dataclass(frozen=True)
@@ -81,6 +100,7 @@ class _Workings:
     georeference: Georeference
     heights: Heights | None = None
     legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -100,7 +120,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(_name(params), workings, params)
     if params.kind != "procedural" or not params.as_picture:
         plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs)
+        return VectorReading(workings, read.georeference, read.heights, plan, frame, read.legs, read.floors)
     plan = draw_picture(workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(MultiPolygon(), read.georeference, None, plan, frame)
 
@@ -125,9 +145,10 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    found = _read_levels(path, content, shapes, georeference, params)
+    found = read_levels(path, content, shapes, georeference, params)
     if found.levels is not None:
-        return found.levels
+        levels = found.levels
+        return _Workings(levels.polygons, georeference, levels.heights, levels.legs, levels.floors)
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
@@ -141,85 +162,17 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     return _Workings(workings, georeference, heights)
 
 
-@dataclass(frozen=True)
-class _LevelReading:
-    """Levels over each other, a sheet a level; None if the walls are those of one plan.
-
-    Then `is_wall` is for each shape whether it is read in that plan: the axes of shafts are not.
-    """
-
-    levels: _Workings | None
-    is_wall: list[bool]
-
-
-def _read_levels(
-    path: Path,
-    content: Shapes,
-    moved: list[BaseGeometry],
-    georeference: Georeference,
-    params: VectorSurveyParams,
-) -> _LevelReading:
-    """Return the levels that walls with elevations enclose, if they lie over each other."""
-    elevations = elevations_of(path, content, params)
-    is_checked = params.no_elevation is None
-    found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
-    walls, axes = split_steep(found)
-    if not walls:
-        return _LevelReading(None, [True] * len(moved))
-    try:
-        areas = areas_of(path, walls, params.snap_m)
-        drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
-    except InputError:
-        if elevations or lie_over(walls):
-            raise
-        drawn = None
-    else:
-        if drawn is None and lie_over(walls):
-            raise InputError(
-                f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
-                "level, or put each level and each ramp on a layer of its own"
-            )
-        if drawn is not None and params.seeds_m:
-            raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
-        if left_out:
-            names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
-            done = "are read in plan with the others" if drawn is None else "are left out"
-            warn_user(
-                f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; "
-                "--elevation LAYER=M states one"
-            )
-    if drawn is not None or not axes:
-        levels = None if drawn is None else _Workings(drawn[0], georeference, drawn[1])
-        return _LevelReading(levels, [True] * len(moved))
-    x, y, z = axes[0][0]
-    warn_user(
-        f"{path.name}: {len(axes)} lines too steep to drive are left out, as the walls are read as one plan; the first "
-        f"at ({x:.1f}, {y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m"
-    )
-    steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
-    return _LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])
-
-
 def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
-    if params.volume:
-        whole = read_whole(path, params)
-        _require_short(path, whole.legs)
-        _, georeference = locate(path, Shapes([footprint(path, whole.legs)], "m"), "m", params.origin)
-        place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
-        return _Workings(seen, place, legs=surveyed)
-    reader = leg_reader(path)
-    if isinstance(params.grade, dict):  # of the legs of a station table
-        legs, crs = read_station_legs(path, params.grade), None
-    else:
-        legs, crs = reader(path, params.half_width_m)
-    built, heights = _build(path, legs, params)
+    whole = read_whole(path, params)
+    _require_short(path, whole.legs)
+    built = _level_workings(path, whole.legs, params) if whole.is_level else footprint(path, whole.legs)
     shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
-    place = Georeference("m", 1.0, georeference.origin, crs)
-    if heights is None:
+    place = Georeference("m", 1.0, georeference.origin, whole.crs)
+    if whole.is_level:
         return _Workings(as_polygons(shapely.union_all(shapes)), place)
-    return _Workings(shapes[0], place, _moved(heights, georeference.origin))
+    surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
+    return _Workings(seen, place, legs=surveyed)
 
 
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
@@ -229,33 +182,32 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None
     )
-    if params.volume:
-        whole = WholeSurvey(plan_legs(path, survey, params.half_width_m), [], None)
-        _require_short(path, whole.legs)
-        surveyed, seen = whole_in_frame(path, whole, params, (0.0, 0.0))
-        return _Workings(seen, georeference, legs=surveyed)
-    built, heights = _build(path, plan_legs(path, survey, params.half_width_m), params)
-    return _Workings(as_polygons(built) if heights is None else built, georeference, heights)
-
-
-def _build(
-    path: Path, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
-) -> tuple[BaseGeometry, Heights | None]:
-    """Return the workings of legs, sheet by sheet if they have heights, and these."""
+    legs = plan_legs(path, survey, params.half_width_m)
     _require_short(path, legs)
-    if has_relief(legs):
-        return lay_out_sheets(path, legs, params.apart_m, params.piece, named=params.kind == "passages")
+    if not has_relief(legs):
+        return _Workings(as_polygons(_level_workings(path, legs, params)), georeference)
+    surveyed, seen = whole_in_frame(path, WholeSurvey(legs, is_level=False, is_named=False), params, (0.0, 0.0))
+    return _Workings(seen, georeference, legs=surveyed)
+
+
+def _level_workings(
+    path: Path, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
+) -> BaseGeometry:
+    """Return the workings of legs whose floors are level, seen from above, without shafts."""
     is_drawn = params.kind == "centrelines"
     if params.piece is not None and not is_drawn:
         raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
     driven = [leg for leg in legs if not leg.is_plumb]
+    warn_of_shafts(path, [leg for leg in legs if leg.is_plumb])
+    if not driven:
+        raise InputError(f"{path}: every leg is plumb; nothing to drive on")
     if not is_drawn:
         require_connected(path, driven)
     require_no_crossing(path, driven)
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
-    return choose_flat_piece(path, built, params.piece) if is_drawn else built, None
+    return choose_flat_piece(path, built, params.piece) if is_drawn else built
 
 
 def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
@@ -267,21 +219,6 @@ def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
             raise InputError(
                 f"{path}: {leg.stations[k]} to {leg.stations[k + 1]} are {steps[k]:.0f} m apart, at most {REACH_M:g} m"
             )
-
-
-def _moved(heights: Heights, origin: tuple[float, float]) -> Heights:
-    """Return heights about another origin of the mine frame."""
-    east, north = origin
-    lines = [[(x - east, y - north, z) for x, y, z in line] for line in heights.lines]
-    seams = [
-        Seam(seam.sheets, tuple((x - east, y - north) for x, y in seam.ends_m))  # type: ignore[arg-type]
-        for seam in heights.seams
-    ]
-    shafts = [
-        dataclasses.replace(shaft, place_m=(shaft.place_m[0] - east, shaft.place_m[1] - north))
-        for shaft in heights.shafts
-    ]
-    return dataclasses.replace(heights, lines=lines, seams=seams, shafts=shafts)
 
 
 def _name(params: VectorSurvey) -> str:

@@ -1,4 +1,4 @@
-"""A survey's legs as they are, for a world that is built as one volume: no sheets, and nothing is too steep."""
+"""A survey's legs as they are, for a world that is built as one volume: nothing is too steep."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
+from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.start import start_over
-from pipeline.survey.stations.table import read_station_legs
+from pipeline.survey.stations.table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, SurveyedLegs, text_array
 
 _NEAR_M = 10.0  # from a stated place to the station that it names
@@ -34,47 +35,39 @@ _NO_LENGTH_M = 1e-3
 
 @dataclass(frozen=True)
 class WholeSurvey:
-    """All legs of a survey in its own frame, the names of its entrances, and its coordinate system."""
+    """All legs of a survey in its own frame, the names of its entrances, and its coordinate system.
+
+    A survey that `is_level` is built as a plan. The stations of lines, which are not `is_named`, have names that the
+    user does not know.
+    """
 
     legs: list[SurveyLeg]
-    entrances: list[str]
-    crs: str | None
+    is_level: bool
+    entrances: tuple[str, ...] = ()
+    crs: str | None = None
+    is_named: bool = True
 
 
 def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
-    """Read a station survey with elevations.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or has no elevations.
-    """
-    if isinstance(params.grade, dict):  # of the legs of a station table
-        legs, crs, entrances = read_station_legs(path, params.grade), None, []
-    elif is_solved(path) or path.suffix.lower() == ".csv":
+    """Read a station survey, with elevations or without; `InputError` if it cannot be read."""
+    if path.suffix.lower() == ".csv":
+        legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None)
+        if not has_relief(legs):
+            return WholeSurvey(legs, is_level=True)
+        return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
+    if is_solved(path):
         survey = solve_file(path)
         legs = plan_legs(path, survey, params.half_width_m)
         crs = None if survey.crs is None else one_line(survey.crs, 200)
-        entrances = entrances_of(survey)
-    else:
-        (legs, crs), entrances = leg_reader(path)(path, params.half_width_m), []
-    return WholeSurvey(_with_heights(path, legs), entrances, crs)
+        return WholeSurvey(legs, not has_relief(legs), tuple(entrances_of(survey)), crs)
+    legs, crs = leg_reader(path)(path, params.half_width_m)
+    return WholeSurvey(legs, not has_relief(legs), (), crs)
 
 
 def entrances_of(survey: SolvedSurvey) -> list[str]:
     """Return the names of the stations that are open to the surface."""
     is_open = (survey.station_flags & StationFlag.ENTRANCE) != 0
     return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
-
-
-def _with_heights(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:
-    flat = next((leg for leg in legs if leg.heights_m is None), None)
-    if flat is not None:
-        raise InputError(
-            f"{path}: leg {flat.name} has no elevations, and --volume (survey.volume) builds surveys with them; "
-            "without the option it is built as a level mine"
-        )
-    return legs
 
 
 def surveyed_legs(
@@ -87,7 +80,7 @@ def surveyed_legs(
 
     Others are listed. The frame's height 0 is the lowest floor, rounded down to metres.
     """
-    kept, others = _pieces(path, survey.legs, params.piece)
+    kept, others = _pieces(path, survey, params.piece)
     places = [_places(leg) for leg in kept]
     lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in kept])
     floors = np.concatenate(places)[:, 2] - np.nan_to_num(lrud[:, 3])
@@ -122,13 +115,16 @@ def whole_in_frame(
 def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
     """Return the union of the legs seen from above (m, the legs' frame); shafts that nobody measured are 2 m wide.
 
+    Each shot is as wide as at its stations, square to itself.
+
     Raises
     ------
     InputError
         If it has no area.
     """
     walls = [np.where(np.isfinite(leg.walls_m), leg.walls_m, _HALF_WIDTH_M) for leg in legs]
-    built = build_workings([replace(leg, walls_m=w) for leg, w in zip(legs, walls, strict=True)])
+    wide = [replace(leg, walls_m=w) for leg, w in zip(legs, walls, strict=True)]
+    built = build_workings([shot for leg in wide for shot in shots_of(leg)])
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
     return built
@@ -147,8 +143,9 @@ def _length_m(leg: SurveyLeg) -> float:
     return float(np.linalg.norm(np.diff(_places(leg), axis=0), axis=1).sum())
 
 
-def _pieces(path: Path, legs: list[SurveyLeg], piece: Piece | None) -> tuple[list[SurveyLeg], list[tuple[str, float]]]:
+def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[SurveyLeg], list[tuple[str, float]]]:
     """Return the legs of the chosen piece, and a station and the length of each other one, with a warning of them."""
+    legs = survey.legs
     graph: nx.Graph = nx.Graph()
     for leg in legs:
         for (a, b), step in zip(
@@ -166,13 +163,22 @@ def _pieces(path: Path, legs: list[SurveyLeg], piece: Piece | None) -> tuple[lis
         raise InputError(f"{path}: the legs about station {about} have no length; nothing to build")
     others = [(name, metres) for metres, name, stations in found if stations is not nodes]
     if others:
-        listed = ", ".join(f"{metres:.0f} m about {one_line(name, _NAME_CHARS)}" for name, metres in others[:_NAMED])
+        about = _about(survey, about)
+        listed = ", ".join(f"{metres:.0f} m about {_about(survey, name)}" for name, metres in others[:_NAMED])
         more = f", and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
         warn_user(
-            f"{path.name}: {len(found)} pieces share no station; built is the one of {length:.0f} m about "
-            f"{one_line(about, _NAME_CHARS)}; --piece (survey.piece) builds another: {listed}{more}"
+            f"{path.name}: {len(found)} pieces share no station; built is the one of {length:.0f} m about {about}; "
+            f"--piece (survey.piece) builds another: {listed}{more}"
         )
     return [leg for leg in legs if leg.stations[0] in nodes], others
+
+
+def _about(survey: WholeSurvey, station: str) -> str:
+    """Return what names a station to the user, as --piece takes it: its name, or its place."""
+    if survey.is_named and not station.startswith("unnamed "):
+        return one_line(station, _NAME_CHARS)
+    leg = next(leg for leg in survey.legs if station in leg.stations)
+    return ",".join(f"{value:.1f}" for value in _places(leg)[leg.stations.index(station)])
 
 
 def _station(path: Path, legs: list[SurveyLeg], piece: Piece) -> str:

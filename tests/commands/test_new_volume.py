@@ -1,4 +1,4 @@
-"""Surveys through `python -m pipeline new --volume`: they pass with exit code 0, and bad ones get one line."""
+"""Surveys through `python -m pipeline new`: they pass with exit code 0, and bad ones get one line."""
 
 import json
 import sys
@@ -27,7 +27,7 @@ def project(tmp_path_factory):
 
 def new(project, name, text, *words):
     (project.folder / f"{name}.csv").write_text(text)
-    command = [sys.executable, "-m", "pipeline", "new", name, "--from", f"{name}.csv", "--volume", *words]
+    command = [sys.executable, "-m", "pipeline", "new", name, "--from", f"{name}.csv", *words]
     return project.run(*command, check=False, COLUMNS="1000")
 
 

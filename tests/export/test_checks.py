@@ -10,9 +10,9 @@ import pytest
 from minexplore.bundle import GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.export.checks.clauses import OF_PHYSICS, certify_parts
-from pipeline.export.checks.pieces import PART_GROUPS, match_labels
+from pipeline.export.checks.pieces import PART_GROUPS, match_labels, pieces_of_model
 from pipeline.export.checks.prove import prove
-from pipeline.export.checks.rays import RAYS, RayTest
+from pipeline.export.checks.rays import RAYS, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.labels import group_of
 from pipeline.export.scene import box_corners, hull_triangles, placed_part
 from pipeline.mjcf.bundle import read_floor
@@ -45,29 +45,34 @@ def test_a_lost_light_and_a_changed_friction_fail(world):
     assert [line.partition(":")[0] for line in failures] == ["frictions", "lights"]
 
 
+def rays_at(world, groups):
+    """Return the test of rays at the geoms of some groups."""
+    T, free = np.array(world.opened.record.T_world_mine), read_free_space(world.bundle).polygon
+    draw = starts_in_plan(free, read_floor(world.bundle, world.opened.record))
+    return RayTest(draw, cast_at_model(world.opened.model, T, groups))
+
+
 @pytest.mark.parametrize(("shift_m", "alike"), [(0.0, True), (1e-6, True), (0.003, False)])
 def test_rays_find_rock_that_moved_by_more_than_a_millimetre(world, shift_m, alike):
-    T, free = np.array(world.opened.record.T_world_mine), read_free_space(world.bundle).polygon
-    test = RayTest(world.opened.model, T, free, read_floor(world.bundle, world.opened.record))
+    test = rays_at(world, PART_GROUPS)
     triangles = np.concatenate([hull_triangles(part) for part in world.scene.parts])
-    match = test.compare(triangles + np.array([0.0, 0.0, shift_m]), PART_GROUPS, seed=3)
+    match = test.compare(triangles + np.array([0.0, 0.0, shift_m]), seed=3)
     assert match.holds == alike
     assert alike or match.worst_m > shift_m
 
 
 def test_rays_find_a_chunk_of_visible_rock_that_is_missing(world):
-    T, free = np.array(world.opened.record.T_world_mine), read_free_space(world.bundle).polygon
-    test = RayTest(world.opened.model, T, free, read_floor(world.bundle, world.opened.record))
+    test = rays_at(world, (GeomGroup.ROUGH_SURFACE,))
     lost = at_label(world.scene.surfaces, "walls")
     kept = [surface.triangles_m for k, surface in enumerate(world.scene.surfaces) if k != lost]
-    assert not test.compare(np.concatenate(kept), (GeomGroup.ROUGH_SURFACE,), seed=3).holds
+    assert not test.compare(np.concatenate(kept), seed=3).holds
 
 
 def test_labels_find_a_piece_that_is_lost_renamed_or_changed_in_size(world):
     zones = [zone.name for zone in world.opened.record.zones]
 
     def failing(**fields: object) -> list[str]:
-        matches = match_labels(world.opened.model, zones, replace(world.read, **fields))
+        matches = match_labels(pieces_of_model(world.opened.model, zones), replace(world.read, **fields))
         return [label for label, match in matches.items() if not match.holds]
 
     parts, surfaces = world.scene.parts, world.scene.surfaces

@@ -55,7 +55,7 @@ JUDGEMENTS = {
     "no cross-sections and no splays": "--half-width",
     "is steeper than": "survey.steepest_grade",
     "closing it changes a grade by": "survey.grade_change",
-    "worlds with steep workings": "survey.flat_grade",
+    "and a plan is level": "survey.flat_grade",
     "m higher, the limit is": "survey.flat_step_m",
     "deg steep at": "compile3d.steepest_deg",
     "a world holds one connected component": "contours.bridge_m",

@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from pipeline.compose import compose  # of another project than this checkout
-from pipeline.errors import InputError, ParamsError
+from pipeline.errors import ParamsError
 from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
 from pipeline.params.reader_limits import FILE
 from pipeline.params.survey import PassageSurveyParams
@@ -55,10 +55,9 @@ def test_a_survey_is_read_by_its_own_rules(tmp_path, monkeypatch):
     (tmp_path / "data" / "registry.txt").write_text("")
     monkeypatch.chdir(tmp_path)
     section = {"kind": "passages", "name": "steep", "file": "data/steep.csv"}
-    assert read_survey(PassageSurveyParams.model_validate(section))["survey"].heights is not None
-    flatter = PassageSurveyParams.model_validate({**section, "steepest_grade": 0.15})
-    with pytest.raises(InputError, match=r"every leg is steeper than 0\.15 \(survey\.steepest_grade\)"):
-        read_survey(flatter)
+    assert len(read_survey(PassageSurveyParams.model_validate(section))["network"]) == 1
+    level = PassageSurveyParams.model_validate({**section, "flat_step_m": 10})
+    assert len(read_survey(level)["network"]) == 0
 
 
 def test_the_rules_of_one_survey_end_with_its_reading():

@@ -6,7 +6,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.survey.detect import detect_here
+from pipeline.survey.detect import detect_here, detect_survey
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.whole_survey import entrances_of, read_whole
 from pipeline.types import lines_of
@@ -74,9 +74,22 @@ def test_a_stated_start_is_kept_with_its_elevation(tmp_path):
     assert legs_of_table(RAMP, tmp_path).start_m.tolist() == []
 
 
-def test_a_table_without_elevations_is_refused_with_the_option(tmp_path):
-    with pytest.raises(InputError, match="no column elevation_m"):
-        legs_of_table("leg,station,easting_m,northing_m,left_m,right_m\nA,1,0,0,2,2\nA,2,9,0,2,2\n", tmp_path)
+@pytest.mark.parametrize("rise", ["", ",5", ",5.9"])
+def test_a_survey_without_elevations_or_with_like_ones_stays_a_plan(tmp_path, rise):
+    head = "leg,station,easting_m,northing_m,left_m,right_m" + (",elevation_m" if rise else "")
+    first = ",5" if rise else ""
+    text = f"{head}\nA,1,0,0,2,2{first}\nA,2,9,0,2,2{rise}\n"
+    assert len(legs_of_table(text, tmp_path, flat_step_m=1.0)) == 0
+    assert len(legs_of_table(text, tmp_path, flat_step_m=0.0)) == (rise != "")
+
+
+@pytest.mark.parametrize("stated", [{"grade": 0.02}, {"heights": "data/spots.csv"}])
+def test_heights_stated_beside_elevations_are_refused(tmp_path, monkeypatch, stated):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/spots.csv").write_text("easting_m,northing_m,elevation_m\n0,0,5\n")
+    with pytest.raises(InputError, match=r"survey\.heights and survey\.grade are not read: it has elevations"):
+        legs_of_table(RAMP, tmp_path, **stated)
 
 
 def test_legs_without_a_length_in_all_are_refused(tmp_path):
@@ -91,23 +104,24 @@ def test_entrances_are_the_stations_that_the_survey_flags():
     assert entrances_of(survey) == ["adit"]
 
 
-def test_a_stated_volume_is_written_into_the_section_and_walls_are_refused_with_what_to_state(tmp_path):
+def test_a_survey_with_elevations_is_detected_and_the_option_for_solids_is_not_read_with_it(tmp_path):
     table = tmp_path / "a.csv"
     table.write_text(RAMP)
-    found = detect_here(str(table), StatedOptions(volume=True).values()).values
-    assert found["values"]["volume"] is True
+    found = detect_here(str(table), {}).values
     assert found["has_heights"] is True
-    assert "volume" not in detect_here(str(table), {}).values["values"]
-    walls = tmp_path / "a.geojson"
-    walls.write_text('{"type": "Polygon", "coordinates": [[[0,0],[50,0],[50,5],[0,5],[0,0]]]}')
-    with pytest.raises(
-        InputError, match="--volume builds legs between stations, the solids in a DXF file, or with --half-width M"
-    ):
-        detect_here(str(walls), StatedOptions(volume=True).values())
+    assert found["values"]["piece"] is None
+    with pytest.raises(InputError, match=r"a\.csv: --volume is not read with a station survey"):
+        detect_survey(table, StatedOptions(volume=True))
+    lines = tmp_path / "a.geojson"
+    lines.write_text('{"type": "LineString", "coordinates": [[0,0,0],[50,0,5]]}')
+    with pytest.raises(InputError, match=r"a\.geojson: --volume is not read with --half-width"):
+        detect_here(str(lines), {"volume": True, "half_width_m": 2.0})
 
 
 def test_a_survey_in_three_dimensions_is_read_whole(tmp_path):
     path = tmp_path / "s.csv"
     path.write_text(STEEP)
-    params = PassageSurveyParams(kind="passages", name="a", file="data/x", volume=True)
+    params = PassageSurveyParams(kind="passages", name="a", file="data/x", heights=None).model_copy(
+        update={"file": path.as_posix()}
+    )
     assert len(read_whole(path, params).legs) >= 3

@@ -12,7 +12,7 @@ import numpy as np
 from minexplore.bundle import GeomGroup, is_shade, puddle_geom
 from pipeline.errors import ArtifactError
 from pipeline.export.labels import PieceLabel, part_label, surface_label, water_label
-from pipeline.export.scene import ReadScene, hull_triangles
+from pipeline.export.scene import ExportScene, ReadScene, hull_triangles
 
 PART_GROUPS = (GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF)
 _SAME_AREA = 1e-5  # share: MuJoCo's meshes have 32 bits and are turned
@@ -36,27 +36,16 @@ class LabelMatch:
 
 
 @dataclass(frozen=True)
-class _Piece:
-    label: str  # "touched" or "seen", what it is, and the zone of a floor, joined by slashes
+class Piece:
+    """A piece of a world; `label` is "touched" or "seen", what it is, and the zone of a floor, joined by slashes."""
+
+    label: str
     area_m2: float
 
 
-def match_labels(model: mujoco.MjModel, zones: list[str], read: ReadScene) -> dict[str, LabelMatch]:
-    """Compare the pieces of a compiled model with those of a file, label by label.
-
-    Parameters
-    ----------
-    model : mujoco.MjModel
-    zones : list of str
-        Names of the floor zones.
-    read : ReadScene
-
-    Raises
-    ------
-    ArtifactError
-        If a geom of the model has no label.
-    """
-    world, file = _sum(_pieces_of_model(model, zones)), _sum(_pieces_of_file(read))
+def match_labels(world_pieces: Iterable[Piece], read: ReadScene) -> dict[str, LabelMatch]:
+    """Compare the pieces of a world with those of a file, label by label."""
+    world, file = _sum(world_pieces), _sum(pieces_of_scene(read))
     none = (0, 0.0)
     return {
         label: LabelMatch(*world.get(label, none), *file.get(label, none))
@@ -64,27 +53,35 @@ def match_labels(model: mujoco.MjModel, zones: list[str], read: ReadScene) -> di
     }
 
 
-def _sum(pieces: Iterable[_Piece]) -> dict[str, tuple[int, float]]:
+def _sum(pieces: Iterable[Piece]) -> dict[str, tuple[int, float]]:
     areas: dict[str, list[float]] = defaultdict(list)
     for piece in pieces:
         areas[piece.label].append(piece.area_m2)
     return {label: (len(of), round(sum(of), 4)) for label, of in areas.items()}
 
 
-def _pieces_of_file(read: ReadScene) -> Iterable[_Piece]:
+def pieces_of_scene(read: ReadScene | ExportScene) -> Iterable[Piece]:
+    """Return the pieces of a scene: its parts and its surfaces."""
     for part in read.parts:
-        yield _Piece(_key("touched", PieceLabel(part.label, part.zone)), triangle_area_m2(hull_triangles(part)))
+        yield Piece(_key("touched", PieceLabel(part.label, part.zone)), triangle_area_m2(hull_triangles(part)))
     for surface in read.surfaces:
-        yield _Piece(_key("seen", PieceLabel(surface.label, surface.zone)), triangle_area_m2(surface.triangles_m))
+        yield Piece(_key("seen", PieceLabel(surface.label, surface.zone)), triangle_area_m2(surface.triangles_m))
 
 
-def _pieces_of_model(model: mujoco.MjModel, zones: list[str]) -> Iterable[_Piece]:
+def pieces_of_model(model: mujoco.MjModel, zones: list[str]) -> Iterable[Piece]:
+    """Return the pieces of a compiled model; `zones` are the names of the floor zones.
+
+    Raises
+    ------
+    ArtifactError
+        If a geom of the model has no label.
+    """
     for geom in range(model.ngeom):
         name, group = model.geom(geom).name, int(model.geom_group[geom])
         if group in PART_GROUPS:
-            yield _Piece(_key("touched", part_label(name, group, zones)), _area_m2(model, geom))
+            yield Piece(_key("touched", part_label(name, group, zones)), _area_m2(model, geom))
         elif group == GeomGroup.ROUGH_SURFACE and not is_shade(name):
-            yield _Piece(_key("seen", _seen_label(model, geom, zones)), _area_m2(model, geom))
+            yield Piece(_key("seen", _seen_label(model, geom, zones)), _area_m2(model, geom))
 
 
 def _seen_label(model: mujoco.MjModel, geom: int, zones: list[str]) -> PieceLabel:

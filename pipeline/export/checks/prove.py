@@ -10,15 +10,15 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, is_shade
 from pipeline.export.checks.clauses import OF_PHYSICS, certify_parts
-from pipeline.export.checks.pieces import PART_GROUPS, LabelMatch, match_labels
-from pipeline.export.checks.rays import RayMatch, RayTest
+from pipeline.export.checks.pieces import PART_GROUPS, LabelMatch, match_labels, pieces_of_model
+from pipeline.export.checks.rays import RayMatch, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.scene import ExportScene, ReadScene, hull_triangles
 from pipeline.mjcf.bundle import OpenedBundle, read_floor
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.rebuilt.remake import read_free_space
 
-_SEED = 47
+SEED = 47
 _SAME = 1e-6  # frictions may be of 32 bits
 _HIDDEN = GeomGroup.SMOOTH_SURFACE
 
@@ -87,11 +87,11 @@ def prove(bundle: Path, opened: OpenedBundle, scene: ExportScene, read: ReadScen
     """
     zones = [zone.name for zone in opened.record.zones]
     rays = _cast(bundle, opened, read)
-    labels = match_labels(opened.model, zones, read)
+    labels = match_labels(pieces_of_model(opened.model, zones), read)
     certificate = certify_parts(bundle, opened, read, params)
     unmeasured = [name for name in params.certificate.limits if name in OF_PHYSICS]
     lights = None if read.lights is None else Count(len(scene.lights), read.lights)
-    return Proof(rays, labels, certificate, unmeasured, _same_frictions(scene, read), lights)
+    return Proof(rays, labels, certificate, unmeasured, same_frictions(scene, read), lights)
 
 
 def _cast(bundle: Path, opened: OpenedBundle, read: ReadScene) -> dict[str, RayMatch]:
@@ -100,16 +100,16 @@ def _cast(bundle: Path, opened: OpenedBundle, read: ReadScene) -> dict[str, RayM
         if is_shade(model.geom(geom).name):
             model.geom_group[geom] = _HIDDEN
     free, floor = read_free_space(bundle).polygon, read_floor(bundle, opened.record)
-    test = RayTest(model, np.array(opened.record.T_world_mine), free, floor)
+    draw, T = starts_in_plan(free, floor), np.array(opened.record.T_world_mine)
     touched = np.concatenate([np.zeros((0, 3, 3)), *map(hull_triangles, read.parts)])
-    rays = {"touched": test.compare(touched, PART_GROUPS, _SEED)}
+    rays = {"touched": RayTest(draw, cast_at_model(model, T, PART_GROUPS)).compare(touched, SEED)}
     if opened.record.has_visible_rock:
         seen = np.concatenate([np.zeros((0, 3, 3)), *(surface.triangles_m for surface in read.surfaces)])
-        rays["seen"] = test.compare(seen, (GeomGroup.ROUGH_SURFACE,), _SEED)
+        rays["seen"] = RayTest(draw, cast_at_model(model, T, (GeomGroup.ROUGH_SURFACE,))).compare(seen, SEED)
     return rays
 
 
-def _same_frictions(scene: ExportScene, read: ReadScene) -> Count | None:
+def same_frictions(scene: ExportScene, read: ReadScene) -> Count | None:
     """Return how many parts of the file have the friction that the world states for their names."""
     if any(part.friction is None for part in read.parts):
         return None

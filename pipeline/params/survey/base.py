@@ -73,6 +73,10 @@ class BaseSurveyParams(FloorRules):
         "elevation_m; GeoTIFF; contour lines, points or labels",
     )
 
+    volume: bool = Field(
+        default=False, description="a mine with heights is built whole, as one closed volume, with all that is steep"
+    )
+
     @model_validator(mode="after")
     def _heights_have_one_source(self) -> BaseSurveyParams:
         if self.grade is not None and self.heights is not None:

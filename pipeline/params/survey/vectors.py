@@ -61,19 +61,10 @@ class PassageSurveyParams(DrawnSurveyParams):
         le=20,
         description="distance to a wall that nobody measured; null: half the median width of the survey's own stations",
     )
-    apart_m: float | None = Field(
-        default=None,
-        gt=0,
-        le=50,
-        description="passages less than this over or under others that they do not meet are left out; null: none are",
-    )
     piece: PieceOption | None = Field(
         default=None,
-        description="a station of the drivable piece that is built, by its name or by its place in the coordinates of "
+        description="a station of the piece that is built, by its name or by its place in the coordinates of "
         "the survey, m; null: the longest piece",
-    )
-    volume: bool = Field(
-        default=False, description="the survey is built whole, as one closed volume, with all that is steep or low"
     )
 
 
@@ -105,16 +96,7 @@ class CentrelineSurveyParams(DrawnSurveyParams):
         default=None,
         description="elevation in the file that stands for none: such points get heights from their line; null: none",
     )
-    apart_m: float | None = Field(
-        default=None,
-        gt=0,
-        le=50,
-        description="passages less than this over or under others that they do not meet are left out; null: none are",
-    )
     piece: PieceOption | None = Field(
         default=None,
-        description="a station or a place (m, mine frame) of the drivable piece that is built; null: the longest piece",
-    )
-    volume: bool = Field(
-        default=False, description="the survey is built whole, as one closed volume, with all that is steep or low"
+        description="a station or a place (m, mine frame) of the piece that is built; null: the longest piece",
     )

@@ -16,11 +16,11 @@ from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.levels.cuts import NARROWEST_M, oblique_m, piece_at
 from pipeline.survey.levels.heights import even_floors
+from pipeline.survey.levels.joins import snap_together
 from pipeline.types import Seam
 
 _GRID_M = 1e-4  # of the outlines' coordinates
 _STRAIGHT_M = 1e-3
-_TURNS = 6  # of snapping; two suffice for three areas that meet at one place
 _WRONG_M = 0.005  # limit of the certificate on clearances
 SeamHeights = tuple[Seam, tuple[float, float]]  # and the heights of its ends, m
 
@@ -30,7 +30,7 @@ def join_areas(
 ) -> tuple[list[Polygon], list[list[Area]], list[SeamHeights]]:
     """Return the outline of each sheet, the areas in it, and the edges that two share with their heights."""
     shapes = {name: areas[int(name)].polygon for name in joins}
-    _snap(areas, shapes, joins, snap_m)
+    snap_together(areas, shapes, joins, snap_m)
     areas = even_floors(path, areas, shapes, joins)
     of_sheet: list[list[Area]] = [[] for _ in range(max(number.values()) + 1)]
     edges: list[tuple[str, str, str, LineString]] = []
@@ -117,31 +117,6 @@ def _require_joined(
             f"{path}: two areas meet at ({x:.1f}, {y:.1f}), but share no straight edge of {NARROWEST_M:g} m there; "
             "draw the end of the ramp along the level's wall, or into the level"
         )
-
-
-def _snap(areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph, snap_m: float) -> None:
-    """Let walls that nearly meet at one height meet; change the shapes in place.
-
-    A shape that moves to one neighbour may leave another, if only by rounding. So all are tried again in the other
-    direction, until none moves.
-    """
-    for turn in range(_TURNS):
-        before = dict(shapes)
-        for a, b in [(b, a) for a, b in joins.edges] if turn % 2 else joins.edges:
-            for one, other in ((a, b), (b, a)):
-                corners = _corners_near(areas, shapes, other, one, snap_m)
-                moved = shapely.snap(shapes[one], corners, snap_m)
-                shapes[one] = moved if isinstance(moved, Polygon) and moved.is_valid and moved.area else shapes[one]
-        if all(shapely.equals_identical(shape, before[name]) for name, shape in shapes.items()):
-            break
-
-
-def _corners_near(areas: list[Area], shapes: dict[str, Polygon], name: str, other: str, snap_m: float) -> BaseGeometry:
-    """Return the corners of a shape that are near another's walls at one height."""
-    places = np.unique(shapely.get_coordinates(shapes[name]), axis=0)
-    places = places[shapely.dwithin(shapes[other].boundary, shapely.points(places), snap_m)]
-    apart = abs(areas[int(name)].heights_at(places) - areas[int(other)].heights_at(places))
-    return shapely.multipoints(places[apart <= floor_rules().flat_step_m])
 
 
 def _rounded(shape: BaseGeometry) -> BaseGeometry:

@@ -14,16 +14,15 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, nearest_heights, places_in
+from pipeline.survey.levels.joins import area_at, warn_of_near_areas
 from pipeline.survey.levels.seams import SeamHeights, join_areas
 from pipeline.survey.levels.shafts import LevelSheets, shafts_of
 from pipeline.survey.levels.walls import Wall
-from pipeline.survey.passages.pieces import list_others, require_near
+from pipeline.survey.passages.pieces import list_others
 from pipeline.survey.passages.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.types import Heights, Place
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given
-_BETWEEN_M = 0.1
-_NEAR_M = 3.0  # in plan and in height: warns of two pieces so near
 
 
 def lay_out_levels(
@@ -67,7 +66,7 @@ def lay_out_levels(
         return None
     whole = _chosen(path, areas, joins, piece)
     if len(whole) < len(joins):
-        _warn_of_near_areas(path, areas, joins)
+        warn_of_near_areas(path, areas, joins)
     number = assign_sheets(whole, {name: name for name in whole}, {name: over[name] & set(whole) for name in whole})
     polygons, of_sheet, seams = join_areas(path, areas, whole, over, number, snap_m)
     offsets = lay_apart(polygons)
@@ -127,7 +126,7 @@ def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None 
     pieces = sorted(nx.connected_components(joins), key=lambda names: (-size(names), min(names)))
     chosen = pieces[0]
     if piece is not None:
-        at = str(_area_at(path, areas, piece))
+        at = str(area_at(path, areas, piece))
         chosen = next(names for names in pieces if at in names)
     others = [names for names in pieces if names is not chosen]
     if others:
@@ -141,39 +140,6 @@ def _chosen(path: Path, areas: list[Area], joins: nx.Graph, piece: Place | None 
     kept.add_nodes_from(name for name in joins if name in chosen)
     kept.add_edges_from((a, b) for a, b in joins.edges if a in chosen)
     return kept
-
-
-def _area_at(path: Path, areas: list[Area], place_m: Place) -> int:
-    """Return the number of the area nearest to a place."""
-    at, z = np.array([place_m[:2]]), place_m[2]
-    aside = shapely.distance([area.polygon for area in areas], shapely.Point(place_m[:2]))
-    off = np.hypot(aside, [float(area.heights_at(at)[0]) - z for area in areas])
-    require_near(path, place_m, float(off.min()), "the nearest level or ramp")
-    return int(off.argmin())
-
-
-def _warn_of_near_areas(path: Path, areas: list[Area], joins: nx.Graph) -> None:
-    """Warn of areas of two pieces that nearly meet."""
-    piece = {name: k for k, names in enumerate(nx.connected_components(joins)) for name in names}
-    shapes = np.array([area.polygon for area in areas])
-    near = []
-    for a, b in shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_NEAR_M).T.tolist():
-        if a >= b or piece[str(a)] == piece[str(b)]:
-            continue
-        apart = float(shapely.distance(shapes[a], shapes[b]))
-        reach = apart / 2 + _BETWEEN_M
-        places = places_in(shapes[a].buffer(reach).intersection(shapes[b].buffer(reach)))
-        one, two = (areas[k].heights_at(places) for k in (a, b))
-        best = int(abs(one - two).argmin())
-        if abs(one[best] - two[best]) <= _NEAR_M:
-            near.append((apart, float(one[best]), float(two[best]), *places[best].tolist()))
-    if near:
-        gap, low, high, x, y = near[0]
-        warn_user(
-            f"{path.name}: {len(near)} pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at "
-            f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; --snap M says what meets in plan, "
-            f"survey.flat_step_m in height"
-        )
 
 
 def _floor_lines(polygon: Polygon, areas: list[Area], seams: list[SeamHeights]) -> list[np.ndarray]:

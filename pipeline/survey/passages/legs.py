@@ -58,6 +58,11 @@ def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:
     return [_piece(leg, piece) for piece in pieces if len(piece) > 1]
 
 
+def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
+    """Return a leg for each shot of a leg."""
+    return [_piece(leg, np.array(ends)) for ends in pairwise(range(len(leg.stations)))]
+
+
 def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
     heights = None if leg.heights_m is None else leg.heights_m[at]
     return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
@@ -97,7 +102,7 @@ def legs_of_chains(
                 )
     shafts: list[SurveyLeg] = []
     if heights:
-        chains, shafts = _without_shafts(path, chains, heights)
+        chains, shafts = _without_shafts(chains, heights)
     for number, chain in enumerate(chains, start=1):
         kept = (
             [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > _SHAFT_M)]
@@ -115,7 +120,7 @@ def legs_of_chains(
         names = [s for s, _, _ in kept]
         levels = np.array([heights[name] for name in names], dtype=float) if heights else None
         legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
-    if not legs:
+    if not legs and not shafts:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
     if heights is None:
         check_network(path, legs)
@@ -123,9 +128,9 @@ def legs_of_chains(
 
 
 def _without_shafts(
-    path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]]
+    chains: list[Chain], heights: dict[str, tuple[float, float, float]]
 ) -> tuple[list[Chain], list[SurveyLeg]]:
-    """Cut chains at legs without a length in plan, with a warning that counts them: each end keeps its station."""
+    """Cut chains at legs without a length in plan, which are returned beside them: each end keeps its station."""
     found, legs = [], []
     for chain in chains:
         part: Chain = []
@@ -140,18 +145,17 @@ def _without_shafts(
                 part = []
             part.append(station)
         found.append(part)
-    warn_of_shafts(path, legs)
     return found, legs
 
 
 def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
-    """Warn of plumb legs: their number, and the deepest."""
+    """Warn of plumb legs, which a level plan leaves out: their number, and the deepest."""
     if not shafts:
         return
     depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
     deepest = shafts[int(np.argmax(depths))]
     warn_user(
-        f"{path.name}: {len(shafts)} shafts are not drivable, the deepest {max(depths):.1f} m, from "
+        f"{path.name}: {len(shafts)} shafts are left out, the deepest {max(depths):.1f} m, from "
         f"{deepest.stations[0]} to {deepest.stations[1]}"
     )
 

@@ -11,7 +11,8 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.passages.sheet_cells import Cell, floor_of
+from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.passages.sheet_cells import Cell
 from pipeline.types import Piece
 
 _NEAR_M = 10.0  # from a stated place to the station or area that it names

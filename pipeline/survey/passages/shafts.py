@@ -13,7 +13,7 @@ from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.built_cells import BESIDE_M, Built, BuiltCells
 from pipeline.survey.passages.leaning import WIDEST_M, find_stopes, follow, stope_length_m
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.passages.sheet_cells import floor_of
+from pipeline.survey.passages.relief import floor_of
 from pipeline.types import Shaft
 
 LEAN = 0.36  # run over fall: a shaft that leans by at most 20 deg off plumb is built as a plumb one

@@ -14,6 +14,7 @@ from minexplore.floors.stretch import LEAST_ROOF_M, MOST_ROOF_M
 from pipeline.geometry.polyline import arc_length
 from pipeline.survey.passages.hairpins import level_hairpins
 from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.relief import floor_of
 
 # Node or "" between two; place (3,) m, with the roof over it as metres and a share of the drifts' height (2,); left and
 # right (2,) m.
@@ -48,15 +49,6 @@ class Cell:
             if far < best:
                 best, height = far, float(a[2] + share * (b[2] - a[2]))
         return height
-
-
-def floor_of(leg: SurveyLeg) -> np.ndarray:
-    """Return the floor's height (n,) m at the stations of a leg; a station without a distance down is on the floor."""
-    assert leg.heights_m is not None
-    elevation, _, down = leg.heights_m.T
-    known = np.flatnonzero(np.isfinite(down))
-    filled = np.interp(np.arange(len(down)), known, down[known]) if len(known) else np.zeros(len(down))
-    return np.asarray(elevation - filled)
 
 
 def roof_of(leg: SurveyLeg) -> np.ndarray:

@@ -18,8 +18,9 @@ from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.built_cells import Built
 from pipeline.survey.passages.legs import SurveyLeg, without_shots
 from pipeline.survey.passages.pieces import choose_piece, find_station
+from pipeline.survey.passages.relief import floor_of
 from pipeline.survey.passages.shafts import find_shafts, steep_shots
-from pipeline.survey.passages.sheet_cells import UNIT_M, Cell, Way, floor_of, survey_cells
+from pipeline.survey.passages.sheet_cells import UNIT_M, Cell, Way, survey_cells
 from pipeline.survey.passages.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.survey.passages.thin_pillars import without_thin_pillars
 from pipeline.types import Heights, Piece, Seam
@@ -73,17 +74,6 @@ def lay_out_sheets(
     moved_m = [(float(x), float(y)) for x, y in offsets]
     heights = Heights(lines=lines, datum_m=datum, offset_m=moved_m, seams=seams, roofs=roofs, shafts=shafts)
     return MultiPolygon(moved_polygons), heights
-
-
-def has_relief(legs: list[SurveyLeg]) -> bool:
-    """Return whether a survey has grades, or elevations that differ by more than `flat_step_m`; else it is flat."""
-    driven = [leg for leg in legs if not leg.is_plumb]
-    if not driven or any(leg.heights_m is None for leg in driven):
-        return False
-    if any(leg.grades is not None for leg in driven):
-        return True
-    floors = np.concatenate([floor_of(leg) for leg in driven])
-    return bool(np.isfinite(floors).all() and np.ptp(floors) > floor_rules().flat_step_m)
 
 
 def _gentle(path: Path, legs: list[SurveyLeg]) -> list[SurveyLeg]:

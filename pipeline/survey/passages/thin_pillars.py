@@ -91,7 +91,7 @@ def without_thin_pillars(
         warn_user(
             f"{path.name}: {len(gone)} shots, {sum(_length_m(legs, shot) for shot in gone):.0f} m, lie less than "
             f"{apart_m:g} m over or under others that they do not meet, or too near to the roof of one, and are left "
-            f"out, the longest {', '.join(named)}; survey.apart_m is the least height between floors where no roof is "
+            f"out, the longest {', '.join(named)}; the least height between floors where no roof is "
             "surveyed, null keeps all"
         )
     return [part for k, leg in enumerate(legs) for part in without_shots(leg, {i for j, i in gone if j == k})]

@@ -47,9 +47,13 @@ def require_flat(path: Path, sections: list[Section]) -> None:
     """
     if not any(len(section.names) > 1 for section in sections):
         return
-    legs = _legs(sections)
-    _require_level(path, legs)
-    _require_single(path, legs)
+    _require_level(path, _legs(sections))
+    require_single(path, sections)
+
+
+def require_single(path: Path, sections: list[Section]) -> None:
+    """Refuse passages over each other: `InputError` if workings that overlap in plan differ by over `flat_step_m`."""
+    _require_single(path, _legs(sections))
 
 
 def _legs(sections: list[Section]) -> _Legs:
@@ -82,7 +86,7 @@ def _require_level(path: Path, legs: _Legs) -> None:
     how = f"a shaft of {rise[i]:.1f} m" if run[i] < 0.01 else f"{rise[i]:.1f} m up or down in {run[i]:.1f} m"
     raise InputError(
         f"{path}: {a} to {b} at ({x:.1f}, {y:.1f}): {how}; {len(steep)} of {len(legs.names)} legs are steeper than "
-        f"{most:g} (survey.flat_grade), and worlds with steep workings are not supported yet"
+        f"{most:g} (survey.flat_grade), and a plan is level; survey.kind=passages builds them"
     )
 
 
@@ -112,8 +116,8 @@ def _require_same_height(path: Path, legs: _Legs, shapes: np.ndarray, a: int, b:
     (c, d), (e, f) = legs.names[upper], legs.names[lower]
     raise InputError(
         f"{path}: {c} to {d} passes over {e} to {f} at ({at.x:.1f}, {at.y:.1f}), {abs(heights[0] - heights[1]):.1f} m "
-        f"higher, the limit is {most:g} m (survey.flat_step_m); worlds with passages over each other are not "
-        "supported yet"
+        f"higher, the limit is {most:g} m (survey.flat_step_m), and a plan shows one floor; survey.kind=passages "
+        "builds both"
     )
 
 

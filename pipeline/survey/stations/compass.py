@@ -67,7 +67,7 @@ def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
         count += 1
         require_at_most(path, count, "stations", "stations or more")
     levels = [place[2] for chain in chains for _, place, _ in chain]
-    if levels and max(levels) - min(levels) > floor_rules().flat_step_m:
+    if levels and max(levels) - min(levels) >= floor_rules().flat_step_m:
         return plan_legs(path, _survey_of(path, chains), half_width_m)
     return legs_of_chains(path, [[(name, place[:2], (w[0], w[1])) for name, place, w in chain] for chain in chains])
 

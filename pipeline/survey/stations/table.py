@@ -21,12 +21,8 @@ from pipeline.survey.passages.grades import with_grades
 from pipeline.survey.passages.legs import (
     SurveyLeg,
     check_network,
-    require_connected,
-    require_no_crossing,
-    warn_of_shafts,
     without_shots,
 )
-from pipeline.survey.passages.sheets import has_relief
 from pipeline.survey.passages.stray_heights import stray_zero
 from pipeline.survey.solved.flatness import Section, require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
@@ -74,21 +70,14 @@ def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[Su
 
 
 def read_station_legs(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
-    """Read a station table for a world with heights: it may be steep and pass over itself, else as `read_stations`.
+    """Read a station table that may be steep, pass over itself and be in pieces, else as `read_stations`.
 
-    Coordinates may be those of a national grid. Stations of a leg with one position in plan are the ends of a shaft.
-    Legs whose floors differ in height need not be connected: the longest piece is built.
+    Coordinates may be those of a national grid. Stations of a leg with one position in plan are the ends of a shaft,
+    which is a leg of its own, after the others.
     """
     legs = _read_legs(path, _FARTHEST_M, grades)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
-    driven = [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))]
-    if not driven:
-        raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    if not has_relief(driven):
-        require_connected(path, driven + shafts)
-    require_no_crossing(path, driven)
-    warn_of_shafts(path, shafts)
-    return driven + shafts
+    return [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))] + shafts
 
 
 def _plumb(leg: SurveyLeg) -> list[int]:
@@ -118,7 +107,11 @@ def read_station_survey(path: Path) -> SolvedSurvey:
     InputError
         If the table has no elevations or is not valid; it may be steep and pass over itself.
     """
-    legs = _read_legs(path, _FARTHEST_M)
+    return survey_of_legs(path, _read_legs(path, _FARTHEST_M))
+
+
+def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
+    """Return the legs of a station table as a survey in three dimensions; `InputError` if they have no elevations."""
     if legs[0].heights_m is None:
         raise InputError(f"{path}: no column elevation_m; a survey in three dimensions needs it")
     number: dict[str, int] = {}

@@ -11,6 +11,7 @@ from pipeline.volume.union import Volume
 _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the corner stays nearer
 _FLAT = 1e-6  # m, of the corners of one polygon from its plane
 _PARALLEL = 1e-9  # of the cosine between facets of one plane
+_OF_EACH = 5e-6  # m, of all corners from the plane of each of its facets: the certificate takes 1e-5
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
 
@@ -23,7 +24,8 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
     ring, held = dict(enumerate(faces)), {k: [k] for k in range(len(faces))}
     owner = {(face[i], face[(i + 1) % 3]): k for k, face in enumerate(faces) for i in range(3)}
     places, units = list(map(tuple, volume.vertices.tolist())), list(map(tuple, unit.tolist()))
-    offset = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]]).tolist()
+    level = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]])
+    offset = level.tolist()
     beside = FacetEdges(volume.faces).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
     flat = np.einsum("fx,fix->fi", unit, unit[beside]) > 1 - 2 * _PARALLEL
     flat &= volume.label[:, None] == volume.label[beside]
@@ -36,6 +38,9 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
             continue
         joined = _spliced(ring[one], ring[two], a, b)
         if joined is None or not _is_convex([places[v] for v in joined], units[one]):
+            continue
+        facets = held[one] + held[two]  # the plane of a narrow facet may be far off beyond it
+        if np.abs(volume.vertices[joined] @ unit[facets].T - level[facets]).max() > _OF_EACH:
             continue
         ring[one] = joined
         held[one] += held.pop(two)

@@ -12,7 +12,8 @@ from pipeline.errors import GeometryError, MineError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
-from pipeline.types import NO_SOLID, ClosedMesh, SurveyedLegs, lines_of
+from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedLegs, lines_of
+from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
@@ -37,12 +38,16 @@ def robot_size(params: VolumeParams) -> RobotSize:
 
 
 def compile_volume(
-    params: Compile3dParams, surveyed: SurveyedLegs, solid: ClosedMesh = NO_SOLID, subject: str = "survey"
+    params: Compile3dParams,
+    surveyed: SurveyedLegs,
+    solid: ClosedMesh = NO_SOLID,
+    subject: str = "survey",
+    floors: FloorMesh = NO_FLOORS,
 ) -> Bundle:
     """Return the files of a volume by name: what the bundle copies, `spawn.json` and `built.json`.
 
-    The volume is the solid if there is one; then its legs follow the middles of its floors. Else it is the union of
-    the surveyed legs.
+    The volume is the solid if there is one, or the space over drawn floors, with the surveyed legs as its shafts; then
+    its legs follow the middles of its floors. Else it is the union of the surveyed legs.
 
     Raises
     ------
@@ -50,6 +55,8 @@ def compile_volume(
         If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
     try:
+        if len(floors):
+            solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
         made = _of_solid(params, surveyed, solid) if len(solid) else _of_legs(params, surveyed)
         return _files_of(params, made)
     except (ValueError, MineError) as error:
@@ -120,9 +127,9 @@ def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) 
 def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:
     ends = [name for name in legs.dead_ends if name not in legs.entrances]
     return BuiltVolume(
-        round(surveyed.surveyed_m, 3),
+        round(max(surveyed.surveyed_m, legs.total_length_m), 3),  # sums of rounded lengths differ by 1e-4 m
         round(legs.total_length_m, 3),
-        round(built_m, 3),
+        round(min(built_m, legs.total_length_m), 3),
         surveyed.datum_m,
         [OpenEnd(name, legs.stations_m[name]) for name in legs.entrances],
         [OpenEnd(name, legs.stations_m[name]) for name in ends],

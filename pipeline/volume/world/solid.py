@@ -7,6 +7,7 @@ from itertools import pairwise
 import manifold3d
 import numpy as np
 import shapely
+from scipy.ndimage import minimum_filter1d
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -20,6 +21,7 @@ from pipeline.volume.world.content import Cells, MineVolume
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
+_SHAFT_M = 2.0  # along a leg: what is so high for less is a shaft over a station, not its passage
 _JOIN_M = 0.02  # cells that touch in a corner are joined by so much
 _LEAST_M2 = 1.0  # of a floor with a leg of its own
 _SIGHT_M = 1.0  # of a station over the floor, at most half-way to the roof
@@ -82,7 +84,10 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
                 plan = np.array(leg.stations_m)
                 span = own[tree.query(plan)[1]]
                 places.append(np.column_stack([plan, cells.floor_m[span]]))
-                walls.append(np.column_stack([leg.half_width_m, leg.half_width_m, cells.headroom_m[span]]))
+                headroom = minimum_filter1d(
+                    cells.headroom_m[span], 1 + 2 * round(_SHAFT_M / _SPACING_M), mode="nearest"
+                )
+                walls.append(np.column_stack([leg.half_width_m, leg.half_width_m, headroom]))
                 inner = [f"{leg.name}.{k}" for k in range(1, len(plan) - 1)]
                 names += [f"{storey}.{number}.{name}" for name in (leg.start, *inner, leg.end)]
                 first.append(len(names))
@@ -114,8 +119,13 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
 
 def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
     """Return the network of each connected floor of some spans, seen from above."""
-    corner = cells.origin_m + np.column_stack([cells.column[own], cells.row[own]]) * cells.cell_m
-    boxes = shapely.box(*(corner - _JOIN_M).T, *(corner + cells.cell_m + _JOIN_M).T)
+    own = own[np.lexsort((cells.column[own], cells.row[own]))]
+    column, row = cells.column[own], cells.row[own]
+    starts = np.flatnonzero(np.append(True, (np.diff(row) != 0) | (np.diff(column) != 1)))  # of cells side by side
+    ends = np.append(starts[1:], len(own)) - 1
+    low = cells.origin_m + np.column_stack([column[starts], row[starts]]) * cells.cell_m
+    high = cells.origin_m + np.column_stack([column[ends], row[ends]]) * cells.cell_m + cells.cell_m
+    boxes = shapely.box(*(low - _JOIN_M).T, *(high + _JOIN_M).T)
     outlines = [part for part in shapely.get_parts(shapely.union_all(boxes)) if part.area >= _LEAST_M2]
     return [trace_network(_without_gaps(part), cells.cell_m / 2, _SHORTEST_M, _SPACING_M) for part in outlines]
 

@@ -171,14 +171,26 @@ def test_separators_and_decimal_commas_of_spreadsheets_are_read(tmp_path, separa
     np.testing.assert_array_equal(leg.heights_m[:, 0], [5.25, 5])
 
 
-def test_stations_of_one_leg_above_each_other_are_a_shaft(tmp_path, capsys):
+def test_stations_of_one_leg_above_each_other_are_a_shaft(tmp_path):
     path = tmp_path / "a.csv"
     head = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
     path.write_text(f"{head}A,a,0,0,2,2,5\nA,b,9,0,2,2,5\nA,c,9,0,2,2,-7\nA,d,0,0,2,2,-7\n")
     one, two, shaft = read_station_legs(path)
     assert (one.stations, two.stations, shaft.stations) == (["a", "b"], ["c", "d"], ["b", "c"])
     assert (shaft.is_plumb, one.is_plumb) == (True, False)
-    assert "1 shafts are not drivable, the deepest 12.0 m, from b to c" in capsys.readouterr().err
+
+
+def test_a_shaft_between_level_drifts_makes_a_volume_and_a_step_under_a_metre_is_left_out(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    head = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    params = params.model_copy(update={"file": path.as_posix()})
+    path.write_text(f"{head}A,a,0,0,2,2,5\nA,b,9,0,2,2,5\nS,b,9,0,2,2,5\nS,c,9,0,2,2,-7\n")
+    assert np.ptp(read_vector_survey(params).legs.positions_m[:, 2]) == 12.0
+    path.write_text(path.read_text().replace(",-7", ",4.5"))
+    read = read_vector_survey(params)
+    assert (len(read.legs), read.heights) == (0, None)
+    assert "1 shafts are left out, the deepest 0.5 m, from b to c" in capsys.readouterr().err
 
 
 def test_a_table_with_heights_may_use_a_national_grid(tmp_path):
@@ -192,7 +204,7 @@ def test_a_table_with_heights_may_use_a_national_grid(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("A,a,0,0,2,2,0\nA,b,0,0,2,2,9\n", r"a\.csv: every leg is plumb; nothing to drive on"),
+        ("A,a,0,0,2,2,0\nA,b,0,0,2,2,0.9\n", r"a\.csv: every leg is plumb; nothing to drive on"),
         ("A,a,0,0,2,2,0\nA,b,90000,0,2,2,9\n", r"a\.csv: a to b are 90000 m apart, at most 10000 m"),
     ],
 )
@@ -209,12 +221,14 @@ def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is
     rows = "A,a,0,0,2,2,5\nA,b,30,0,2,2,7\nB,c,0,50,2,2,5\nB,d,20,50,2,2,5\n"
     path.write_text(f"leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n{rows}")
     params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
-    workings = read_vector_survey(params.model_copy(update={"file": path.as_posix()})).workings
-    assert workings.bounds[3] < 3
-    assert "kept is the one of 30 m about a, left out are 20 m" in capsys.readouterr().err
+    params = params.model_copy(update={"file": path.as_posix()})
+    assert read_vector_survey(params).workings.bounds[3] < 3
+    assert "built is the one of 30 m about a; --piece (survey.piece) builds another: 20 m about c" in (
+        capsys.readouterr().err
+    )
     path.write_text(path.read_text().replace(",7\n", ",5\n"))
     with pytest.raises(InputError, match="legs B share no station with leg A"):
-        read_station_legs(path)
+        read_vector_survey(params)
 
 
 @pytest.mark.parametrize(

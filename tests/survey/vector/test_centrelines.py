@@ -24,6 +24,10 @@ def lines_of(legs):
     return [LineString([place for _, *place in leg]) for leg in legs.values()]
 
 
+def line_length(line):
+    return np.linalg.norm(np.diff(np.array(line.coords), axis=0), axis=1).sum()
+
+
 def write(path: Path, lines):
     """Write lines as DXF in metres, or as GeoPackage or Shapefile of UTM zone 19 south."""
     if path.suffix == ".dxf":
@@ -57,20 +61,19 @@ def test_centrelines_make_the_workings_of_the_same_survey_as_a_table(tmp_path, l
     path.write_text(table(legs))
     params = PassageSurveyParams(kind="passages", name="a", file="data/x", heights=None)
     table_read = read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
-    wanted, of_table = table_read.workings, table_read.heights
+    wanted, of_table = table_read.workings, table_read.legs
     read = drawn(write(tmp_path / f"mine{suffix}", lines_of(legs)))
-    found, place, heights = read.workings, read.georeference, read.heights
+    found, place, found_legs = read.workings, read.georeference, read.legs
     assert place.crs is None or "32719" in place.crs
     assert found.symmetric_difference(wanted).area < 0.01 * wanted.area  # walls turn otherwise where legs join
-    low, high = (np.array([z for line in h.lines for *_, z in line]) + h.datum_m for h in (heights, of_table))
-    assert (low.min(), low.max()) == pytest.approx((high.min(), high.max()))
+    one, two = (legs.positions_m[:, 2] + legs.datum_m for legs in (found_legs, of_table))
+    assert (one.min(), one.max()) == pytest.approx((two.min(), two.max()))
 
 
 def test_levels_and_a_shaft_come_out_of_centrelines(tmp_path):
     read = drawn(write(tmp_path / "mine.gpkg", lines_of(levels())))
-    assert len(read.workings.geoms) == 3
-    ((top, bottom),) = [(shaft.top_m, shaft.bottom_m) for shaft in read.heights.shafts]
-    assert top - bottom == pytest.approx(6.0)
+    assert read.legs.surveyed_m == pytest.approx(sum(line_length(line) for line in lines_of(levels())))
+    assert len(read.legs.pieces_m) == 0
 
 
 def test_centrelines_in_feet_and_far_away_are_the_same_mine(tmp_path):
@@ -81,7 +84,7 @@ def test_centrelines_in_feet_and_far_away_are_the_same_mine(tmp_path):
     two = drawn(write(tmp_path / "ft.dxf", feet), unit="ft")
     three = drawn(write(tmp_path / "far.gpkg", far))
     assert two.workings.symmetric_difference(one.workings).area < 1e-6
-    np.testing.assert_allclose(two.heights.lines, one.heights.lines, atol=1e-6)
+    np.testing.assert_allclose(two.legs.positions_m, one.legs.positions_m, atol=1e-6)
     assert three.georeference.origin == (500_000, 7_000_000)
     assert three.workings.symmetric_difference(one.workings).area < 1e-3
 

@@ -106,10 +106,10 @@ def test_a_property_keeps_seams_apart_and_the_longest_is_built_at_its_floor(tmp_
     found = read(coal_mine(tmp_path / "coal.geojson"), **stated)
     wanted = one_seam(0)
     assert found.workings.symmetric_difference(wanted).area < 0.01 * wanted.area
-    assert found.heights.datum_m + found.heights.lines[0][0][2] == pytest.approx(-420.0)
+    assert found.legs.datum_m + found.legs.positions_m[0, 2] == pytest.approx(-420.0)
     told = capsys.readouterr().err
-    assert "3 pieces are not joined by drivable legs" in told
-    assert "--piece (survey.piece) builds another piece" in told
+    assert "3 pieces share no station" in told
+    assert "--piece (survey.piece) builds another" in told
     assert ("(-500, -460, -420), taken as elevations in metres" in told) == ("elevations_m" not in stated)
 
 

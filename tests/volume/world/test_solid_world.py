@@ -107,3 +107,9 @@ def test_the_world_of_a_solid_is_certified_against_it(world):
 def test_the_world_of_another_solid_breaks_its_clauses(world):
     other = mesh_of(crossing().translate([0.5, 0, 0]))
     assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm"}
+
+
+def test_a_shaft_over_a_station_is_not_the_height_of_its_passage(tmp_path):
+    shaft = manifold3d.Manifold.cube([2, 2, 20]).translate([8, 1, 1])
+    legs = json.loads(compiled(crossing() + shaft, tmp_path)[TOPOLOGY])["legs"]
+    assert {up + down for leg in legs for _, _, up, down in leg["lrud_m"]} == {3}

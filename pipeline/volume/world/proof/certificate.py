@@ -19,7 +19,8 @@ from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.verify import verify_world
-from pipeline.types import NO_SOLID, ClosedMesh, Mesh, SurveyedLegs
+from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
+from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.surface.proof import measure_rock, read_rock
@@ -28,6 +29,7 @@ from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
 from pipeline.volume.world.proof.compiled import compare_model
+from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
 from pipeline.volume.world.proof.region import Region, region_of
@@ -96,15 +98,21 @@ def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
 
 
 def validate_volume(
-    params: VolumeProofParams, world: VolumeBundle, surveyed: SurveyedLegs, solid: ClosedMesh = NO_SOLID
+    params: VolumeProofParams,
+    world: VolumeBundle,
+    surveyed: SurveyedLegs,
+    solid: ClosedMesh = NO_SOLID,
+    floors: FloorMesh = NO_FLOORS,
 ) -> Validated:
-    """Measure a volume world against its survey: its legs, or the solid where it is one.
+    """Measure a volume world against its survey: its legs, the solid where it is one, or drawn floors.
 
     Raises
     ------
     GeometryError
         If its mesh is not closed.
     """
+    if len(floors):
+        solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
     rng = np.random.default_rng(params.seed)
     volume = world.mine.measured()
     fronts = fronts_of(volume, world.parts)
@@ -116,6 +124,7 @@ def validate_volume(
             "free_m3": round(float(volume.solid.volume()), 3),
             "storeys": world.record.volume.storeys,
         },
+        **({"drawn": _drawn(params, volume, floors, surveyed)} if len(floors) else {}),
         **(
             {"solid": _solid(volume, solid, rng)}
             if len(solid)
@@ -156,6 +165,16 @@ def _solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> dict[
         "within_5cm": round(float((off <= 0.05).mean()), 6),
         "within_10cm": round(float((off <= 0.1).mean()), 6),
         "area_m2": round(float(area.sum()) / 2, 3),
+    }
+
+
+def _drawn(params: VolumeProofParams, volume: Volume, floors: FloorMesh, shafts: SurveyedLegs) -> dict[str, Any]:
+    """Return how the floors follow the drawn ones."""
+    found = measure_drawn(volume, floors, shafts, params.volume.half_width_m)
+    return {
+        "floor_mm": round(_MM * found.error_m, 6),
+        "median_mm": round(_MM * found.median_m, 6),
+        "step_mm": round(_MM * found.step_m, 6),
     }
 
 

@@ -1,0 +1,137 @@
+"""Read a world that is one volume into a scene: its parts as its arrays have them, and its rock or its facets."""
+
+from __future__ import annotations
+
+import dataclasses
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+from pydantic import TypeAdapter
+
+from minexplore.bundle import (
+    MODEL,
+    ROCK_TEXTURE,
+    ROOF,
+    WALLS,
+    TriangleMesh,
+    decode_msh,
+    ground_material,
+    has_visible_rock,
+    mesh_file,
+)
+from minexplore.floors.volume_arrays import FacetLabel, VolumeArrays
+from minexplore.world import World
+from pipeline.export.extract import light_of, material_of
+from pipeline.export.labels import FLOOR_LABEL, ROCK_LABEL, ROOF_LABEL, surface_label
+from pipeline.export.scene import UNITS, ConvexPart, ExportScene, Surface, WorldFacts, placed_part
+from pipeline.volume.world.content import LabelledParts
+from pipeline.volume.world.model import part_names, zone_numbers
+from pipeline.volume.world.record import VolumeRecord
+
+ROCK = "rock"  # the material of walls and roofs in `mine.xml`
+_LABELS = {FacetLabel.FLOOR: FLOOR_LABEL, FacetLabel.WALL: ROCK_LABEL, FacetLabel.ROOF: ROOF_LABEL}
+
+
+def arrays_of(world: World) -> VolumeArrays:
+    """Return the arrays of a world that is one volume."""
+    assert world.volume is not None
+    return world.volume
+
+
+def read_volume_scene(world: World, licence: str) -> ExportScene:
+    """Return the scene of a loaded world: floors as they are touched, walls and roofs as rock or else as facets.
+
+    Raises
+    ------
+    BundleError
+        If a file has changed since the world was loaded.
+    """
+    record: VolumeRecord = TypeAdapter(VolumeRecord).validate_python(world.record)
+    model = ElementTree.fromstring(world.read(MODEL))
+    rock = sorted(mesh.get("name", "") for mesh in model.iter("mesh") if mesh.get("file"))
+    spec = _without_shapes(model)
+    return ExportScene(
+        _facts(record, licence),
+        _parts(record, arrays_of(world)),
+        _floors(record, arrays_of(world)) + (_chunks(world, rock) if rock else _bare(arrays_of(world))),
+        {material.name: material_of(material) for material in spec.materials},
+        [light_of(light) for light in spec.lights],
+        world.read(ROCK_TEXTURE) if has_visible_rock(world.record) else None,
+    )
+
+
+def _without_shapes(root: ElementTree.Element) -> mujoco.MjSpec:
+    """Return the model without meshes and geoms: MuJoCo's specs take minutes for 100,000 of them."""
+    for parent in list(root.iter()):
+        for child in [one for one in parent if one.tag in ("mesh", "geom") and parent.tag != "default"]:
+            parent.remove(child)
+    return mujoco.MjSpec.from_string(ElementTree.tostring(root).decode())
+
+
+def _facts(record: VolumeRecord, licence: str) -> WorldFacts:
+    return WorldFacts(
+        name=record.name,
+        format=record.format,
+        world_sha256=record.world_sha256,
+        frames=record.frames,
+        units=UNITS,
+        T_world_mine=record.T_world_mine,
+        height_m=round(record.volume.high_m - record.volume.low_m, 6),
+        areas=dataclasses.asdict(record.areas),
+        licence=licence,
+    )
+
+
+def _parts(record: VolumeRecord, arrays: VolumeArrays) -> list[ConvexPart]:
+    parts = LabelledParts(arrays.parts.corners, arrays.parts.first, arrays.parts.label)
+    found = []
+    for k, (name, zone) in enumerate(
+        zip(part_names(parts, record.zones), zone_numbers(parts, record.zones).tolist(), strict=True)
+    ):
+        label = FacetLabel(int(parts.label[k]))
+        of_zone = record.zones[zone] if label is FacetLabel.FLOOR else None
+        friction = record.rock_friction if of_zone is None else of_zone.friction
+        found.append(placed_part(name, _LABELS[label], "" if of_zone is None else of_zone.name, friction, parts[k]))
+    return found
+
+
+def _floors(record: VolumeRecord, arrays: VolumeArrays) -> list[Surface]:
+    """Return the floor's facets of each zone; a facet belongs to the zone of its middle."""
+    facets = arrays.facets
+    floor = np.flatnonzero(facets.label == FacetLabel.FLOOR)
+    east = facets.vertices[facets.faces[floor], 0].mean(axis=1)
+    zones = np.searchsorted([zone.east_m for zone in record.zones[:-1]], east)
+    return [
+        Surface(
+            f"{FLOOR_LABEL}_{k}", FLOOR_LABEL, zone.name, ground_material(zone.name), _mesh(arrays, floor[zones == k])
+        )
+        for k, zone in enumerate(record.zones)
+        if (zones == k).any()
+    ]
+
+
+def _bare(arrays: VolumeArrays) -> list[Surface]:
+    """Return walls and roofs of a world without visible rock."""
+    found = []
+    for name, label in ((WALLS, FacetLabel.WALL), (ROOF, FacetLabel.ROOF)):
+        facets = np.flatnonzero(arrays.facets.label == label)
+        if len(facets):
+            found.append(Surface(f"{name}_0", name, "", ROCK, _mesh(arrays, facets)))
+    return found
+
+
+def _chunks(world: World, names: list[str]) -> list[Surface]:
+    return [
+        Surface(name, surface_label(name, []).what, "", ROCK, decode_msh(world.read(mesh_file(name)))) for name in names
+    ]
+
+
+def _mesh(arrays: VolumeArrays, facets: np.ndarray) -> TriangleMesh:
+    """Return facets as they are seen from the free space, each with corners and normals of its own."""
+    corners = arrays.facets.vertices[arrays.facets.faces[facets]][:, ::-1]
+    normal = -arrays.facets.normals[facets]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    faces = np.arange(3 * len(facets)).reshape(-1, 3)
+    vertices = corners.reshape(-1, 3).astype(np.float32)
+    return TriangleMesh(vertices, faces, np.zeros((0, 2)), np.repeat(normal, 3, axis=0).astype(np.float32))

@@ -1,0 +1,118 @@
+"""Levels of a drawing: walls with elevations as areas, and these as sheets or as the floors of one volume."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import shapely
+from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.params.survey import VectorSurveyParams
+from pipeline.survey.levels.areas import Area, areas_of
+from pipeline.survey.levels.floors import floors_of_areas
+from pipeline.survey.levels.sheets import lay_out_levels
+from pipeline.survey.levels.walls import Wall, lie_over, split_steep, walls_in_space
+from pipeline.survey.start import start_over
+from pipeline.survey.vector.shapes import Shapes
+from pipeline.survey.vector_shapes import elevations_of
+from pipeline.types import NO_FLOORS, NO_LEGS, FloorMesh, Georeference, Heights, SurveyedLegs
+
+_MOST_LAYERS = 8  # that a message names
+
+
+@dataclass(frozen=True)
+class DrawnLevels:
+    """Levels seen from above (m, mine frame): sheets with heights, or the floors and shafts of one volume."""
+
+    polygons: MultiPolygon
+    heights: Heights | None = None
+    legs: SurveyedLegs = NO_LEGS
+    floors: FloorMesh = NO_FLOORS
+
+
+@dataclass(frozen=True)
+class LevelReading:
+    """Areas with heights: levels over each other, or all areas of one volume; None if the walls are those of one plan.
+
+    Then `is_wall` is for each shape whether it is read in that plan: the axes of shafts are not.
+    """
+
+    levels: DrawnLevels | None
+    is_wall: list[bool]
+
+
+def read_levels(
+    path: Path,
+    content: Shapes,
+    moved: list[BaseGeometry],
+    georeference: Georeference,
+    params: VectorSurveyParams,
+) -> LevelReading:
+    """Return the levels that walls with elevations enclose, if they lie over each other or become one volume.
+
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        As `read_shapes` returns them.
+    moved : list of shapely geometry, m, mine frame
+        The same shapes in plan, as `locate` returns them.
+    georeference : Georeference
+    params : VectorSurveyParams
+
+    Raises
+    ------
+    InputError
+        If levels over each other cannot be told apart or joined; the message names the place.
+    """
+    elevations = elevations_of(path, content, params)
+    is_checked = params.no_elevation is None
+    found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
+    walls, axes = split_steep(found)
+    if not walls:
+        return LevelReading(None, [True] * len(moved))
+    try:
+        areas = areas_of(path, walls, params.snap_m)
+        if params.volume and areas:
+            return LevelReading(_whole_levels(path, areas, axes, params), [True] * len(moved))
+        drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
+    except InputError:
+        if elevations or lie_over(walls):
+            raise
+        drawn = None
+    else:
+        if drawn is None and lie_over(walls):
+            raise InputError(
+                f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
+                "level, or put each level and each ramp on a layer of its own"
+            )
+        if drawn is not None and params.seeds_m:
+            raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
+        if left_out:
+            names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
+            done = "are read in plan with the others" if drawn is None else "are left out"
+            warn_user(
+                f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; "
+                "--elevation LAYER=M states one"
+            )
+    if drawn is not None or not axes:
+        levels = None if drawn is None else DrawnLevels(*drawn)
+        return LevelReading(levels, [True] * len(moved))
+    x, y, z = axes[0][0]
+    warn_user(
+        f"{path.name}: {len(axes)} lines too steep to drive are left out, as the walls are read as one plan; the first "
+        f"at ({x:.1f}, {y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m"
+    )
+    steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
+    return LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])
+
+
+def _whole_levels(path: Path, areas: list[Area], axes: list[Wall], params: VectorSurveyParams) -> DrawnLevels:
+    """Return the floors of areas that are built as one volume, and the shafts between them."""
+    found = floors_of_areas(path, areas, axes, params.snap_m, params.piece)
+    legs = replace(found.shafts, start_m=start_over(params.entrance_m, found.floors.datum_m))
+    return DrawnLevels(found.seen, legs=legs, floors=found.floors)

@@ -1,0 +1,74 @@
+"""The certificate of a volume world without its survey: the legs that the bundle states take the survey's place."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.params.validation import VolumeProofParams
+from pipeline.proof.certificate import Certificate
+from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, text_array
+from pipeline.volume.world.proof.certificate import VolumeBundle, open_volume, validate_volume
+from pipeline.volume.world.topology import LegNetwork
+
+_OF_ROCK = "rock."
+_OF_SOLID = "solid."  # figures against the file that was read, which nobody has here
+
+
+def certify_alone(folder: Path, params: VolumeProofParams) -> Certificate:
+    """Check the bundle of a volume world, and measure it against the legs that it states.
+
+    A bundle made of a solid has legs that follow its floors, so that no floor is compared with them. One without
+    visible rock has no figures of it.
+
+    Raises
+    ------
+    ArtifactError
+        If a file is missing, changed or not allowed.
+    GeometryError
+        If its mesh is not closed.
+    """
+    world = open_volume(folder)
+    legs, solid = (NO_LEGS, _own_mesh(world)) if _is_solid(world) else (stated_legs(world.legs), NO_SOLID)
+    found = validate_volume(params, world, legs, solid).certificate
+    left_out = (_OF_SOLID,) if world.rock else (_OF_SOLID, _OF_ROCK)
+    clauses = {name: clause for name, clause in found.clauses.items() if not name.startswith(left_out)}
+    return dataclasses.replace(found, holds=all(clause.holds for clause in clauses.values()), clauses=clauses)
+
+
+def stated_legs(network: LegNetwork) -> SurveyedLegs:
+    """Return the legs of a network as a survey; those that follow each other with one section are one chain."""
+    names: list[str] = []
+    sections: list[tuple[float, float, float, float]] = []
+    first = [0]
+    for k, leg in enumerate(network.legs):
+        before = network.legs[k - 1] if k else None
+        if before is None or before.end != leg.start or before.lrud_m[1] != leg.lrud_m[0]:
+            first += [len(names)] if names else []
+            names.append(leg.start)
+            sections.append(leg.lrud_m[0])
+        names.append(leg.end)
+        sections.append(leg.lrud_m[1])
+    return SurveyedLegs(
+        np.array([network.stations_m[name] for name in names], np.float64).reshape(-1, 3),
+        np.array(sections, np.float64).reshape(-1, 4),
+        np.array([*first, len(names)], np.int32),
+        text_array(names),
+        text_array(network.entrances),
+        np.zeros(0),
+        text_array([]),
+        np.zeros(0),
+        network.total_length_m,
+        0.0,
+    )
+
+
+def _is_solid(world: VolumeBundle) -> bool:
+    """Return whether a bundle was made of a solid: its facets are of one piece, and its legs of several."""
+    return len(world.legs.legs) > 1 and not world.mine.leg.any()
+
+
+def _own_mesh(world: VolumeBundle) -> ClosedMesh:
+    return ClosedMesh(world.mine.vertices, world.mine.faces, world.record.volume.datum_m, 0.0)

@@ -1,0 +1,67 @@
+"""Bundles of volumes whose survey nobody has are certified against the legs that they state."""
+
+import dataclasses
+import json
+import shutil
+
+import pytest
+
+from minexplore.bundle import PARTS
+from pipeline.commands.proofs import certify
+from pipeline.errors import LimitError
+from pipeline.store.codecs import decode, encode
+from pipeline.volume.world.bundle import bundle_volume
+from pipeline.volume.world.content import LabelledParts
+from pipeline.volume.world.parts import collect_labelled
+from pipeline.volume.world.proof.alone import certify_alone, stated_legs
+from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, proof
+
+BEND = RAMP.replace("-6", "-3") + "B,3,60,0,-3,1.5,2,3,0\nB,4,60,20,-3,1.5,2,3,0\n"
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return VolumeWorld(BEND, tmp_path_factory.mktemp("bend"))
+
+
+@pytest.mark.slow
+def test_the_command_certifies_a_bundle_alone_with_its_legs_as_the_survey(world, tmp_path, capsys):
+    certify(world.bundle, 100, tmp_path / "certificate.json", [])
+    found = json.loads(capsys.readouterr().out)
+    assert found["holds"] is True
+    assert found["contacts"] >= 100
+    assert {"survey.share_built", "floor.error_mm", "enclosure.bare_m2", "robots.escapes"} <= set(found["clauses"])
+    assert json.loads((tmp_path / "certificate.json").read_text()) == found
+
+
+@pytest.mark.slow
+def test_a_bundle_without_a_part_is_one_error_that_names_the_clause(world, tmp_path):
+    compiled = tmp_path / "compiled"
+    shutil.copytree(world.compiled, compiled)
+    whole = decode(compiled / PARTS, LabelledParts)
+    kept = range(1, len(whole))
+    parts = collect_labelled([whole[k] for k in kept], [int(whole.label[k]) for k in kept])
+    (compiled / PARTS).write_bytes(encode(compiled / PARTS, parts))
+    bundle = tmp_path / "world"
+    bundle.mkdir()
+    for name, data in bundle_volume(CONFIG.realism, world.survey, world.traced["free_space"], compiled).items():
+        (bundle / name).write_bytes(data)
+    with pytest.raises(LimitError, match=r"the certificate does not hold: .*enclosure\.(missing|bare)_m2"):
+        certify(bundle, 1, None, [])
+
+
+def test_floors_that_are_not_those_of_the_stated_legs_break_their_clause(world, monkeypatch):
+    opened = world.opened()
+    lower = {name: (x, y, z - 0.05) for name, (x, y, z) in opened.legs.stations_m.items()}
+    moved = dataclasses.replace(opened, legs=dataclasses.replace(opened.legs, stations_m=lower))
+    monkeypatch.setattr("pipeline.volume.world.proof.alone.open_volume", lambda folder: moved)
+    found = certify_alone(world.bundle, proof())
+    assert not found.clauses["floor.error_mm"].holds
+    assert not found.holds
+
+
+def test_the_stated_legs_are_the_chains_of_the_survey(world):
+    legs = stated_legs(world.opened().legs)
+    assert legs.first.tolist() == world.legs.first.tolist()
+    assert legs.positions_m == pytest.approx(world.legs.positions_m)
+    assert legs.lrud_m == pytest.approx(world.legs.lrud_m)
