@@ -111,7 +111,9 @@ class LocalModels:
         mine.quat = quaternion(self.T_world_mine[:3, :3])
         solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         self._add_floor_and_roof(spec, mine, solid, box)
-        self._add_rough_floor(spec, mine, box)
+        zones = self.world.active_zones(self.task.terrain)
+        for tile in self.rough.tiles if box is None else self.rough.within(box.low, box.high):
+            tile.add_to(spec, mine, [zones[tile.zone].friction, 0.005, 0.0001])
         rock = self._spec.find_default(ROCK_CLASS).geom
         for part in self.parts if box is None else self._rock.within(box):
             _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
@@ -136,12 +138,6 @@ class LocalModels:
                 _add_part(spec, body, wedge, **attributes)
             else:
                 body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **attributes)
-
-    def _add_rough_floor(self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, box: Box | None) -> None:
-        """Add what a box reaches of the rough floor, if there is one; all of it without a box."""
-        zones = self.world.active_zones(self.task.terrain)
-        for tile in self.rough.tiles if box is None else self.rough.within(box.low, box.high):
-            tile.add_to(spec, mine, [zones[tile.zone].friction, 0.005, 0.0001])
 
     def _friction(self, geom: mujoco.MjsGeom) -> list[float]:
         """Return a geom's friction: sliding as its floor zone has it."""

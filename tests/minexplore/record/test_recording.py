@@ -83,7 +83,7 @@ def test_images_and_clouds_are_those_of_the_sensors(recorded):
     assert (depth.encoding, depth.header.frame_id) == ("32FC1", "camera_optical")
     np.testing.assert_array_equal(depth.data.view("<f4").reshape(240, 320), frame.readings["depth"])
     assert of_topic(recorded, "/camera/rgb/image")[0].encoding == "rgb8"
-    assert info.k[0] == pytest.approx(120 / np.tan(np.radians(71) / 2))
+    assert info.k[0] == pytest.approx(120 / np.tan(np.radians(62) / 2))
     cloud, own = of_topic(recorded, "/vlp_16/points")[0], frame.readings["vlp-16"]
     rows = cloud.data.reshape(-1, cloud.point_step)
     offsets = {field.name: field.offset for field in cloud.fields}
