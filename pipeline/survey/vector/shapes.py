@@ -24,6 +24,7 @@ from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree
+_WIDEST_DEG = 0.5  # of a mine in degrees: 55 km, five times what may be read
 # PROJ opens the files that such a definition names. Web Mercator is often written with `+nadgrids=@null`, no grid.
 _PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|parameterfile", re.IGNORECASE)
 
@@ -187,6 +188,11 @@ def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tupl
         raise InputError(
             f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) are not degrees, but its "
             "coordinate system is (GeoJSON is always longitude and latitude); state survey.unit=m for a local grid"
+        )
+    if max(east - west, north - south) > _WIDEST_DEG:
+        raise InputError(
+            f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) would be degrees by its coordinate "
+            f"system, and a mine is not {max(east - west, north - south):g} deg wide; --unit m reads a local grid"
         )
     projection = f"+proj=tmerc +lat_0={(south + north) / 2:.6f} +lon_0={(west + east) / 2:.6f} +ellps=WGS84 +units=m"
     try:
