@@ -16,6 +16,7 @@ from pipeline.geometry.outline.trace import trace_outline
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _SPECK_M2 = 0.25
+_CORNER = 1.5  # px: between pixels that touch by a corner, and less than a passage of two pixels
 _SMALLEST_COMPONENT_M2 = 1.0
 _SAME_FACE_M = 6.0  # a skeleton may end in either corner of a face; the widest drift measures 5.9 m
 _REACHED = 2**0.5  # of a chamber's radius, from its middle to its corner
@@ -81,7 +82,7 @@ def compare_topology(
 
 
 def _compare_sheet(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float) -> TopologyMatch:
-    outlines = _without_specks(trace_outline(plan, frame), trace_outline(world, frame))
+    outlines = _without_specks(trace_outline(plan, frame), trace_outline(world, frame), _CORNER / frame.px_per_m)
     shortest_m = [min_leg_m, 1.25 * min_leg_m, 0.75 * min_leg_m]
     (one, sure_one, any_one), (two, sure_two, any_two) = trace_all_alike(outlines, cell_m, shortest_m, _STATIONS_M)
     return TopologyMatch(
@@ -99,17 +100,33 @@ def _compare_sheet(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg
     )
 
 
-def _without_specks(plan: Polygon, world: Polygon) -> list[Polygon]:
-    """Remove islands of a few pixels from both; they arise at pointed rock, where pixels touch by a corner only.
+def _without_specks(plan: Polygon, world: Polygon, corner_m: float) -> list[Polygon]:
+    """Remove islands that the pixels of a mask do not decide, from both outlines.
 
-    A small island stays where the other outline has a larger one.
+    These are islands of a few pixels, and those within `corner_m` of other rock: they arise at pointed or thin rock,
+    where pixels touch by a corner only. Such an island stays where the other outline has a sure one.
     """
     islands = [[Polygon(ring) for ring in outline.interiors] for outline in (plan, world)]
-    large = [shapely.union_all([island for island in own if island.area > _SPECK_M2]) for own in islands]
-    return [
-        Polygon(outline.exterior, [one.exterior for one in own if one.area > _SPECK_M2 or one.intersects(of_other)])
-        for outline, own, of_other in zip((plan, world), islands, large[::-1], strict=True)
+    is_sure = [_are_sure(outline, corner_m) for outline in (plan, world)]
+    sure = [
+        shapely.union_all([island for island, kept in zip(*pair, strict=True) if kept])
+        for pair in zip(islands, is_sure, strict=True)
     ]
+    return [
+        Polygon(
+            outline.exterior,
+            [one.exterior for one, kept in zip(own, is_own, strict=True) if kept or one.intersects(of_other)],
+        )
+        for outline, own, is_own, of_other in zip((plan, world), islands, is_sure, sure[::-1], strict=True)
+    ]
+
+
+def _are_sure(outline: Polygon, corner_m: float) -> list[bool]:
+    """Return of each island of an outline whether it is larger than a speck and apart from other rock."""
+    rings = [outline.exterior, *outline.interiors]
+    tree = shapely.STRtree(rings)
+    near = np.bincount(tree.query(rings, predicate="dwithin", distance=corner_m)[0], minlength=len(rings))  # itself too
+    return [bool(near[k] == 1 and Polygon(rings[k]).area > _SPECK_M2) for k in range(1, len(rings))]
 
 
 def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:

@@ -91,6 +91,16 @@ def test_a_pillar_whose_area_is_at_the_limit_of_specks_makes_the_same_loop_in_bo
     assert found.loops_plan == found.loops_world
 
 
+@pytest.mark.parametrize(("apart_m", "loops"), [(0.0, 0), (0.5, 1)])
+def test_rock_whose_pixels_touch_by_a_corner_is_no_island_and_rock_beside_a_passage_is_one(apart_m, loops):
+    hall, wall = shapely.box(0, 0, 20, 12), shapely.box(9, 0, 10, 6)
+    pillar = shapely.box(10 + apart_m, 6 + apart_m, 11 + apart_m, 7 + apart_m)
+    plan = hall.difference(shapely.union_all([wall, pillar]))
+    joined = shapely.box(9.5, 5.5, 11.0, 7.0)
+    found = compare_topology(*masks(plan, plan.difference(joined)), 0.1, 2.0)
+    assert (found.loops_plan, found.loops_world, found.loops_difference) == (loops, 0, loops)
+
+
 def test_a_lost_drift_and_an_added_drift_are_counted_separately():
     straight = shapely.box(0, 0, 80, 5)
     lost = compare_topology(*masks(TEE, straight), 0.25, 2.0)

@@ -13,6 +13,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.outline.crossings import edges_of
 
 _NEIGHBOURS = 8
+_SAME_M = 1e-6  # places nearer than this are one: an arc's end, and a place on a slanted line, are right to 1e-12 only
 
 
 def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple[float, float]]) -> MultiPolygon:
@@ -39,7 +40,7 @@ def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple
     closed = [wall for wall in walls if wall.is_closed and len(wall.coords) > 3]
     if len(closed) == len(walls) and not seeds_m:
         return nest_rings(closed)
-    linework = shapely.union_all([*walls, *_joints(walls, snap_m)])
+    linework = shapely.union_all([*walls, *_joints(walls, snap_m)], grid_size=_SAME_M)
     faces = shapely.get_parts(shapely.polygonize([linework]))
     if not len(faces):
         raise GeometryError(f"the walls enclose nothing{_describe_gap(walls, snap_m)}")
