@@ -23,10 +23,11 @@ _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same where a wall goes down from a floor
+_KEEP = 1e6  # the same where facets would cross: a floor that does not move crosses nothing
 _DROP_M = 0.01  # of a wall that goes down from a floor, on average
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
-_ROUNDS = 6  # of floors: each folds the walls that the one before turned over, and unfolds ledges where facets cross
+_ROUNDS = 12  # of floors: each folds the walls that the one before turned over, and holds floors where facets cross
 _UNFOLDED_M = 0.1  # beside facets that cross
 _NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
@@ -49,23 +50,25 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
     is_ledge = ledges_of(fine)
-    stays = np.zeros(len(is_ledge), bool)
+    stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
     for _ in range(_ROUNDS):
         folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays)
-        rise = _solve(folded, network)
+        rise = _solve(folded, network, held)
         faces = folded.first[folded.volume.faces]
         real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
         turned = (turned_walls(folded, rise, fine) | _new_steps(folded, rise, stays)) & ~is_ledge & ~stays
         is_ledge |= turned
         if turned.any():
             continue
-        rise, crossing = _uncrossed(folded.volume.vertices, faces[real], rise)
-        vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
-        unfolded = is_ledge & near_facets(fine.vertices[fine.faces], vertices[faces[real][crossing]], _UNFOLDED_M)
-        if not unfolded.any():
+        moved = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
+        crossing = np.unique(crossing_facets(moved, faces[real], CROSSING_M))
+        near = near_facets(fine.vertices[fine.faces], moved[faces[real][crossing]], _UNFOLDED_M)
+        if not near.any() or held[fine.faces[near]].all():
             break
-        stays |= unfolded
-        is_ledge &= ~unfolded
+        stays |= near & is_ledge
+        is_ledge &= ~near
+        held[fine.faces[near]] = True
+    rise, _ = _uncrossed(folded.volume.vertices, faces[real], rise)
     vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
@@ -87,7 +90,7 @@ def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tup
     return rise, crossing
 
 
-def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
+def _solve(folded: FoldedLedges, network: SurveyNetwork, held: np.ndarray) -> np.ndarray:
     """Return by how much (v,) m each vertex rises."""
     volume, first = folded.volume, folded.first
     rise = np.zeros(len(volume.vertices))
@@ -109,6 +112,8 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     B = coo_matrix((weights.ravel(), (rows, corners.ravel())), (len(target), len(used))).tocsr()
     weight = np.full(len(used), _PULL)
     weight[local[first[_over_drops(folded)]]] = _HOLD
+    stay = local[first[np.flatnonzero(held)]]
+    weight[stay[stay >= 0]] = _KEEP
     pull = csr_matrix((weight, (range(len(used)), range(len(used)))), shape=stiff.shape)
     level = float(places[:, 2].mean())
     heights = spsolve(
