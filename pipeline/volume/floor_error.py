@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import open3d
 from scipy.spatial import cKDTree
 
 from pipeline.volume.enclosure import Inside
@@ -18,6 +19,8 @@ _OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is li
 _ABOVE_M = 0.1  # over a surveyed floor, from where the floor is looked for
 _STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
 _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
+_OVER_M = 0.3  # over an edge, where it is free for a robot
+_ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
 _NEAR_M = 5.0
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
@@ -149,13 +152,10 @@ def _steps(
     middle, third = (a + b) / 2, volume.vertices[volume.faces[edges[:, 2]]].mean(axis=1)
     out = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
     out *= np.sign(np.sum(out * (middle - third)[:, :2], axis=1))[:, None]
-    beyond = middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _STEP_MOST_M)])
-    hit, height = drop(volume.vertices, volume.faces, beyond)
-    rise, next_rise = (_slope_along(volume.normals[k], out) * _STEP_REACH_M for k in (edges[:, 2], hit))
-    here, there = height - next_rise - middle[:, 2], height - middle[:, 2] - rise
-    step = np.where(here * there < 0, 0.0, np.minimum(np.abs(here), np.abs(there)))
-    inside = Inside(volume).distance_m(middle + np.column_stack([out * _STEP_REACH_M, np.full(len(out), 0.3)])) > 0
-    good = (hit >= 0) & floor[hit] & (step < _STEP_MOST_M) & inside
+    hit, step = _across(volume, floor, edges[:, 2], middle, out)
+    for share in _ENDS:  # what is a wall at an end is the end of a wall
+        step = np.maximum(step, _across(volume, floor, edges[:, 2], a + share * (b - a), out)[1])
+    good = (hit >= 0) & (step < _STEP_MOST_M) & _open(volume, middle, out)
     near = network.near_pairs(_NEAR_M)
     shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
     pairs = np.column_stack([shot[edges[good, 2]], shot[hit[good]]])
@@ -169,6 +169,35 @@ def _steps(
         ledges.append(Ledge(*names, float(step[these].max()), float(length[these].sum())))
     largest = [float(step[some].max(initial=0.0)) for some in (on_way, meets, ~meets)]
     return tuple(ledges), (largest[0], largest[1], largest[2])
+
+
+def _across(
+    volume: Volume, floor: np.ndarray, facet: np.ndarray, places: np.ndarray, out: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the floor (n,) beyond places on the edges of floors, -1 where none is, and the step (n,) m to it.
+
+    Where free space goes deeper than `_STEP_MOST_M` the step is infinite.
+    """
+    beyond = places + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _STEP_MOST_M)])
+    hit, height = drop(volume.vertices, volume.faces, beyond)
+    rise, next_rise = (_slope_along(volume.normals[k], out) * _STEP_REACH_M for k in (facet, hit))
+    here, there = height - next_rise - places[:, 2], height - places[:, 2] - rise
+    step = np.where(here * there < 0, 0.0, np.minimum(np.abs(here), np.abs(there)))
+    over = places + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _OVER_M)])
+    free = (hit >= 0) & floor[hit] & (Inside(volume).distance_m(over) > 0)
+    deep = (hit >= 0) & (height < places[:, 2] - _STEP_MOST_M)
+    return np.where(free, hit, -1), np.where(free, step, np.where(deep, np.inf, 0.0))
+
+
+def _open(volume: Volume, middle: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Return across which edges (n,) no wall stands between the two floors: the tip of a pillar is no step."""
+    scene, centre = open3d.t.geometry.RaycastingScene(nthreads=1), volume.vertices.mean(axis=0)
+    scene.add_triangles((volume.vertices - centre).astype(np.float32), volume.faces.astype(np.uint32))
+    way = np.column_stack([out, np.zeros(len(out))])
+    starts = middle - centre - 1e-3 * way + np.array([0, 0, _OVER_M])
+    rays = np.column_stack([starts, way]).astype(np.float32)
+    free: np.ndarray = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy() > _STEP_REACH_M
+    return free
 
 
 def _slope_along(normals: np.ndarray, out: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from pipeline.volume.coarse import coarse_floors, plan_weights
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.keyed import near_facets, simplified
-from pipeline.volume.ledges import DEEPEST_M, FoldedLedges, fold_ledges, ledges_of
+from pipeline.volume.ledges import DEEPEST_M, MIDDLE, FoldedLedges, are_steps, fold_ledges, ledges_of, walls_on_floors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
@@ -23,9 +23,12 @@ EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
 _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
+_HOLD = 10.0  # the same where a wall goes down from a floor
+_KEEP = 1e6  # the same where facets would cross: a floor that does not move crosses nothing
+_DROP_M = 0.01  # of a wall that goes down from a floor, on average
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
-_ROUNDS = 6  # of floors: each folds the walls that the one before turned over, and unfolds ledges where facets cross
+_ROUNDS = 12  # of floors: each folds the walls that the one before turned over, and holds floors where facets cross
 _UNFOLDED_M = 0.1  # beside facets that cross
 _NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
@@ -48,23 +51,25 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
     is_ledge = ledges_of(fine)
-    stays = np.zeros(len(is_ledge), bool)
+    stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
     for _ in range(_ROUNDS):
-        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge)
-        rise = _solve(folded, network)
+        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays)
+        rise = _solve(folded, network, held)
         faces = folded.first[folded.volume.faces]
         real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-        turned = turned_walls(folded, rise, fine) & ~is_ledge & ~stays
+        turned = (turned_walls(folded, rise, fine) | _new_steps(folded, rise, stays)) & ~is_ledge & ~stays
         is_ledge |= turned
         if turned.any():
             continue
-        rise, crossing = _uncrossed(folded.volume.vertices, faces[real], rise)
-        vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
-        unfolded = is_ledge & near_facets(fine.vertices[fine.faces], vertices[faces[real][crossing]], _UNFOLDED_M)
-        if not unfolded.any():
+        moved = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
+        crossing = np.unique(crossing_facets(moved, faces[real], CROSSING_M))
+        near = near_facets(fine.vertices[fine.faces], moved[faces[real][crossing]], _UNFOLDED_M)
+        if not near.any() or held[fine.faces[near]].all():
             break
-        stays |= unfolded
-        is_ledge &= ~unfolded
+        stays |= near & is_ledge
+        is_ledge &= ~near
+        held[fine.faces[near]] = True
+    rise, _ = _uncrossed(folded.volume.vertices, faces[real], rise)
     vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
@@ -88,7 +93,7 @@ def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tup
     return rise, crossing
 
 
-def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
+def _solve(folded: FoldedLedges, network: SurveyNetwork, held: np.ndarray) -> np.ndarray:
     """Return by how much (v,) m each vertex rises."""
     volume, first = folded.volume, folded.first
     rise = np.zeros(len(volume.vertices))
@@ -108,14 +113,34 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork) -> np.ndarray:
     corners = local[first[volume.faces[hit]]]
     rows = np.repeat(np.arange(len(target)), 3)
     B = coo_matrix((weights.ravel(), (rows, corners.ravel())), (len(target), len(used))).tocsr()
-    pull = csr_matrix((np.full(len(used), _PULL), (range(len(used)), range(len(used)))), shape=stiff.shape)
+    weight = np.full(len(used), _PULL)
+    weight[local[first[_over_drops(folded)]]] = _HOLD
+    stay = local[first[np.flatnonzero(held)]]
+    weight[stay[stay >= 0]] = _KEEP
+    pull = csr_matrix((weight, (range(len(used)), range(len(used)))), shape=stiff.shape)
     level = float(places[:, 2].mean())
     heights = spsolve(
-        (stiff + pull + _FIX * B.T @ B).tocsc(), slopes + _PULL * (places[:, 2] - level) + _FIX * B.T @ (target - level)
+        (stiff + pull + _FIX * B.T @ B).tocsc(), slopes + weight * (places[:, 2] - level) + _FIX * B.T @ (target - level)
     )
     solved = local[first] >= 0
     rise[solved] = heights[local[first[solved]]] + level - volume.vertices[solved, 2]
     return _fade(folded, np.flatnonzero(solved), rise)
+
+
+def _over_drops(folded: FoldedLedges) -> np.ndarray:
+    """Return the corners (n,) of floors from which a wall goes down: another working breaks through there."""
+    volume, first = folded.volume, folded.first
+    faces = first[volume.faces]
+    edges = np.concatenate([faces[:, k] for k in ([0, 1], [1, 2], [2, 0])])
+    real = edges[:, 0] != edges[:, 1]
+    facet = np.tile(np.arange(len(faces)), 3)[real]
+    edges = edges[real]
+    height = volume.vertices[:, 2]
+    hangs = height[volume.faces].mean(axis=1)[facet] < height[edges].mean(axis=1) - _DROP_M
+    code = np.sort(edges, axis=1) @ [len(height), 1]
+    floors = np.unique(code[folded.is_floor[facet]])
+    found: np.ndarray = np.unique(edges[hangs & ~folded.is_floor[facet] & np.isin(code, floors)])
+    return found
 
 
 def _sums(number: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
@@ -226,6 +251,15 @@ def _fade(folded: FoldedLedges, used: np.ndarray, rise: np.ndarray) -> np.ndarra
     laplacian = coo_matrix((pull + _LONE, (np.arange(count), np.arange(count))), (count, count)) - stiff - stiff.T
     rise[moving] = spsolve(laplacian.tocsc(), target)
     return rise
+
+
+def _new_steps(folded: FoldedLedges, rise: np.ndarray, stays: np.ndarray) -> np.ndarray:
+    """Return which facets (f,) of the fine mesh are low steps between floors as these have risen."""
+    moved = replace(folded.volume, vertices=folded.volume.vertices + rise[:, None] * [0, 0, 1.0])
+    some = walls_on_floors(moved, folded.is_floor, stays[folded.parent])
+    found = np.zeros(len(stays), bool)
+    found[folded.parent[are_steps(moved, folded.is_floor, some, MIDDLE)]] = True
+    return found
 
 
 def turned_walls(folded: FoldedLedges, rise: np.ndarray, fine: Volume) -> np.ndarray:

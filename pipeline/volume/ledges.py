@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import open3d
 import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -18,6 +19,12 @@ _PLUMB = 0.02  # of a facet's normal: so steep a ledge has no area seen from abo
 _ONE_PLACE_M = 1e-3  # seen from above: corners that are nearer get one height
 _ENDS = 4  # facets beside each other at the end of a ledge, at most
 _ROUNDING_M = 1e-6
+_ROUNDS = 6  # of cuts: each looks at the facets beside those of the one before
+_BESIDE_M = 1e-3  # before and behind a wall, where floors are looked for
+# Places on a facet by the weights of its corners: its middle first, then near its corners and edges.
+_SAMPLES = np.array([[1, 1, 1], *(0.2 + 1.8 * np.eye(3)), *(1.3 - 1.0 * np.eye(3))])
+_SAMPLES /= _SAMPLES.sum(axis=1, keepdims=True)
+MIDDLE = _SAMPLES[:1]
 
 
 def ledges_of(volume: Volume) -> np.ndarray:
@@ -112,12 +119,73 @@ class FoldedLedges:
     parent: np.ndarray  # (f,) the facet that each is cut from
 
 
-def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray) -> FoldedLedges:
+def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray, stays: np.ndarray) -> FoldedLedges:
     """Cut plumb ledges at the places of their corners, and find the corners that are over each other.
 
     The corners below a ledge and those above it are at different places along it. Each facet of a ledge is parted at
     the place of its middle corner, which parts the facet across its longest edge too, until all have a plumb edge.
+    What is between two floors then is ledge too, but of the facets `stays` (f,).
     """
+    parent = np.arange(len(volume.faces))
+    cut = volume
+    for _ in range(_ROUNDS):
+        some = walls_on_floors(cut, is_floor, stays)
+        cut, first, own = _folded(cut, is_ledge | are_steps(cut, is_floor, some, _SAMPLES))
+        parent, is_floor, is_ledge, stays = parent[own], is_floor[own], is_ledge[own], stays[own]
+        some = walls_on_floors(cut, is_floor, stays)
+        steps = are_steps(cut, is_floor, some, MIDDLE)
+        steps[some] |= _lie_between(cut, is_floor, first, some)
+        if not steps.any():
+            break
+        is_floor, is_ledge = is_floor | steps, is_ledge | steps
+    return FoldedLedges(cut, is_floor, is_ledge, first, parent)
+
+
+def _lie_between(volume: Volume, is_floor: np.ndarray, first: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Return which of some facets (n,) lean, are low and have all corners on floors."""
+    on_floor = np.zeros(len(first), bool)
+    on_floor[first[volume.faces[is_floor]]] = True
+    normal, corners = volume.normals[some], volume.faces[some]
+    leans = normal[:, 2] < -_PLUMB * np.linalg.norm(normal, axis=1)
+    found: np.ndarray = leans & (np.ptp(volume.vertices[corners, 2], axis=1) < DEEPEST_M)
+    return found & on_floor[first[corners]].all(axis=1)
+
+
+def walls_on_floors(volume: Volume, is_floor: np.ndarray, stays: np.ndarray) -> np.ndarray:
+    """Return the facets (n,) of walls that have a corner on a floor; none of `stays` (f,)."""
+    corner = np.zeros(len(volume.vertices), bool)
+    corner[volume.faces[is_floor]] = True
+    normal = volume.normals
+    is_wall = (volume.label == Label.WALL) & (normal[:, 2] < _OVERHANG * np.linalg.norm(normal, axis=1))
+    return np.flatnonzero(is_wall & ~is_floor & ~stays & corner[volume.faces].any(axis=1))
+
+
+def are_steps(volume: Volume, is_floor: np.ndarray, some: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Return which facets (f,), of some (n,), have a place between two floors, at most `DEEPEST_M` apart.
+
+    One floor is over the rock behind the place, the other under the free space before it.
+    """
+    places = np.einsum("sc,fcx->sfx", samples, volume.vertices[volume.faces[some]])
+    normal = volume.normals[some]
+    way = _BESIDE_M * normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), volume.vertices.mean(axis=0)
+    scene.add_triangles((volume.vertices - middle).astype(np.float32), volume.faces.astype(np.uint32))
+    apart = np.zeros(places.shape[:2])
+    for side, up in ((way, 1.0), (-way, -1.0)):
+        starts = (places + side - middle).reshape(-1, 3)
+        rays = np.column_stack([starts, np.tile([0, 0, up], (len(starts), 1))]).astype(np.float32)
+        found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
+        hit, far = found["primitive_ids"].numpy().astype(np.int64), found["t_hit"].numpy().astype(float)
+        on_floor = np.isfinite(far)
+        on_floor[on_floor] = is_floor[hit[on_floor]]
+        apart += np.where(on_floor, far, np.inf).reshape(apart.shape)
+    found_steps = np.zeros(len(volume.faces), bool)
+    found_steps[some] = (apart < DEEPEST_M).any(axis=0)
+    return found_steps
+
+
+def _folded(volume: Volume, is_ledge: np.ndarray) -> tuple[Volume, np.ndarray, np.ndarray]:
+    """Return the mesh with cut ledges, the first (v,) of the corners over each other, and each facet's parent (f,)."""
     normal = volume.normals
     plumb = is_ledge & (np.abs(normal[:, 2]) < _PLUMB * np.linalg.norm(normal, axis=1))
     mesh = _Cuts(volume, plumb)
@@ -130,7 +198,7 @@ def fold_ledges(volume: Volume, is_floor: np.ndarray, is_ledge: np.ndarray) -> F
     n = len(vertices)
     _, group = connected_components(coo_matrix((np.ones(over.sum()), (a[over], b[over])), (n, n)), directed=False)
     _, first = np.unique(group, return_index=True)
-    return FoldedLedges(cut, is_floor[parent], is_ledge[parent], first[group], parent)
+    return cut, first[group], parent
 
 
 class _Cuts:

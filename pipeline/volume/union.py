@@ -21,6 +21,7 @@ _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof 
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at
+_FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
 
 
@@ -207,7 +208,7 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     right = np.column_stack([-across * lrud[:, 1:2], [0, 0]])
     if abs(step[2]) > run:
         sections = _plumb_sections(places, lrud, across[0])
-        return Solid(_between(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
+        return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     middle, half = (left + right) / 2, (left - right) / 2
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
     ring = [floors + left, floors + right, floors + right + _LOW * tall]
@@ -228,8 +229,17 @@ def _between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
     return between
 
 
+def _along(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
+    """Return sections (n, k, 3) with others between each and the next."""
+    rows = [_between(np.stack(pair), lrud) for pair in pairwise(sections)]
+    return np.concatenate([rows[0], *(row[1:] for row in rows[1:])])
+
+
 def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Return the ends (2, 8, 3) of a steep leg: level sections, from the lower floor into the upper passage."""
+    """Return the sections (3, 8, 3) of a steep leg: level ones, from the lower floor into the upper passage.
+
+    Its walls are plumb about the lower floor, so that no wall hangs over where another floor meets it.
+    """
     ahead = np.array([left[1], -left[0]])
     lower = int(places[1, 2] < places[0, 2])
     around = [(1, 0.5), (0.5, 1), (-0.5, 1), (-1, 0.5), (-1, -0.5), (-0.5, -1), (0.5, -1), (1, -0.5)]
@@ -239,7 +249,9 @@ def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> n
         ring = [t * ahead * half + a * left * lrud[end, 0 if a > 0 else 1] for t, a in around[:: 1 if lower else -1]]
         rise = -lrud[end, 3] if end == lower else (lrud[end, 2] - lrud[end, 3]) / 2
         ends.append([[*(places[end, :2] + offset), places[end, 2] + rise] for offset in ring])
-    return np.array(ends)
+    sections = np.array(ends)
+    foot = sections[lower] + np.array([0, 0, min(_FOOT_M, float(np.abs(np.diff(places[:, 2]))[0]) / 2)])
+    return np.insert(sections, 1, foot, axis=0)
 
 
 def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]]) -> Solid:
