@@ -10,6 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from pipeline.volume.coarse import coarse_floors, plan_weights
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.keyed import near_facets, simplified
 from pipeline.volume.ledges import DEEPEST_M, MIDDLE, FoldedLedges, are_steps, fold_ledges, ledges_of, walls_on_floors
@@ -72,7 +73,9 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
-    return without_thin_rock(without_slivers(simplified(moved, vertices, label, _SIMPLE_M)))
+    simple = simplified(moved, vertices, label, _SIMPLE_M)
+    coarse = coarse_floors(simple, *_along_legs(simple, network, simple.label == Label.FLOOR))
+    return without_thin_rock(without_slivers(coarse))
 
 
 def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -194,17 +197,6 @@ def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[n
     height = np.where(is_plumb, places[:, 2] - way, np.sum(weights * vertices[faces[hit], 2], axis=1))
     height = np.where(hit >= 0, height, np.nan)
     return hit, height
-
-
-def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the barycentric weights (n, 3) of places in triangles (n, 3), seen from above."""
-    a, b, c = np.moveaxis(vertices[faces][:, :, :2], 1, 0)
-    p = places[:, :2]
-    double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    double = np.where(np.abs(double) < 1e-12, 1e-12, double)
-    v = ((p[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (p[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / double
-    w = ((b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])) / double
-    return np.column_stack([1 - v - w, v, w])
 
 
 def _along_legs(
