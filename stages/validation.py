@@ -64,7 +64,12 @@ def validate_world(
 
         found = validate_volume(params.volume, open_volume(world), network, solid, floors)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
-        return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE}
+        pictures = _NOTHING_ELSE
+        if found.scan is not None:
+            from pipeline.report.figures.deviation import draw_deviation
+
+            pictures = pictures | {"agreement": draw_deviation(found.scan.points_m, found.scan.off_m, survey.frame)}
+        return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
     validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
     groups = [group for group in MEASURES if is_measured(group, params)]
     if params.extent == "certificate":

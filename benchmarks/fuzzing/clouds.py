@@ -16,29 +16,43 @@ def _cave() -> np.ndarray:
     return np.column_stack([2.5 * np.cos(at), at / 100, 2 + 2 * np.sin(at)])
 
 
-def _ply() -> Files:
-    head = b"ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
-    return {"c.ply": head + b"".join(b"property float %c\n" % c for c in b"xyz") + b"end_header\n" + _bytes_of(_cave())}
+def _drift() -> np.ndarray:
+    """Return points (3,000, 3) m on all sides of a drift of 10 m."""
+    rng, size = np.random.default_rng(0), np.array([10.0, 4.0, 3.0])
+    points = rng.uniform(0, size, (3000, 3))
+    side = rng.choice(3, len(points), p=[0.1, 0.38, 0.52])
+    points[np.arange(len(points)), side] = rng.integers(0, 2, len(points)) * size[side]
+    return points
 
 
-def _pcd() -> Files:
-    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 300\nHEIGHT 1\n"
-    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 300\nDATA binary\n" + _bytes_of(_cave())}
+def _ply(points: np.ndarray) -> Files:
+    head = b"ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % len(points)
+    return {"c.ply": head + b"".join(b"property float %c\n" % c for c in b"xyz") + b"end_header\n" + _bytes_of(points)}
+
+
+def _pcd(points: np.ndarray) -> Files:
+    count = len(points)
+    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH %d\nHEIGHT 1\n" % count
+    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS %d\nDATA binary\n" % count + _bytes_of(points)}
 
 
 def _bytes_of(points: np.ndarray) -> bytes:
     return points.astype("<f4").tobytes()
 
 
-def _las() -> Files:
+def _xyz(points: np.ndarray) -> Files:
+    return {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in points)}
+
+
+def _las(points: np.ndarray, name: str = "c.las") -> Files:
     import laspy
 
     def write(path: Path) -> None:
         cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
-        cloud.x, cloud.y, cloud.z = _cave().T
+        cloud.x, cloud.y, cloud.z = points.T
         cloud.write(str(path))
 
-    return saved("c.las", write)
+    return saved(name, write)
 
 
 def _mesh(name: str) -> Files:
@@ -50,10 +64,17 @@ def _mesh(name: str) -> Files:
 
 
 CLOUDS: dict[str, Callable[[], Files]] = {
-    "xyz": lambda: {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in _cave())},
-    "ply": _ply,
-    "pcd": _pcd,
-    "las": _las,
+    "xyz": lambda: _xyz(_cave()),
+    "ply": lambda: _ply(_cave()),
+    "pcd": lambda: _pcd(_cave()),
+    "las": lambda: _las(_cave()),
     "stl": lambda: _mesh("c.stl"),
     "obj": lambda: _mesh("c.obj"),
+}
+SCANS: dict[str, Callable[[], Files]] = {
+    "xyz scan": lambda: _xyz(_drift()),
+    "ply scan": lambda: _ply(_drift()),
+    "pcd scan": lambda: _pcd(_drift()),
+    "las scan": lambda: _las(_drift()),
+    "laz scan": lambda: _las(_drift(), "c.laz"),
 }

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.fuzzing.clouds import CLOUDS
+from benchmarks.fuzzing.clouds import CLOUDS, SCANS
 from benchmarks.fuzzing.saved import Files, saved
 from benchmarks.fuzzing.solids import SOLIDS
 from benchmarks.fuzzing.surveys import SAMPLES_3D
@@ -262,6 +262,7 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "height labels": _height_labels,
     **CLOUDS,
     **SOLIDS,
+    **SCANS,
     "sweep": lambda: {"sweep.csv": _SWEEP},
     "bundle": _bundle,
     "survey section": lambda: {"conf.yaml": _section()},

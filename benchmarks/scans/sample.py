@@ -9,7 +9,7 @@ import numpy as np
 import open3d
 
 _RANGE_M = 40.0
-_ROWS, _COLUMNS = 40, 300
+_ROWS, _COLUMNS = 32, 240
 _NOISE_M = 0.02
 _PERSON_M, _VEHICLE_M = (0.5, 0.35, 1.75), (4.2, 1.7, 1.7)
 _UNDER_M = 0.35  # of the vehicle's body over the floor

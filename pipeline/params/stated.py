@@ -126,7 +126,10 @@ class StatedOptions(Params):
         default=None, ge=0, le=50, description="widest hole of a solid or a scan that is closed, m"
     )
     simplify_m: Annotated[float | None, _option("--simplify", FileKind.VECTOR, *_BODIES, metavar="M")] = Field(
-        default=None, gt=0, le=0.5, description="how far the mesh of a solid or a scan may move when it is simplified, m"
+        default=None,
+        gt=0,
+        le=0.5,
+        description="how far the mesh of a solid or a scan may move when it is simplified, m",
     )
     up: Annotated[Literal["y", "z"] | None, _option("--up", FileKind.VECTOR, *_BODIES, metavar="y|z")] = Field(
         default=None, description="axis of the file of a solid or a scan that points up"

@@ -11,7 +11,6 @@ from pipeline.params.stated import FileKind, StatedOptions
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.detection import Detection
 from pipeline.survey.formats import kind_of
-from pipeline.survey.vector.shapes import METRES
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2
 _BY_SPACING = 1.6  # a voxel by the spacing of points: few are empty then
@@ -75,7 +74,7 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
         "origin": "of the mine frame, in the file's coordinates",
         "voxel_m": "resolution of the surface, m; gaps of as much between points are bridged",
         "close_m": "unseen parts of the surface up to this width are holes, wider ones ends of the workings, m",
-        "simplify_m": "95 % of the surface moves by no more than this when it is simplified, m",
+        "simplify_m": "four fifths of the surface move by no more than this when it is simplified, m",
         "up": "axis of the file that points up; null: z",
     }
     return Detection(values, remarks, [path], None, has_heights=True)

@@ -93,6 +93,8 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
         "--close": ("0", 0.0),
         "--simplify": ("0.02", 0.02),
         "--up": ("y", "y"),
+        "--voxel": ("0.1", 0.1),
+        "--trajectory": ("way.txt", Path("way.txt")),
         "--page": ("2", 2),
         "--dpi": ("100", 100.0),
         "--crop": ("0,0,5,5", (0, 0, 5, 5)),

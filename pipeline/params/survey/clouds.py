@@ -31,5 +31,8 @@ class CloudSurveyParams(DrawnSurveyParams):
         default=3.0, ge=0, le=50, description="unseen parts of the surface up to this width are holes; wider ones, ends"
     )
     simplify_m: float = Field(
-        default=0.03, gt=0, le=0.5, description="the surface is simplified, and 95 % of it moves by no more than this"
+        default=0.03,
+        gt=0,
+        le=0.5,
+        description="the surface is simplified, and four fifths of it move by no more than this",
     )

@@ -22,6 +22,7 @@ from pipeline.types import ClosedMesh, Georeference
 
 _KEPT_M = 0.001  # a surface that is simplified already moves by no more than this in stage 3
 _NAMED = 5
+_LEAST_OTHER_M3 = 20.0  # the inside of a vehicle is no space of its own
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,15 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams) -> None:
             f"holes of the scan, at most {params.close_m:g} m wide (--close M), are closed",
             [gap for gap in found.gaps if gap.width_m <= params.close_m],
         ),
-        (f"places more than {params.close_m:g} m wide (--close M) were not seen and end the workings",
-         [gap for gap in found.gaps if gap.width_m > params.close_m]),
+        (
+            f"places more than {params.close_m:g} m wide (--close M) were not seen and end the workings",
+            [gap for gap in found.gaps if gap.width_m > params.close_m],
+        ),
     ):
         if gaps:
             listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m)}" for gap in gaps]
             warn_user(f"{name}: {len(gaps)} {what}: {_listed(listed)}")
-    others = [size for size in found.others_m3 if size >= 1.0]
+    others = [size for size in found.others_m3 if size >= _LEAST_OTHER_M3]
     if others:
         warn_user(
             f"{name}: the largest space that the points enclose is built; {len(others)} others of {sum(others):.0f} m3 "

@@ -86,9 +86,7 @@ def _stands_free(outline: shapely.Geometry, low: float, high: float, free: np.nd
     return bool(min(shares) >= _SURROUNDED)
 
 
-def _rows_of(
-    outline: shapely.Geometry, low: float, high: float, cloud: ThinnedCloud, up: np.ndarray
-) -> np.ndarray:
+def _rows_of(outline: shapely.Geometry, low: float, high: float, cloud: ThinnedCloud, up: np.ndarray) -> np.ndarray:
     """Return the rows of the points of a thing: within its outline, from its foot to its top, and over the floor."""
     xmin, ymin, xmax, ymax = outline.buffer(_RING_M).bounds
     x, y, z = cloud.points_m.T

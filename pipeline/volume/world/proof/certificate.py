@@ -33,6 +33,7 @@ from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
 from pipeline.volume.world.proof.region import Region, region_of
+from pipeline.volume.world.proof.scan import ScanDeviation, measure_scan
 from pipeline.volume.world.proof.throws import throw_balls, throw_robots
 from pipeline.volume.world.reach import neighbours_of, reached_from
 from pipeline.volume.world.record import VolumeRecord
@@ -44,10 +45,11 @@ _SAMPLES = 100_000  # points on the surface of a solid
 
 @dataclass(frozen=True)
 class Validated:
-    """The figures of a volume world by group, and its certificate."""
+    """The figures of a volume world by group, its certificate, and of a scan how far its points are off."""
 
     metrics: dict[str, Any]
     certificate: Certificate
+    scan: ScanDeviation | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,7 @@ def validate_volume(
     volume = world.mine.measured()
     fronts = fronts_of(volume, world.parts)
     compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
+    scan = measure_scan(volume, solid.scan_m, rng) if len(solid.scan_m) else None
     metrics = {
         "volume": {
             "facets": len(world.mine.faces),
@@ -130,6 +133,7 @@ def validate_volume(
             if len(solid)
             else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
         ),
+        **({} if scan is None else {"scan": scan.figures}),
         "enclosure": {
             **_enclosure(params, volume, fronts, rng),
             "bare_m2": round(fronts.bare_m2, 9),
@@ -143,7 +147,7 @@ def validate_volume(
     figures = flatten(metrics)
     certificate = certify(world.record.world_sha256, figures, applying_limits(params, metrics))
     certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
-    return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate)
+    return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate, scan)
 
 
 def _solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> dict[str, Any]:

@@ -1,0 +1,158 @@
+"""Scans as files: formats, origins, units and axes, trajectories, and what is refused."""
+
+import re
+
+import laspy
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.errors import InputError
+from pipeline.params.stated import StatedOptions
+from pipeline.params.survey import CloudSurveyParams
+from pipeline.remarks import collect_remarks
+from pipeline.survey.clouds.points import ScanFile, read_points
+from pipeline.survey.clouds.read import read_scan
+from pipeline.survey.clouds.trajectory import read_trajectory
+from pipeline.survey.detect import detect_survey
+from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
+
+PARAMS = CloudSurveyParams(kind="cloud", name="a", file="data/x", heights=None)
+GRID = np.array([351234.0, 6301118.0, 2412.5])
+
+
+@pytest.fixture(scope="module")
+def points():
+    return noisy(sampled(drift()))
+
+
+def write(path, points):
+    match path.suffix:
+        case ".xyz":
+            np.savetxt(path, points, fmt="%.4f")
+        case ".ply":
+            trimesh.PointCloud(points).export(path)
+        case ".pcd":
+            head = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+            head += f"WIDTH {len(points)}\nHEIGHT 1\nPOINTS {len(points)}\nDATA binary\n"
+            path.write_bytes(head.encode() + points.astype("<f4").tobytes())
+        case _:
+            cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+            cloud.header.scales, cloud.header.offsets = [0.001] * 3, points.min(axis=0).round()
+            cloud.x, cloud.y, cloud.z = points.T
+            cloud.write(str(path))
+    return path
+
+
+def read(path, **values):
+    return read_scan(PARAMS.model_copy(update={"file": path.as_posix(), **values}))
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".pcd", ".xyz"])
+def test_points_of_each_format_are_those_that_were_written(tmp_path, points, suffix):
+    path = write(tmp_path / f"a{suffix}", points)
+    found = read_points(ScanFile(path.as_posix(), 1.0, "z", None, 0.001))
+    assert found.cloud.total == len(points)
+    assert found.cloud.points_m.min(axis=0) + found.origin == pytest.approx(points.min(axis=0), abs=0.002)
+
+
+def test_coordinates_of_a_national_grid_and_elevations_get_an_origin(tmp_path, points):
+    found = read(write(tmp_path / "a.laz", points + GRID))
+    assert found.georeference.origin == (351230.0, 6301110.0)
+    assert found.solid.datum_m == 2412
+    low = found.solid.vertices.min(axis=0)
+    assert low == pytest.approx([4.0, 8.0, 0.5], abs=0.15)
+
+
+def test_the_plan_is_the_view_from_above(tmp_path, points):
+    found = read(write(tmp_path / "a.las", points))
+    assert found.workings.bounds == pytest.approx((0, 0, 14, 4), abs=0.15)
+    assert found.workings.area == pytest.approx(14 * 4, rel=0.03)
+
+
+def test_a_stated_unit_scales_the_scan(tmp_path, points):
+    found = read(write(tmp_path / "a.las", points / 0.3048), unit="ft")
+    assert found.workings.bounds == pytest.approx((0, 0, 14, 4), abs=0.15)
+
+
+def test_a_file_with_y_up_is_turned_by_the_option(tmp_path, points):
+    found = read(write(tmp_path / "a.las", points[:, [0, 2, 1]] * [1, 1, -1]), up="y")
+    assert found.workings.bounds == pytest.approx((0, 0, 14, 4), abs=0.15)
+    assert np.ptp(found.solid.vertices[:, 2]) == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_ply_without_faces_is_a_scan_and_with_them_a_solid(tmp_path, points):
+    assert detect_survey(write(tmp_path / "a.ply", points)).values["kind"] == "cloud"
+    trimesh.creation.box([8, 4, 3]).export(tmp_path / "b.ply")
+    assert detect_survey(tmp_path / "b.ply").values["kind"] == "solid"
+
+
+def test_a_mesh_with_a_stated_voxel_is_read_as_a_scan_however_it_is_folded(tmp_path):
+    box = trimesh.creation.box([10, 4, 3])
+    open_box = trimesh.Trimesh(box.vertices, box.faces[:-1]).subdivide()
+    open_box.faces[::3] = open_box.faces[::3, ::-1]
+    open_box.export(tmp_path / "a.stl")
+    found = detect_survey(tmp_path / "a.stl", StatedOptions(voxel_m=0.2, close_m=6.0))
+    assert (found.values["kind"], found.values["voxel_m"]) == ("cloud", 0.2)
+    solid = read(tmp_path / "a.stl", voxel_m=0.2, close_m=6.0).solid
+    assert np.ptp(solid.vertices, axis=0) == pytest.approx([10, 4, 3], abs=0.3)
+
+
+def test_the_section_that_is_detected_is_a_survey_section(tmp_path, points):
+    found = detect_survey(write(tmp_path / "a.laz", points))
+    section = CloudSurveyParams.model_validate(found.values | {"name": "a", "heights": None, "file": "data/x"})
+    assert 0.05 <= section.voxel_m <= 0.25
+
+
+def test_what_is_guessed_is_listed_with_its_option(tmp_path, points):
+    with collect_remarks() as said:
+        detect_survey(write(tmp_path / "a.laz", points))
+    text = " ".join(remark.what for remark in said)
+    assert re.search(r"read as metres, 14\.\d+ x 4\.\d+ x 3\.\d+ m; --unit states another", text)
+    assert re.search(r"points are 0\.\d\d m apart; its surface is found to 0\.\d+ m; --voxel M", text)
+
+
+def test_a_hole_of_the_scan_is_listed_with_place_and_width(tmp_path, points):
+    path = write(tmp_path / "a.las", points[np.linalg.norm(points - [7, 2, 0], axis=1) > 1.0])
+    with collect_remarks() as said:
+        read(path)
+    assert "1 holes of the scan, at most 3 m wide (--close M), are closed" in " ".join(remark.what for remark in said)
+
+
+def test_a_trajectory_has_rows_of_time_and_place(tmp_path):
+    path = tmp_path / "way.txt"
+    path.write_text("# time x y z\n0.0 1 2 3 0 0 0 1\n1.0, 4, 5, 6\n")
+    assert read_trajectory(path).tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("row", ["0 1 2", "0 1 2 x", "0 1 2 nan"])
+def test_a_row_that_is_no_place_is_refused_by_its_line(tmp_path, row):
+    path = tmp_path / "way.txt"
+    path.write_text(f"0 1 2 3\n{row}\n")
+    with pytest.raises(InputError, match=r"way\.txt:2: .* is no row of time x y z"):
+        read_trajectory(path)
+
+
+def test_a_trajectory_chooses_the_space_that_is_built(tmp_path, points):
+    other = noisy(sampled(drift())) * [0.5, 0.75, 1] + [0, 10, 0]
+    way = tmp_path / "way.txt"
+    way.write_text("0 3 11.5 1.5\n1 4 11.5 1.5\n")
+    found = read(write(tmp_path / "a.las", np.concatenate([points, other])), trajectory=way.as_posix())
+    assert found.workings.bounds == pytest.approx((0, 10, 7, 13), abs=0.15)
+
+
+def test_a_scan_that_encloses_nothing_is_refused_by_name(tmp_path):
+    sheet = np.random.default_rng(0).uniform(0, 10, (5000, 3)) * [1, 1, 0]
+    with pytest.raises(InputError, match=r"a\.xyz: its points enclose no space"):
+        read(write(tmp_path / "a.xyz", sheet))
+
+
+def test_too_few_points_are_refused_by_name(tmp_path):
+    path = write(tmp_path / "a.xyz", np.random.default_rng(0).uniform(0, 1, (20, 3)))
+    with pytest.raises(InputError, match=r"a\.xyz: its points fill 20 voxels of 0\.1 m, at least 100"):
+        read(path)
+
+
+def test_a_unit_that_makes_a_scan_too_large_is_refused(tmp_path, points):
+    with pytest.raises(InputError, match=r"a\.las: reaches .* m from its first points, beyond .*; --unit"):
+        read(write(tmp_path / "a.las", points * 10_000))

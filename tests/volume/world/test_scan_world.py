@@ -1,0 +1,66 @@
+"""Worlds of scans: certified, and measured against the scan's points."""
+
+import json
+
+import numpy as np
+import pytest
+
+from minexplore.bundle import TOPOLOGY
+from pipeline.params.survey import CloudSurveyParams
+from pipeline.survey.load import _read
+from pipeline.volume.world.proof.certificate import validate_volume
+from pipeline.volume.world.proof.scan import measure_scan
+from tests.survey.clouds.test_cloud_files import write
+from tests.survey.clouds.test_cloud_volume import noisy, sampled
+from tests.volume.world.test_solid_world import broken, crossing
+from tests.volume_worlds import VolumeWorld, proof
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scan")
+    path = write(folder / "a.laz", noisy(sampled(crossing(), 100)))
+    params = CloudSurveyParams(kind="cloud", name="test", file="data/x", heights=None)
+    made = VolumeWorld.__new__(VolumeWorld)
+    made._build(_read(params.model_copy(update={"file": path.as_posix()})), folder)
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(world):
+    return validate_volume(proof(robot_contacts=300, ball_contacts=300), world.opened(), world.legs, world.solid)
+
+
+def test_the_world_of_a_scan_is_certified(found):
+    assert broken(found) == set()
+    assert found.certificate.contacts >= 300
+
+
+def test_nearly_all_points_are_near_the_surface_and_all_of_it_was_seen(found):
+    scan = found.metrics["scan"]
+    assert scan["within_5cm"] >= 0.95
+    assert scan["within_10cm"] >= 0.99
+    assert abs(scan["mean_mm"]) <= 10
+    assert scan["seen_share"] >= 0.99
+
+
+def test_the_sign_of_the_deviation_is_positive_in_the_rock(world):
+    under = world.solid.scan_m[world.solid.scan_m[:, 2] < world.solid.scan_m[:, 2].min() + 0.1] - [0, 0, 1.0]
+    moved = measure_scan(world.opened().mine.measured(), under, np.random.default_rng(0))
+    assert moved.figures["mean_mm"] == pytest.approx(1000, abs=100)
+    assert moved.figures["seen_share"] == 0
+
+
+def test_legs_are_those_of_the_crossing(world):
+    network = json.loads((world.bundle / TOPOLOGY).read_bytes())
+    assert (len(network["dead_ends"]), network["loops"], network["components"]) == (4, 0, 1)
+
+
+def test_a_picture_shows_each_point_of_the_scan(world, found):
+    from pipeline.report.figures.deviation import draw_deviation
+
+    frame = world.survey.frame
+    far = np.array([[frame.extent_m[0] + 2, frame.extent_m[1] + 2, 0.0]])
+    rock, free = (draw_deviation(far, np.array([off]), frame) for off in (0.2, -0.2))
+    assert (rock[:, :, 2].astype(int) - rock[:, :, 0] > 100).any()
+    assert (free[:, :, 0].astype(int) - free[:, :, 2] > 100).any()
