@@ -195,7 +195,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
             read = _Drawn(
-                found.plan, found.frame, scale, found.georeference, found.heights, [], found.workings, found.legs
+                found.draw_plan(), found.frame, scale, found.georeference, found.heights, [], found.workings, found.legs
             )
     heights = _stated_heights(params, read) or read.heights
     registry, files = read_registry(), sources(params)
