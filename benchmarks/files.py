@@ -65,8 +65,17 @@ def try_folder(folder: Path, words: list[str], jobs: int) -> dict[str, Outcome]:
     beside = {path.with_suffix("") for path in known}
     for path in files:
         if path not in outcomes and path.resolve() not in named and path.with_suffix("") not in beside:
-            outcomes[path] = Outcome("refused", f"{path.suffix or 'a file without a suffix'} is not a supported format")
+            outcomes[path] = Outcome("refused", _unsupported(path))
     return {path.relative_to(folder).as_posix(): outcomes[path] for path in sorted(outcomes)}
+
+
+def _unsupported(path: Path) -> str:
+    """Return why a file of no supported format is refused."""
+    try:
+        kind_of(path)
+    except MineError as error:
+        return str(error).removeprefix(f"{path}: ").partition(" (.")[0]
+    raise AssertionError(path)
 
 
 def _try_apart(path: Path, words: list[str]) -> Outcome:

@@ -12,6 +12,7 @@ from pipeline.remarks import warn_user
 
 _LONE_CR = re.compile(r"\r(?!\n)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x0c\x0e-\x1f]")  # in no text that is not UTF-8
+_OF_EXCEL = re.compile(r"\A\"?sep=.\"?\r?\n", re.IGNORECASE)  # a line for Excel alone, before that of the columns
 _SEPARATORS = ",;\t"
 _NAMES = {"utf-16-le": "UTF-16", "utf-16-be": "UTF-16", "cp1252": "Windows-1252"}
 
@@ -29,7 +30,7 @@ def read_csv_text(path: Path) -> str:
     data = read_text_bytes(path)
     encoding = _encoding_of(data)
     try:
-        text = data.decode(encoding).removeprefix("\ufeff")
+        text = _OF_EXCEL.sub("", data.decode(encoding).removeprefix("\ufeff"))
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: no text in UTF-8, UTF-16 or Windows-1252 (byte {error.start})") from error
     control = _CONTROL.search(text)

@@ -80,8 +80,25 @@ _CONVERTED = {
         (".kml", ".kmz", ".gml", ".tab", ".mif", ".gdb"),
         "QGIS exports it as GeoPackage, or `ogr2ogr out.gpkg` and its name",
     ),
+    **dict.fromkeys(
+        (".fgb", ".geojsonl", ".topojson", ".gpx", ".sqlite", ".qgz", ".qgs"),
+        "QGIS exports a layer as GeoPackage or GeoJSON",
+    ),
+    **dict.fromkeys((".zip", ".7z", ".rar", ".gz"), "unpack it, and give the file of the survey"),
+    **dict.fromkeys((".jp2", ".webp", ".heic", ".avif", ".psd", ".ecw", ".sid"), "an image program saves it as .png"),
+    **dict.fromkeys((".svg", ".ai", ".eps"), "Inkscape exports it as .pdf, or its lines as .dxf"),
+    **dict.fromkeys((".pgm", ".ppm", ".pbm"), "give the .yaml of the map beside it; a plan is saved as .png"),
+    **dict.fromkeys((".txt", ".tsv"), "a table of stations is saved as .csv, with the names of its columns first"),
+    **dict.fromkeys((".tdr", ".tdz", ".cave"), "TopoDroid exports it for Survex or Therion: give the .svx or .th"),
+    **dict.fromkeys(
+        (".3ds", ".3mf", ".dae", ".fbx", ".gltf", ".ifc", ".off", ".skp", ".step", ".stp", ".vtk", ".dtm", ".00t"),
+        "the program that made it, or Blender, saves the surface of the workings as .obj, .stl, .ply or .glb",
+    ),
     **dict.fromkeys((".e57", ".pts", ".ptx", ".rcp", ".rcs"), "CloudCompare saves it as .laz or .xyz"),
-    **dict.fromkeys((".zip", ".7z", ".gz"), "unpack it, and give the file of the survey"),
+    **dict.fromkeys(
+        (".bag", ".db3", ".mcap", ".pbstream", ".posegraph"),
+        "a recording or a state of a robot; save its map by `map_saver_cli`, and give the .yaml",
+    ),
     ".th2": "a drawing of Therion without a survey; give the .th file that inputs it",
 }
 

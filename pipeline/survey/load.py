@@ -211,7 +211,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            read = _Drawn(found.plan, found.frame, scale, found.georeference, found.heights, workings=found.workings)
+            read = _Drawn(found.draw_plan(), found.frame, scale, found.georeference, found.heights, workings=found.workings)
             read = replace(read, legs=found.legs, floors=found.floors)
     stated = _stated_heights(params, read)
     if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):

@@ -67,3 +67,12 @@ def test_spot_heights_of_a_spreadsheet_may_have_semicolons_or_tabs_and_decimal_c
         heights = read_spots(path, METRIC)
         assert heights.spots == [(1.5, 2.0, 0.25)]
         assert heights.datum_m == 3.0
+
+
+@pytest.mark.parametrize(
+    ("line", "separator"), [("sep=;\n", ";"), ("sep=,\r\n", ","), ('"sep=;"\r\n', ";"), ("SEP=\t\n", "\t")]
+)
+def test_a_line_that_states_the_separator_for_excel_is_none_of_the_table(tmp_path, line, separator):
+    path = tmp_path / "s.csv"
+    path.write_text(line + TABLE.replace(",", separator), encoding="utf-8")
+    assert read_stations(path)[0].stations == ["Schürf1", "Schürf2"]

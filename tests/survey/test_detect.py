@@ -69,6 +69,17 @@ def test_a_drawing_without_units_gets_the_unit_that_makes_drift_widths_plausible
     assert 3 < detected.width_m < 6
 
 
+def test_detection_draws_no_plan_in_any_of_the_units_that_it_tries(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise AssertionError("a plan was drawn")
+
+    made = ezdxf.new(units=0)
+    made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1] * 1000, close=True)
+    made.saveas(tmp_path / "mine.dxf")
+    monkeypatch.setattr("pipeline.survey.vector_survey.draw_workings", refuse)
+    assert detect_here(str(tmp_path / "mine.dxf"), {}).values["values"]["unit"] == "mm"
+
+
 def test_a_wrong_unit_of_a_drawing_is_doubted_with_the_option_that_keeps_it(tmp_path, capsys):
     made = ezdxf.new(units=4)
     made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1], close=True)

@@ -52,6 +52,7 @@ def test_a_wall_error_that_would_close_a_drift_is_halved():
     assert np.abs(signed_distances(traced, polygon)).mean() <= 0.5
 
 
+@pytest.mark.slow
 def test_no_wall_moves_by_more_than_eight_times_the_wall_error():
     config = compose(["survey=procedural", "survey.mine.style=drift_and_crosscut", "survey.seed=5"])
     read = read_survey(config.survey)

@@ -10,7 +10,15 @@ from pipeline.survey.formats import _CONVERTED, FORMATS, kind_of
 
 @pytest.mark.parametrize(
     ("suffix", "program"),
-    [(".lox", "Therion"), (".TOP", "PocketTopo"), (".bt", "gdal_translate"), (".dwg", "dxf"), (".kml", "QGIS")],
+    [
+        (".lox", "Therion"),
+        (".TOP", "PocketTopo"),
+        (".bt", "gdal_translate"),
+        (".dwg", "dxf"),
+        (".kml", "QGIS"),
+        (".pgm", "yaml"),
+        (".webp", "png"),
+    ],
 )
 def test_a_file_that_another_program_converts_is_refused_with_that_program(suffix, program):
     with pytest.raises(InputError, match=rf"cave\{suffix}: \{suffix.lower()} is not read: .*{program}"):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 from shapely import LineString
 
 from pipeline.errors import InputError
@@ -36,7 +37,7 @@ def require_walls_alone(path: Path, content: Shapes) -> None:
     west, south, east, north = shapely.total_bounds(lines)
     extent = np.array([east - west, north - south])
     frames = [k for k, line in enumerate(lines) if _is_frame(line, extent)]
-    ruled = sum(_is_ruled(line, extent) for line in lines)
+    ruled = sum(_is_ruled(line, extent) for line in _with_free_ends(lines, _LEVEL * extent.max()))
     elsewhere = {content.layer_of[k] for k in frames} != set(layers)
     framed = bool(frames) and (len(frames) > 1 or (len(layers) > 1 and elsewhere))
     if not framed and ruled < _GRID_LINES:
@@ -53,6 +54,14 @@ def require_walls_alone(path: Path, content: Shapes) -> None:
             f"--layer {one_line(layers[0], 60)!r} reads them all as walls"
         )
     raise InputError(f"{path}: looks like a drawing with {shown}; {advice}")
+
+
+def _with_free_ends(lines: list[LineString], same: float) -> list[LineString]:
+    """Return the lines neither of whose ends is that of another line: a wall goes on in the next wall, a grid ends."""
+    ends = np.array([[line.coords[0][:2], line.coords[-1][:2]] for line in lines])
+    tree = cKDTree(ends.reshape(-1, 2))
+    near = tree.query_ball_point(ends.reshape(-1, 2), same, return_length=True).reshape(-1, 2)
+    return [line for line, others in zip(lines, near, strict=True) if not line.is_closed and (others == 1).all()]
 
 
 def _is_frame(line: LineString, extent: np.ndarray) -> bool:

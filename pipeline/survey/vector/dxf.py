@@ -24,7 +24,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.vector.dxf_blocks import count_kinds, mend_blocks
+from pipeline.survey.vector.dxf_blocks import count_kinds, mend_blocks, shown
 from pipeline.survey.vector.shapes import Shapes, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
@@ -51,7 +51,7 @@ READING_ERRORS = (
 
 
 def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
-    """Read the lines of the given layers; None reads all layers.
+    """Read the lines of the given layers; None reads all that are shown, neither off nor frozen.
 
     Returns
     -------
@@ -191,7 +191,7 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
     entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), most + 1))
     if len(entities) > most:
         raise InputError(f"{path}: more than {most} entities with blocks resolved (dxf_entities in {FILE})")
-    chosen = [e for e in entities if layers is None or e.dxf.layer in layers]
+    chosen = shown(path, drawing, entities) if layers is None else [e for e in entities if e.dxf.layer in layers]
     kept = [e for e in chosen if e.dxftype() in _DRAWN]
     for entity in kept:
         _require_plain_numbers(path, entity)

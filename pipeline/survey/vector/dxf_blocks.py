@@ -1,4 +1,4 @@
-"""What block references of a DXF drawing hide or state wrongly: scales of 0, clips, external references."""
+"""What a DXF drawing hides or states wrongly: layers that are off, scales of 0, clips, external references."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.guard.reading_process import one_line, warn_user
 
 _SCALES = ("xscale", "yscale", "zscale")
 _ANNOTATIONS = ("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER", "ACAD_TABLE")
-_NAMED = 5  # external references that a message names
+_NAMED = 5  # external references, or layers, that a message names
 
 
 def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
@@ -57,6 +57,21 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
             f"{', '.join(absent[:_NAMED])}{more}; bind the external references in CAD"
         )
     return _without_annotations(drawing)
+
+
+def shown(path: Path, drawing: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:
+    """Return the entities on layers that are neither off nor frozen, with a remark on the others; all if none is."""
+    hidden = {layer.dxf.name.lower() for layer in drawing.layers if layer.is_off() or layer.is_frozen()}
+    kept = [entity for entity in entities if str(entity.dxf.layer).lower() not in hidden]
+    if not kept or len(kept) == len(entities):
+        return entities
+    names = sorted({one_line(str(e.dxf.layer), 40) for e in entities if str(e.dxf.layer).lower() in hidden})
+    more = ", ..." if len(names) > _NAMED else ""
+    warn_user(
+        f"{path.name}: {len(entities) - len(kept)} entities on layers that are off or frozen are not read: "
+        f"{', '.join(names[:_NAMED])}{more}; --layer NAME reads a layer"
+    )
+    return kept
 
 
 def count_kinds(entities: Iterable[DXFEntity]) -> dict[str, int]:

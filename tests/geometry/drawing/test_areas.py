@@ -44,12 +44,12 @@ def hatched(workings, outline_px, step=6):
     "seed",
     [
         pytest.param(4130, id="strokes in the rock touch the outline"),
-        pytest.param(4009, id="strokes, a thick outline, survey lines and measures"),
-        pytest.param(50, id="grid lines run beside the walls"),
-        pytest.param(4028, id="grid lines cross walls that are nearly straight"),
+        pytest.param(4009, marks=pytest.mark.slow, id="strokes, a thick outline, survey lines and measures"),
+        pytest.param(50, marks=pytest.mark.slow, id="grid lines run beside the walls"),
+        pytest.param(4028, marks=pytest.mark.slow, id="grid lines cross walls that are nearly straight"),
         pytest.param(4091, id="dense hatching with light letters"),
-        pytest.param(5050, id="an outline as thick as a filling, and a frame of two lines"),
-        pytest.param(4068, id="a short crosscut, strokes and compression"),
+        pytest.param(5050, marks=pytest.mark.slow, id="an outline as thick as a filling, and a frame of two lines"),
+        pytest.param(4068, marks=pytest.mark.slow, id="a short crosscut, strokes and compression"),
     ],
 )
 def test_hatched_workings_end_at_the_middle_of_their_outline(seed):
@@ -73,7 +73,10 @@ def test_a_hatched_area_without_an_outline_is_asked_about(wide):
         read_drawing(hatched(cross(wide), 0), None)
 
 
-@pytest.mark.parametrize(("wide", "step"), [(40, 6), (24, 5), (40, 8)])
+@pytest.mark.parametrize(
+    ("wide", "step"),
+    [(40, 6), *(pytest.param(*hatching, marks=pytest.mark.slow) for hatching in ((24, 5), (40, 8)))],
+)
 @pytest.mark.parametrize("broken", [slice(60, 220), slice(120, 150), slice(380, 400)])
 def test_a_hatched_area_whose_outline_breaks_off_is_asked_about_or_found_as_a_whole(wide, step, broken):
     picture = hatched(cross(wide), 3, step)
@@ -114,12 +117,12 @@ def test_strokes_in_the_rock_form_no_area():
     [
         pytest.param(4127, id="a light fill, compressed"),
         pytest.param(4187, id="light letters part a drift"),
-        pytest.param(1126, id="dark letters part a drift"),
-        pytest.param(4125, id="thick outlines and survey lines in narrow drifts"),
-        pytest.param(4104, id="slivers of filling between a survey line and a wall"),
+        pytest.param(1126, marks=pytest.mark.slow, id="dark letters part a drift"),
+        pytest.param(4125, marks=pytest.mark.slow, id="thick outlines and survey lines in narrow drifts"),
+        pytest.param(4104, marks=pytest.mark.slow, id="slivers of filling between a survey line and a wall"),
         pytest.param(4000, id="a grid line runs beside a wall"),
-        pytest.param(7107, id="two light words in a drift, and one across its end"),
-        pytest.param(7041, id="compression leaves slivers of the filling beside a measure"),
+        pytest.param(7107, marks=pytest.mark.slow, id="two light words in a drift, and one across its end"),
+        pytest.param(7041, marks=pytest.mark.slow, id="compression leaves slivers of the filling beside a measure"),
     ],
 )
 def test_filled_workings_end_at_the_middle_of_their_outline_whatever_is_written_in_them(seed):

@@ -21,11 +21,11 @@ def iou(one, other):
     ("seed", "walls"),
     [
         (2, "filled"),
-        (6, "filled"),
+        pytest.param(6, "filled", marks=pytest.mark.slow),
         (10, "hatched"),
         (13, "lines"),
-        (56, "lines"),
-        (1026, "filled"),
+        pytest.param(56, "lines", marks=pytest.mark.slow),
+        pytest.param(1026, "filled", marks=pytest.mark.slow),
         pytest.param(1037, "lines", marks=pytest.mark.slow),
     ],
 )

@@ -22,13 +22,13 @@ def iou(one, other):
     [
         pytest.param(4059, id="measures cross drifts with gaps in their walls"),
         pytest.param(4155, id="a measure parts a room", marks=pytest.mark.slow),
-        pytest.param(4192, id="measures and survey lines"),
+        pytest.param(4192, id="measures and survey lines", marks=pytest.mark.slow),
         pytest.param(4095, id="a grid line that compression breaks"),
         pytest.param(4033, id="strokes in the rock, a grid and measures", marks=pytest.mark.slow),
         pytest.param(4039, id="a title block as large as the workings", marks=pytest.mark.slow),
         pytest.param(4093, id="survey lines in narrow drifts", marks=pytest.mark.slow),
-        pytest.param(6035, id="grey strokes touch the walls"),
-        pytest.param(5152, id="a pillar with wavering walls is no table"),
+        pytest.param(6035, id="grey strokes touch the walls", marks=pytest.mark.slow),
+        pytest.param(5152, id="a pillar with wavering walls is no table", marks=pytest.mark.slow),
         pytest.param(5075, id="a frame of two lines is no drawing", marks=pytest.mark.slow),
     ],
 )

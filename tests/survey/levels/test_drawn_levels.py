@@ -429,7 +429,7 @@ def test_a_ramp_that_meets_its_level_on_half_a_metre_is_refused(tmp_path):
         pytest.param(MINE, 2, 1, marks=pytest.mark.slow),
         (MINE | {"shafts": [[(15, 2.5, 0), (23, 2.5, -DROP_M)]]}, 2, 1),
         pytest.param(half_turns(4, 12.0, 2.2, 5.0, 12), 4, 0, marks=pytest.mark.slow),
-        (fork(20.0, 0.06), 2, 0),
+        pytest.param(fork(20.0, 0.06), 2, 0, marks=pytest.mark.slow),
     ],
     ids=["levels", "leaning shaft", "half turns", "small angle"],
 )

@@ -13,6 +13,7 @@ def legs():
     return deep_mine(8, 10_000.0, 1)
 
 
+@pytest.mark.slow
 def test_levels_under_one_another_lie_in_rows_and_keep_their_heights(legs, tmp_path):
     path = tmp_path / "deep.csv"
     path.write_text(table(legs, 2.5))

@@ -1,5 +1,7 @@
 """Vector drawings that show more than walls."""
 
+import itertools
+
 import ezdxf
 import pytest
 from shapely import box
@@ -57,3 +59,12 @@ def test_a_rectangular_mine_with_a_pillar_is_read_whole(tmp_path):
     path = tmp_path / "mine.dxf"
     save(path, RING, frames=0, grid=False)
     assert detect_survey(path).width_m == pytest.approx(2 * RING.area / RING.length)
+
+
+def test_a_mine_drawn_with_single_lines_is_no_grid(tmp_path):
+    drawing = ezdxf.new(units=6)
+    corners = list(TEE.exterior.coords)
+    for start, end in itertools.pairwise(corners):
+        drawing.modelspace().add_line(start, end)
+    drawing.saveas(tmp_path / "mine.dxf")
+    assert detect_survey(tmp_path / "mine.dxf").width_m == pytest.approx(2 * TEE.area / TEE.length)

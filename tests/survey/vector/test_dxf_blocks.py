@@ -76,6 +76,24 @@ def test_an_external_reference_is_named_as_its_drawing_is_not_in_the_file(tmp_pa
     )
 
 
+@pytest.mark.parametrize("hide", ["off", "freeze"])
+def test_lines_on_a_layer_that_is_off_or_frozen_are_left_out_with_a_remark_unless_it_is_named(tmp_path, capsys, hide):
+    drawing = ezdxf.new(units=6)
+    drawing.layers.add("walls")
+    getattr(drawing.layers.add("old survey"), hide)()
+    for layer, west in (("walls", 0), ("Old Survey", 100), ("old survey", 200)):
+        drawing.modelspace().add_lwpolyline(
+            [(west, 0), (west + 50, 0), (west + 50, 5)], close=True, dxfattribs={"layer": layer}
+        )
+    drawing.saveas(tmp_path / "a.dxf")
+    assert [shape.bounds[0] for shape in read_dxf(tmp_path / "a.dxf", None).shapes] == [0.0]
+    assert "2 entities on layers that are off or frozen are not read" in capsys.readouterr().err
+    assert len(read_dxf(tmp_path / "a.dxf", ["old survey"]).shapes) == 1
+    getattr(drawing.layers.get("walls"), hide)()
+    drawing.saveas(tmp_path / "a.dxf")
+    assert len(read_dxf(tmp_path / "a.dxf", None).shapes) == 3
+
+
 def test_the_lines_of_dimensions_and_leaders_are_no_walls(tmp_path):
     drawing = ezdxf.new(units=6, setup=True)
     drawing.modelspace().add_lwpolyline([(0, 0), (50, 0), (50, 5), (0, 5)], close=True)
