@@ -20,7 +20,7 @@ _ONE_PLACE_M = 1e-3  # seen from above: corners that are nearer get one height
 _ENDS = 4  # facets beside each other at the end of a ledge, at most
 _ROUNDING_M = 1e-6
 _ROUNDS = 6  # of cuts: each looks at the facets beside those of the one before
-_BESIDE_M = 1e-3  # before and behind a wall, where floors are looked for
+_BEFORE_M = (1e-3, 0.05)  # before a wall, where floors are looked for; behind it at the first
 # Places on a facet by the weights of its corners: its middle first, then near its corners and edges.
 _SAMPLES = np.array([[1, 1, 1], *(0.2 + 1.8 * np.eye(3)), *(1.3 - 1.0 * np.eye(3))])
 _SAMPLES /= _SAMPLES.sum(axis=1, keepdims=True)
@@ -167,18 +167,22 @@ def are_steps(volume: Volume, is_floor: np.ndarray, some: np.ndarray, samples: n
     """
     places = np.einsum("sc,fcx->sfx", samples, volume.vertices[volume.faces[some]])
     normal = volume.normals[some]
-    way = _BESIDE_M * normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    way = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), volume.vertices.mean(axis=0)
     scene.add_triangles((volume.vertices - middle).astype(np.float32), volume.faces.astype(np.uint32))
-    apart = np.zeros(places.shape[:2])
-    for side, up in ((way, 1.0), (-way, -1.0)):
-        starts = (places + side - middle).reshape(-1, 3)
+
+    def far_m(places: np.ndarray, up: float) -> np.ndarray:
+        """Return how far (s, f) m a floor is over or under places (s, f, 3)."""
+        starts = (places - middle).reshape(-1, 3)
         rays = np.column_stack([starts, np.tile([0, 0, up], (len(starts), 1))]).astype(np.float32)
         found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
-        hit, far = found["primitive_ids"].numpy().astype(np.int64), found["t_hit"].numpy().astype(float)
+        far, hit = found["t_hit"].numpy().astype(float), found["primitive_ids"].numpy().astype(np.int64)
         on_floor = np.isfinite(far)
         on_floor[on_floor] = is_floor[hit[on_floor]]
-        apart += np.where(on_floor, far, np.inf).reshape(apart.shape)
+        return np.where(on_floor, far, np.inf).reshape(places.shape[:2])
+
+    below = np.minimum(*(far_m(places - beside * way, -1.0) for beside in _BEFORE_M))
+    apart = far_m(places + _BEFORE_M[0] * way, 1.0) + below
     found_steps = np.zeros(len(volume.faces), bool)
     found_steps[some] = (apart < DEEPEST_M).any(axis=0)
     return found_steps
