@@ -160,4 +160,4 @@ def _cameras(scene: VolumeScene) -> Iterator[ElementTree.Element]:
 
 def _text(values: Sequence[float] | np.ndarray) -> str:
     """Return numbers with all digits that they need, apart by blanks."""
-    return " ".join(f"{float(value):.12g}" for value in values)
+    return " ".join(f"{value:.12g}" for value in np.asarray(values, float).tolist())
