@@ -112,7 +112,7 @@ class SurveyNetwork:
 def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:
     """Return the network of the plan's legs; heights and widths that nobody measured are `up_m` and `half_m`.
 
-    Shots without a length are counted and left out, as their stations are one place. Sections without an area, or
+    Shots without a length are counted and left out: their stations are one place, which has the name of the first. Sections without an area, or
     turned inside out, get 5 cm. Both are listed by station.
 
     Raises
@@ -121,6 +121,7 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
         If a leg has no heights, or no leg has a length.
     """
     index: dict[str, int] = {}
+    names: list[str] = []
     places: list[np.ndarray] = []
     rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool]]] = []
     repairs: list[str] = []
@@ -129,27 +130,32 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
         if leg.heights_m is None:
             raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
-        for name, place in zip(leg.stations, at, strict=True):
-            if index.setdefault(name, len(places)) == len(places):
-                places.append(place)
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, up_m, 0.0])
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
-        across, joined = _sections(at, lrud[:, :2])
-        for k, (a, b) in enumerate(pairwise(leg.stations)):
-            if np.linalg.norm(at[k + 1] - at[k]) < _NO_LENGTH_M:
+        kept: list[int] = []
+        for k, name in enumerate(leg.stations):
+            if kept and np.linalg.norm(at[k] - at[kept[-1]]) < _NO_LENGTH_M:
                 skipped += 1
-                repairs.append(f"{a} to {b}: no length, left out")
+                repairs.append(f"{leg.stations[k - 1]} to {name}: no length, left out")
+                index.setdefault(name, index[leg.stations[kept[-1]]])
                 continue
-            rows.append(((index[a], index[b]), across[k], lrud[k : k + 2], (joined[k], joined[k + 1])))
+            kept.append(k)
+            if index.setdefault(name, len(places)) == len(places):
+                places.append(at[k])
+                names.append(name)
+        across, joined = _sections(at[kept], lrud[kept, :2])
+        for n, (i, j) in enumerate(pairwise(kept)):
+            ends = index[leg.stations[i]], index[leg.stations[j]]
+            rows.append((ends, across[n], lrud[[i, j]], (joined[n], joined[n + 1])))
     if not rows:
         raise InputError(f"no leg of {len(legs)} has a length of {_NO_LENGTH_M:g} m or more")
     shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    return SurveyNetwork(around - middle, shots, left, walls, shared, tuple(index), skipped, tuple(repairs))
+    return SurveyNetwork(around - middle, shots, left, walls, shared, tuple(names), skipped, tuple(repairs))
 
 
 def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:

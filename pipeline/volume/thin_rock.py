@@ -10,37 +10,35 @@ from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Label, Volume
 
-_HALF_M = (0.027, 0.03, 0.035)  # of the rock that is put behind a facet in each round: parts of 2 cm fit into it
+# Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
+# it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
+_ROUNDS = ((0.027, 1e-4), (0.03, 1e-5))
 _ROOF_NZ = 0.7  # of a facet's normal
 
 
 def without_thin_rock(volume: Volume) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
-    Behind each facet where no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less between
-    them stay two, and folds of rock without a thickness get one. Where the other side is a floor, the rock is put under
-    the floor instead, so that floors keep their heights. Each round looks about the rock of the one before.
+    In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
+    between them stay two, and folds of rock without a thickness get one. Nothing is put
+    on floors, so that they keep their heights: what is on the other side of the rock below them is a facet too. Each
+    round looks about the rock of the one before.
     """
     some: np.ndarray | None = None
-    for half_m in _HALF_M:
-        thin = facets_without_part(volume, some)
-        facets = np.unique([k for facet, others in thin.items() for k in _sides(volume, facet, others)])
+    for half_m, least_m2 in _ROUNDS:
+        area = np.linalg.norm(volume.normals, axis=1) / 2
+        facets = np.array(list(facets_without_part(volume, some)), int)
+        facets = facets[(area[facets] > least_m2) & (volume.label[facets] != Label.FLOOR)]
         if not len(facets):
             break
-        changed = volume.vertices[volume.faces[facets.astype(int)]]
-        volume = without_slivers(_thickened(volume, facets.astype(int), half_m))
+        changed = volume.vertices[volume.faces[facets]]
+        volume = without_slivers(_thickened(volume, facets, half_m))
         some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
     return volume
 
 
-def _sides(volume: Volume, facet: int, others: list[int]) -> list[int]:
-    """Return the facets behind which the rock is to be: the facet, or the floors on the other side."""
-    floors = [k for k in others if volume.label[k] == Label.FLOOR]
-    return floors if floors and volume.label[facet] != Label.FLOOR else [facet]
-
-
 def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
-    """Return the volume without what is behind some of its facets: prisms with bevelled edges, wider than the facet.
+    """Return the volume without what is before some of its facets: prisms with bevelled edges, wider than the facet.
 
     They are twice as deep as `half_m`, and so much wider on each side.
     """
