@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
+
+from pipeline.volume.union import Volume
 
 
 class MeshEdges:
@@ -27,6 +31,16 @@ class MeshEdges:
         self._first = np.searchsorted(self.start, np.arange(count + 1))
         across = np.searchsorted(self._keys, self.end * count + self.start)
         self.is_rim = label[self.facet] != label[self.facet[across]]
+
+    @classmethod
+    def of(cls, volume: Volume) -> Self:
+        """Sort the edges of a volume's mesh."""
+        return cls(volume.faces, np.arange(len(volume.faces)), volume.label, len(volume.vertices))
+
+    def facets(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return the facets that have the edges from some vertices to others, which there are."""
+        found: np.ndarray = self.facet[self.find(start, end)]
+        return found
 
     def around(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the edges that start where some edges (n,) do, each with the number of its one in the list."""

@@ -34,7 +34,9 @@ def test_a_floor_moves_by_a_centimetre_at_most_and_its_facets_become_a_third(spi
     _, _, before, after, _ = spiral
     is_floor = before.label == Label.FLOOR
     assert (after.label == Label.FLOOR).sum() < is_floor.sum() / 3
-    places = before.vertices[before.faces[is_floor]].mean(axis=1)  # vertices lie on walls, that a ray may meet first
+    wide = is_floor & (np.linalg.norm(before.normals, axis=1) > 0.1)  # the rim may move by 2 mm, from under slivers
+    assert wide.sum() > is_floor.sum() / 2
+    places = before.vertices[before.faces[wide]].mean(axis=1)
     hit, height = floors.drop(after.vertices, after.faces, places + np.array([0, 0, 0.1]))
     assert (after.label[hit] == Label.FLOOR).all()
     assert np.abs(height - places[:, 2]).max() < 0.0101

@@ -192,7 +192,8 @@ def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tupl
     if max(east - west, north - south) > _WIDEST_DEG:
         raise InputError(
             f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) would be degrees by its "
-            f"coordinate system, and a mine is not {max(east - west, north - south):g} deg wide; --unit m reads a local grid"
+            f"coordinate system, and a mine is not {max(east - west, north - south):g} deg wide; --unit m reads a "
+            "local grid"
         )
     projection = f"+proj=tmerc +lat_0={(south + north) / 2:.6f} +lon_0={(west + east) / 2:.6f} +ellps=WGS84 +units=m"
     try:

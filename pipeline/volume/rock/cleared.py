@@ -35,37 +35,38 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
 
 def _quickly(facets: Facets, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
     """Return the numbers of the parts that the first planes do not separate from some facet."""
-    middles = np.add.reduceat(parts.corners, parts.first[:-1]) / np.diff(parts.first)[:, None]
+    count = np.diff(parts.first)
+    along = np.einsum("nk,nk->n", parts.corners, np.repeat(outward, count, axis=0))
+    reach = np.maximum.reduceat(along, parts.first[:-1])
+    middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
     part, facet = facets.near(*parts.boxes())
     found = [np.zeros(0, int)]
     for start in range(0, len(part), _PAIRS):
         p, f = part[start : start + _PAIRS], facet[start : start + _PAIRS]
-        for ways in (
-            lambda p, f: outward[p],
-            lambda p, f: -facets.normals[f],
-            lambda p, f: facets.normals[f],
-            lambda p, f: _units(facets.corners[f].mean(axis=1) - middles[p]),
-        ):
-            meets = _overlap(facets.corners, parts, p, f, ways(p, f)) > ROUNDING_M
-            p, f = p[meets], f[meets]
-        found.append(p)
+        meets = reach[p] - _least(facets.corners[f], outward[p]) > ROUNDING_M
+        p, f = p[meets], f[meets]
+        normal = facets.normals[f]
+        low, high = _between(parts, p, normal)
+        plane = np.einsum("nk,nk->n", facets.corners[f, 0], normal)
+        meets = (np.minimum(high - plane, plane - low) > ROUNDING_M) | ~normal.any(axis=1)
+        p, f = p[meets], f[meets]
+        way = facets.corners[f].mean(axis=1) - middles[p]
+        way /= np.maximum(np.sqrt((way**2).sum(axis=1, keepdims=True)), 1e-30)
+        found.append(p[_between(parts, p, way)[1] - _least(facets.corners[f], way) > ROUNDING_M])
     return np.unique(np.concatenate(found))
 
 
-def _overlap(
-    corners: np.ndarray, parts: PartCorners, part: np.ndarray, facet: np.ndarray, ways: np.ndarray
-) -> np.ndarray:
-    """Return how far (n,) m parts reach beyond the nearest corner of facets (f, 3, 3) along ways (n, 3)."""
+def _least(corners: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """Return the least place (n,) of triangles (n, 3, 3) along ways (n, 3)."""
+    a, b, c = (np.einsum("nk,nk->n", corners[:, k], ways) for k in range(3))
+    found: np.ndarray = np.minimum(np.minimum(a, b), c)
+    return found
+
+
+def _between(parts: PartCorners, part: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the largest place (n,) of parts along ways (n, 3)."""
     if not len(part):
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     rows, starts = parts.rows(part)
     along = np.einsum("nk,nk->n", parts.corners[rows], np.repeat(ways, np.diff(np.append(starts, len(rows))), axis=0))
-    facets = corners[facet]
-    least = np.minimum(*(np.einsum("nk,nk->n", facets[:, k], ways) for k in (0, 1)))
-    found: np.ndarray = np.maximum.reduceat(along, starts)
-    return found - np.minimum(least, np.einsum("nk,nk->n", facets[:, 2], ways))
-
-
-def _units(vectors: np.ndarray) -> np.ndarray:
-    found: np.ndarray = vectors / np.maximum(np.sqrt((vectors**2).sum(axis=1, keepdims=True)), 1e-30)
-    return found
+    return np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)

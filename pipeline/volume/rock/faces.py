@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -14,24 +14,25 @@ from pipeline.volume.union import Volume
 _ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
 _INSIDE = 1e-6  # of a part's face, beyond its edges
 _WHOLE = 1e-9  # of a facet's area that rounding may leave
+_LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
 _PAIRS = 100_000  # of a part and a facet, tried together
 
 
 @dataclass(frozen=True)
 class PartFaces:
-    """Pairs of a part and a facet on whose plane the part has a face with all of the part behind it, by part.
+    """Pairs of a part and a facet on whose plane the part has a face with all of the part behind it.
 
     Attributes
     ----------
     part, facet : (n,) int64
     area_m2 : (n,) float64
-        Of the part's face.
+        Of the part's face; 0 where it is on the plane of another facet, which this one is near.
     depth_m : (n,) float64
         Of the part's farthest corner behind the plane.
     holds_middle : (n,) bool
         Whether the facet's middle is on the face.
     shared : (n,) shapely.Polygon
-        What the face covers of the facet, in the facet's plane.
+        What the face covers of the facet, in the facet's plane and along its normal.
     """
 
     part: np.ndarray
@@ -40,6 +41,20 @@ class PartFaces:
     depth_m: np.ndarray
     holds_middle: np.ndarray
     shared: np.ndarray
+
+    def largest(self, count: int) -> np.ndarray:
+        """Return for each of `count` parts the pair with its largest face, the first of equals; -1 if it has none."""
+        order = np.lexsort((self.facet, -self.area_m2, self.part))
+        number, first = np.unique(self.part[order], return_index=True)
+        found = np.full(count, -1)
+        found[number] = order[first]
+        return found
+
+    def joined(self, more: PartFaces) -> PartFaces:
+        """Return these and more pairs."""
+        return PartFaces(
+            *(np.concatenate([a, b]) for a, b in zip(vars(self).values(), vars(more).values(), strict=True))
+        )
 
     def uncovered_m2(self, areas_m2: np.ndarray) -> np.ndarray:
         """Return what (f,) m2 of each facet no part's face covers; `areas_m2` (f,) are those of the facets."""
@@ -52,48 +67,69 @@ class PartFaces:
 
 
 def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
-    """Return the faces of parts that lie on the facets of a volume."""
+    """Return the faces of parts that lie on the facets of a volume.
+
+    The plane of a small facet is known badly far from it. What no face covers is tried again with the plane of each
+    part's largest face.
+    """
     facets = Facets(volume.vertices, volume.faces)
     low, high = parts.boxes()
-    part, facet = facets.near(low - _ON_PLANE_M, high + _ON_PLANE_M)
-    order = np.lexsort((facet, part))
-    part, facet = part[order], facet[order]
-    middles = facets.corners.mean(axis=1)
-    kept, depths = [np.zeros(0, int)], [np.zeros(0)]
-    for start in range(0, len(part), _PAIRS):
-        p, f = part[start : start + _PAIRS], facet[start : start + _PAIRS]
-        rows, starts = parts.rows(p)
-        depth = _depths(parts, middles, facets.normals, p, f)
-        on = np.add.reduceat((np.abs(depth) < _ON_PLANE_M).astype(int), starts)
-        good = np.flatnonzero((np.minimum.reduceat(depth, starts) > -_ON_PLANE_M) & (on > 2))
-        kept.append(start + good)
-        depths.append(np.maximum.reduceat(depth, starts)[good])
+    near = facets.near(low - _ON_PLANE_M, high + _ON_PLANE_M)
+    kept = [np.zeros(0, int)]
+    for start in range(0, len(near[0]), _PAIRS):
+        some = slice(start, start + _PAIRS)
+        kept.append(start + np.flatnonzero(_lie_behind(facets, parts, near[0][some], near[1][some])))
     chosen = np.concatenate(kept)
-    part, facet = part[chosen], facet[chosen]
-    across = _across(facets.normals[facet])
+    part, facet = near[0][chosen], near[1][chosen]
+    found = _faces(facets, parts, part, facet, facet)
+    size = np.linalg.norm(volume.normals, axis=1) / 2
+    bare = found.uncovered_m2(size) > _WHOLE * np.maximum(size, _LEAST_M2)
+    front = found.largest(len(parts))
+    again = np.flatnonzero(bare[near[1]] & (front[near[0]] >= 0))
+    part, facet = near[0][again], near[1][again]
+    plane = found.facet[front[part]]
+    off = np.einsum("nck,nk->nc", facets.corners[facet] - facets.corners[plane][:, :1], facets.normals[plane])
+    on = (np.abs(off).max(axis=1) < _ON_PLANE_M) & (plane != facet)
+    more = _faces(facets, parts, part[on], plane[on], facet[on])
+    return found.joined(replace(more, area_m2=np.zeros(len(more.part))))
+
+
+def _lie_behind(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
+    """Return which parts (n,) lie behind the planes of facets with a face on it."""
+    depth, starts = _depths(facets, parts, part, facet), parts.rows(part)[1]
+    on = np.add.reduceat((np.abs(depth) < _ON_PLANE_M).astype(int), starts)
+    found: np.ndarray = (np.minimum.reduceat(depth, starts) > -_ON_PLANE_M) & (on > 2)
+    return found
+
+
+def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray) -> PartFaces:
+    """Return the faces of parts on the planes of some facets, and what they cover of others along their normals."""
+    if not len(part):
+        none = np.zeros(0)
+        return PartFaces(part, facet, none, none, none.astype(bool), none.astype(object))
+    across, middles = _across(facets.normals[facet]), facets.corners[facet].mean(axis=1)
     rows, starts = parts.rows(part)
     pair = np.repeat(np.arange(len(part)), np.diff(np.append(starts, len(rows))))
-    on = np.abs(_depths(parts, middles, facets.normals, part, facet)) < _ON_PLANE_M
-    flat = np.einsum("nk,njk->nj", (parts.corners[rows] - middles[facet[pair]])[on], across[pair[on]])
+    depth = _depths(facets, parts, part, plane)
+    on = np.abs(depth) < _ON_PLANE_M
+    flat = np.einsum("nk,njk->nj", (parts.corners[rows] - middles[pair])[on], across[pair[on]])
     face = shapely.convex_hull(shapely.multipoints(flat, indices=pair[on]))
-    triangle = shapely.polygons(np.einsum("nck,njk->ncj", facets.corners[facet] - middles[facet][:, None], across))
+    corners = np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across)
     return PartFaces(
         part,
         facet,
         shapely.area(face),
-        np.concatenate(depths),
+        np.maximum.reduceat(depth, starts),
         shapely.distance(face, shapely.Point(0, 0)) < _INSIDE,
-        shapely.intersection(face, triangle),
+        shapely.intersection(face, shapely.polygons(corners)),
     )
 
 
-def _depths(
-    parts: PartCorners, middles: np.ndarray, normals: np.ndarray, part: np.ndarray, facet: np.ndarray
-) -> np.ndarray:
+def _depths(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
     """Return how deep (r,) m each corner of some parts is behind the plane of the part's facet."""
     rows, starts = parts.rows(part)
-    facets = np.repeat(facet, np.diff(np.append(starts, len(rows))))
-    found: np.ndarray = np.einsum("nk,nk->n", parts.corners[rows] - middles[facets], normals[facets])
+    number = np.repeat(facet, np.diff(np.append(starts, len(rows))))
+    found: np.ndarray = np.einsum("nk,nk->n", parts.corners[rows] - facets.corners[number, 0], facets.normals[number])
     return found
 
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
 
 _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the corner stays nearer
@@ -26,7 +27,7 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
     places, units = list(map(tuple, volume.vertices.tolist())), list(map(tuple, unit.tolist()))
     level = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]])
     offset = level.tolist()
-    beside = FacetEdges(volume.faces).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
+    beside = MeshEdges.of(volume).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
     flat = np.einsum("fx,fix->fi", unit, unit[beside]) > 1 - 2 * _PARALLEL
     flat &= volume.label[:, None] == volume.label[beside]
     for facet, side in np.argwhere(flat).tolist():
@@ -49,22 +50,6 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
         del ring[two]
         owner[a, b] = owner[b, a] = one
     return [(ring[k], held[k]) for k in ring]
-
-
-class FacetEdges:
-    """The edges of a closed mesh, each from one corner to the next of the facet that has it so."""
-
-    def __init__(self, faces: np.ndarray) -> None:
-        """Sort the edges of facets (f, 3)."""
-        self._count = int(faces.max(initial=0)) + 1
-        keys = faces.ravel() * self._count + np.roll(faces, -1, axis=1).ravel()
-        order = np.argsort(keys)
-        self._keys, self._facets = keys[order], order // 3
-
-    def facets(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return the facets that have the edges from some corners to others."""
-        found: np.ndarray = self._facets[np.searchsorted(self._keys, start * self._count + end)]
-        return found
 
 
 def _spliced(one: list[int], two: list[int], a: int, b: int) -> list[int] | None:

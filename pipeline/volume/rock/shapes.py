@@ -122,28 +122,35 @@ def bodies_of(
     owner : (n,) int64
         As of `ConvexBodies`.
     """
-    corners, directions, edges = [], [], []
-    for n, solid in enumerate(solids):
-        points, faces = fronts[n], np.array([[0, 1, 2]])
-        if not solid.is_empty() and solid.volume() > 0:
-            mesh = solid.to_mesh64()
-            points, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
-        a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
-        normal = np.cross(b - a, c - a)
-        size = np.sqrt((normal**2).sum(axis=1, keepdims=True))
-        real = size[:, 0] > 1e-12
-        corners.append(points)
-        directions.append(np.concatenate([outward[n : n + 1], normal[real] / size[real]]))
-        edges.append(np.concatenate([b - a, c - b]))
-    return ConvexBodies(_padded(corners), _padded(directions), _padded(edges), owner)
-
-
-def _padded(rows: list[np.ndarray]) -> np.ndarray:
-    """Return rows (r, 3) as one array; shorter ones repeat their first entry."""
-    most = max(map(len, rows), default=0)
-    return np.array([np.concatenate([row, np.repeat(row[:1], most - len(row), axis=0)]) for row in rows]).reshape(
-        len(rows), most, 3
+    points, faces = [], []
+    for front, solid in zip(fronts, solids, strict=True):
+        if solid.is_empty() or solid.volume() <= 0:
+            points.append(front)
+            faces.append(np.array([[0, 1, 2]]))
+            continue
+        mesh = solid.to_mesh64()
+        points.append(np.asarray(mesh.vert_properties)[:, :3])
+        faces.append(np.asarray(mesh.tri_verts, np.int64))
+    counts, sizes = np.array([*map(len, points)]), np.array([*map(len, faces)])
+    of_solid = np.repeat(np.cumsum(counts) - counts, sizes)
+    a, b, c = np.moveaxis(np.concatenate(points)[np.concatenate(faces) + of_solid[:, None]], 1, 0)
+    normal = np.cross(b - a, c - a)
+    size = np.sqrt((normal**2).sum(axis=1, keepdims=True))
+    # Of no area: the front's direction is tried twice.
+    normal = np.where(size > 1e-12, normal / np.maximum(size, 1e-30), np.repeat(outward, sizes, axis=0))
+    return ConvexBodies(
+        _padded(np.concatenate(points), counts),
+        np.concatenate([outward[:, None], _padded(normal, sizes)], axis=1),
+        np.concatenate([_padded(b - a, sizes), _padded(c - b, sizes)], axis=1),
+        owner,
     )
+
+
+def _padded(rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return rows (r, 3), so many of each body, as one array; shorter bodies repeat their last one."""
+    first = np.cumsum(counts) - counts
+    found: np.ndarray = rows[first[:, None] + np.minimum(np.arange(counts.max()), counts[:, None] - 1)]
+    return found
 
 
 def halving_planes(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.volume.rock.polygons import FacetEdges, ways_into_rock
+from pipeline.volume.mesh_edges import MeshEdges
+from pipeline.volume.rock.polygons import ways_into_rock
 from pipeline.volume.rock.shapes import Polygons
 from pipeline.volume.union import Volume
 
@@ -42,7 +43,7 @@ class RockSurfaces:
         normal = volume.normals
         size = np.linalg.norm(normal, axis=1)
         unit = normal / np.maximum(size, 1e-30)[:, None]
-        ways, edges = ways_into_rock(volume), FacetEdges(volume.faces)
+        ways, edges = ways_into_rock(volume), MeshEdges.of(volume)
         area = np.bincount(self.owner + 1, size / 2, len(size) + 1)[1:]
         count, first = np.array([len(ring) for ring in self._rings], int), np.array(list(self.facets), int)
         found = []

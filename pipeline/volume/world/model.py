@@ -50,7 +50,8 @@ class VolumeScene:
 
 def zone_numbers(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> np.ndarray:
     """Return the number (p,) of the zone that each part's middle lies in."""
-    middle = np.array([(one[:, 0].min() + one[:, 0].max()) / 2 for one in map(parts.__getitem__, range(len(parts)))])
+    east, starts = parts.corners[:, 0], parts.first[:-1]
+    middle = (np.minimum.reduceat(east, starts) + np.maximum.reduceat(east, starts)) / 2
     found: np.ndarray = np.searchsorted([zone.east_m for zone in zones[:-1]], middle)
     return found
 
@@ -160,4 +161,4 @@ def _cameras(scene: VolumeScene) -> Iterator[ElementTree.Element]:
 
 def _text(values: Sequence[float] | np.ndarray) -> str:
     """Return numbers with all digits that they need, apart by blanks."""
-    return " ".join(f"{float(value):.12g}" for value in values)
+    return " ".join(f"{value:.12g}" for value in np.asarray(values, float).tolist())

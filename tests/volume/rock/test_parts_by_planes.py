@@ -114,3 +114,29 @@ def test_drawn_boxes_are_different_parts_of_the_free_space(beside):
     drawn = Tiles(beside.solid).drawn(100, np.random.default_rng(0))
     assert sum(tile.solid.volume() for tile in drawn) <= beside.solid.volume() * (1 + 1e-9)
     assert len({tuple(tile.low) for tile in drawn}) == len(drawn)
+
+
+def test_a_sliver_whose_plane_is_off_a_little_is_covered_by_the_part_behind_its_neighbours(drift):
+    volume, parts = drift
+    largest = max(parts, key=lambda part: part.area_m2)
+    k = largest.facets[0]
+    a, b, c = volume.faces[k]
+    vertices = np.vstack([volume.vertices, (volume.vertices[b] + volume.vertices[c]) / 2])
+    way = volume.vertices[a] - vertices[-1]
+    vertices[-1] += 1e-3 * way / np.linalg.norm(way)  # the facet from b to c becomes a sliver of 1 mm ...
+    normal = volume.normals[k] / np.linalg.norm(volume.normals[k])
+    vertices[-1] += 1e-6 * normal  # ... whose plane leans by a milliradian
+    m = len(volume.vertices)
+    faces = np.vstack([np.delete(volume.faces, k, axis=0), [[a, b, m], [a, m, c], [m, b, c]]])
+    label = np.append(np.delete(volume.label, k), [volume.label[k]] * 3)
+    spoilt = dataclasses.replace(volume, vertices=vertices, faces=faces, label=label)
+    found = faces_on_facets(spoilt, PartCorners.of([part.corners for part in parts]))
+    bare = found.uncovered_m2(np.linalg.norm(spoilt.normals, axis=1) / 2)
+    assert bare[-3:] == pytest.approx(0, abs=1e-7)
+    without = [part.corners for part in parts if part is not largest]
+    assert (
+        faces_on_facets(spoilt, PartCorners.of(without))
+        .uncovered_m2(np.linalg.norm(spoilt.normals, axis=1) / 2)[-3:]
+        .min()
+        > 0
+    )

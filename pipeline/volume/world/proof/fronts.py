@@ -35,15 +35,11 @@ def fronts_of(volume: Volume, parts: LabelledParts) -> Fronts:
     """
     corners = PartCorners(parts.corners, parts.first.astype(np.int64))
     faces = faces_on_facets(volume, corners)
-    order = np.lexsort((faces.facet, -faces.area_m2, faces.part))
-    number, first = np.unique(faces.part[order], return_index=True)
-    largest = np.full(len(parts), -1)
-    largest[number] = order[first]
     found = [
         ShellPart(corners[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(faces.area_m2[n]), 0.0)
         if n >= 0
         else ShellPart(corners[k], [0], "built", 0.0, 0.0, 0.0)
-        for k, n in enumerate(largest.tolist())
+        for k, n in enumerate(faces.largest(len(parts)).tolist())
     ]
     size = np.linalg.norm(volume.normals, axis=1) / 2
     bare = size > _LEAST_M2
