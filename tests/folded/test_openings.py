@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import shapely
 
-from baselines.base.errors import BaselineError
-from baselines.oracle.__main__ import require_fences
 from minexplore.bundle import RECORD, BundleError, is_floor, rock_geom
 from minexplore.envs.env import MineEnv
 from minexplore.envs.robot_batch import RobotBatch
@@ -306,9 +304,3 @@ def test_robots_thrown_into_open_shafts_never_leave_the_workings(opened):
             lowest = min(lowest, batch.heights(here).min())
         assert lowest == pytest.approx(opening.bottom_m, abs=0.2)
     batch.close()
-
-
-def test_no_bound_is_computed_where_robots_can_fall(fenced, opened):
-    require_fences("a/mine", load_world(fenced.bundle))
-    with pytest.raises(BaselineError, match=r"a/mine: robots can fall down its shafts"):
-        require_fences("a/mine", load_world(opened.bundle))
