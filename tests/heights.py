@@ -119,7 +119,8 @@ class MineWithHeights:
     def from_file(cls, path: Path, config: Config, **values: Any) -> Self:
         """Build a vector file instead."""
         mine = cls.__new__(cls)
-        params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
+        section = {"kind": "vector", "name": "a", "file": "data/x", "volume": False}
+        params = VectorSurveyParams.model_validate({**section, **values})
         mine._build(params.model_copy(update={"file": path.as_posix()}), config, path.parent, False)
         return mine
 

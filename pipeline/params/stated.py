@@ -37,7 +37,6 @@ class FileKind(StrEnum):
 
 
 _PICTURES = (FileKind.PICTURE, FileKind.PDF)
-_NOT_SOLID = (FileKind.VECTOR, FileKind.STATIONS, FileKind.GRID, *_PICTURES)
 
 
 @dataclass(frozen=True)
@@ -93,10 +92,10 @@ class StatedOptions(Params):
         default=None,
         description="which piece of a survey with heights is built, by a station of it; default: the longest",
     )
-    volume: Annotated[bool | None, _option("--volume", *_NOT_SOLID)] = Field(
+    volume: Annotated[bool | None, _option("--volume", FileKind.VECTOR, FileKind.STATIONS)] = Field(
         default=None,
-        description="build a mine with heights whole, as one closed volume: levels and passages over others, shafts, "
-        "crawls; or the solids in a DXF file",
+        description="build a survey with elevations whole, as one closed volume: shafts, crawls, passages over others; "
+        "or the solids in a DXF file",
     )
     entrance_m: Annotated[StartM | None, _option("--start --entrance", metavar="E,N[,Z]")] = Field(
         default=None,
