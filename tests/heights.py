@@ -133,7 +133,8 @@ class MineWithHeights:
     def from_file(cls, path: Path, config: Config, **values: Any) -> Self:
         """Build a vector file instead."""
         mine = cls.__new__(cls)
-        params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
+        section = {"kind": "vector", "name": "a", "file": "data/x", "volume": False}
+        params = VectorSurveyParams.model_validate({**section, **values})
         read = _read(params.model_copy(update={"file": path.as_posix()}))
         mine.survey = read.survey
         mine._build(read.plan, read.workings, config, path.parent, False)

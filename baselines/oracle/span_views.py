@@ -51,7 +51,8 @@ def free_heights(spans: FloorSpans) -> FreeHeights:
     shape = (int(order_in.max()) + 1, rows * cols)
     found = np.full((2, *shape), np.nan)
     found[0, order_in, column], found[1, order_in, column] = lowest, highest
-    return FreeHeights(*found.reshape(2, shape[0], rows, cols), first)
+    free_low, free_high = found.reshape(2, shape[0], rows, cols)
+    return FreeHeights(free_low, free_high, first)
 
 
 def cells_in_view(batch: RobotBatch, numbers: np.ndarray, regions: np.ndarray) -> list[np.ndarray]:
