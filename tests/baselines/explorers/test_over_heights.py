@@ -16,7 +16,7 @@ from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from tests.heights import UNDER, MineWithHeights, levels, spiral
+from tests.heights import UNDER, MineWithHeights, spiral
 
 LEVEL = np.eye(3)[:2]
 BEARINGS = np.radians([0.0, 90.0, 180.0, 270.0])
@@ -27,11 +27,6 @@ DRY = {"terrain": False}  # mud and water on a decline of 13 % are slippery: rob
 @pytest.fixture(scope="module")
 def under(mine_of_legs):
     return mine_of_legs(UNDER, "preset=light")
-
-
-@pytest.fixture(scope="module")
-def helix(mine_of_legs):
-    return mine_of_legs(spiral(2), "preset=light")
 
 
 def seen_by_sheet(env):
@@ -109,8 +104,8 @@ def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*EXPLORERS][2:])
-@pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4), (levels(), 3)])
-def test_explorers_reach_all_sheets_of_a_spiral_and_of_three_levels(name, legs, sheets, light, tmp_path):
+@pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4)])
+def test_explorers_reach_all_sheets_of_a_spiral(name, legs, sheets, light, tmp_path):
     mine = MineWithHeights(legs, light, tmp_path)
     _, shares = explore(mine.bundle, name, 12_000)
     assert len(shares) == sheets
