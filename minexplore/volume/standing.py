@@ -14,7 +14,7 @@ _STEP_M = 0.05  # a castor's radius
 _NEXT = ((1, 0), (0, 1))  # a robot goes on to the next cell east or north, and back
 
 
-class Spans(Protocol):
+class ColumnFloors(Protocol):
     """What of floor spans says which are neighbours; see `FloorSpans`."""
 
     @property
@@ -68,12 +68,12 @@ def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) 
     return standing
 
 
-def neighbours(spans: Spans, steepest: float, step_m: float, height_m: float) -> np.ndarray:
+def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: float) -> np.ndarray:
     """Return the pairs (n, 2) of spans in columns side by side between which a robot can drive.
 
     Parameters
     ----------
-    spans : Spans
+    spans : ColumnFloors
     steepest : float
         Rise over run of the floors.
     step_m : float
