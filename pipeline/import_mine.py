@@ -170,14 +170,6 @@ def _with_heights(detected: Detection, stated: StatedOptions, source: Path) -> D
         If both are stated, the file has elevations of its own, or heights are not read from such a file.
     """
     heights, grade = stated.heights, stated.grade
-    if stated.volume:
-        if not detected.has_heights and heights is None and grade is None:
-            raise InputError(
-                f"{source}: --volume builds mines with heights, and this survey is level; --heights or --grade states "
-                "them"
-            )
-        if detected.values["kind"] != "solid":
-            detected = replace(detected, values={**detected.values, "volume": True})
     if heights is None and grade is None:
         return detected
     option = "--grade" if heights is None else f"--heights {heights}"

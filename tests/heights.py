@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from shapely import MultiPolygon
+from shapely import MultiPolygon, Polygon
 
 from benchmarks.worlds.small_world import finish_world
 from pipeline.params.config import Config
-from pipeline.params.survey import PassageSurveyParams, VectorSurveyParams
+from pipeline.params.survey import VectorSurveyParams
 from pipeline.params.validation import ValidationParams
-from pipeline.survey.draw import draw_workings, frame_of
 from pipeline.survey.load import _read
-from pipeline.survey.passages.sheets import lay_out_sheets
-from pipeline.survey.stations.table import read_station_legs
-from pipeline.types import Image, Scale, Survey, Workings
+from pipeline.types import Image, Workings
 from stages.contours import trace_free_space
 from tests.mines import unreported
 
@@ -25,6 +23,7 @@ HEADER = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m,up_m,down_
 Leg = list[tuple[str, float, float, float]]
 Roofs = dict[str, float | None]  # over the floor at stations, None: not surveyed; others have 3.5 m
 
+_MOST_SHOTS = 6  # of a piece of a leg that is drawn: half a turn of a spiral
 # 10 m of 15 % between two level drifts.
 RAMP: dict[str, Leg] = {"A": [("a", 0, 0, 100), ("b", 20, 0, 100), ("c", 30, 0, 101.5), ("d", 60, 0, 101.5)]}
 # A drift, a ramp from its end, and a drift that the ramp leads to, 9 m under the first.
@@ -101,43 +100,64 @@ def table(legs: dict[str, Leg], half_m: float = 2.2, roofs: Roofs | None = None)
     return HEADER + "".join(rows)
 
 
-def lay_out(path: Path) -> tuple[Image, MultiPolygon, Survey]:
-    """Return the plan, the workings and the survey of a station table as folded sheets, which drawings still are."""
-    polygons, heights = lay_out_sheets(path, read_station_legs(path))
-    params = PassageSurveyParams(kind="passages", name="heights", file="data/x", heights=None)
-    frame = frame_of(path.as_posix(), polygons, params)
-    scale, sources = Scale(frame.px_per_m, "drawn"), [path.as_posix()]
-    survey = Survey("heights", "passages", frame, scale, [], None, {}, sources, heights=heights)
-    return draw_workings(polygons, frame, {}, params.drawing_grey), polygons, survey
+def walls_of(legs: dict[str, Leg], half_m: float = 2.2) -> str:
+    """Return a drawing, GeoJSON, of the walls of legs with elevations; plumb legs are lines, the axes of shafts.
+
+    A leg that turns above itself is drawn in pieces that do not.
+    """
+    shapes: list[dict[str, Any]] = []
+    for stations in legs.values():
+        places = np.array([place for _, *place in stations], float)
+        step = np.diff(places[:, :2], axis=0)
+        run = np.linalg.norm(step, axis=1)
+        if (run < 1).any():
+            shapes.append({"type": "LineString", "coordinates": places.tolist()})
+            continue
+        ahead = step / run[:, None]
+        turn = ahead[:-1] + ahead[1:]
+        heading = np.vstack([ahead[:1], turn / np.linalg.norm(turn, axis=1)[:, None], ahead[-1:]])
+        across = np.column_stack([-heading[:, 1], heading[:, 0], np.zeros(len(places))])
+        across[1:-1] /= (heading[1:-1] * ahead[1:]).sum(axis=1)[:, None]
+        left, right = places + half_m * across, places - half_m * across
+        first = 0
+        for k in range(2, len(places) + 1):
+            ends = k == len(places) or k - first > _MOST_SHOTS
+            if ends or not Polygon(_ring(left, right, first, k)[:, :2]).is_valid:
+                shapes.append({"type": "Polygon", "coordinates": [_ring(left, right, first, k - 1).tolist()]})
+                first = k - 1
+    features = [{"type": "Feature", "properties": {}, "geometry": shape} for shape in shapes]
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
+def _ring(left: np.ndarray, right: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Return the closed wall of a leg between two of its stations."""
+    return np.vstack([left[first : last + 1], right[first : last + 1][::-1], left[first : first + 1]])
 
 
 class MineWithHeights:
-    """A station table built by stages 1 to 5 in memory; its bundle is written to `folder / "world"`."""
+    """Drawn levels that stages 1 to 5 fold in memory; its bundle is written to `folder / "world"`."""
 
     def __init__(
-        self,
-        legs: dict[str, Leg],
-        config: Config,
-        folder: Path,
-        roofs: Roofs | None = None,
-        report: bool = True,
-        half_m: float = 2.2,
+        self, legs: dict[str, Leg], config: Config, folder: Path, report: bool = True, half_m: float = 2.2
     ) -> None:
-        """Run the functions of the stages; without `report`, those of stage 4's report (see `unreported`)."""
-        path = folder / "stations.csv"
-        path.write_text(table(legs, half_m, roofs))
-        plan, polygons, self.survey = lay_out(path)
-        self._build(plan, polygons, config, folder, report)
+        """Run the functions of the stages on the walls of legs; without `report`, those of stage 4's report."""
+        path = folder / "levels.geojson"
+        path.write_text(walls_of(legs, half_m))
+        self._read(path, config, report, unit="m")
 
     @classmethod
     def from_file(cls, path: Path, config: Config, **values: Any) -> Self:
         """Build a vector file instead."""
         mine = cls.__new__(cls)
-        params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
-        read = _read(params.model_copy(update={"file": path.as_posix()}))
-        mine.survey = read.survey
-        mine._build(read.plan, read.workings, config, path.parent, False)
+        mine._read(path, config, False, **values)
         return mine
+
+    def _read(self, path: Path, config: Config, report: bool, **values: Any) -> None:
+        section = {"kind": "vector", "name": "a", "file": "data/x", "volume": False}
+        params = VectorSurveyParams.model_validate({**section, **values})
+        read = _read(params.model_copy(update={"file": path.as_posix()}))
+        self.survey = read.survey
+        self._build(read.plan, read.workings, config, path.parent, report)
 
     def _build(self, plan: Image, workings: MultiPolygon, config: Config, folder: Path, report: bool) -> None:
         traced = trace_free_space(config.contours, plan, self.survey, Workings(workings))

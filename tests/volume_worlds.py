@@ -53,9 +53,7 @@ class VolumeWorld:
     @classmethod
     def from_areas(cls, path: Path, heights: Path | None = None, **values: Any) -> Self:
         """Build the areas of a drawing with heights instead; `values` are those of the survey's section."""
-        params = VectorSurveyParams.model_validate(
-            {"kind": "vector", "name": "test", "file": "data/x", "volume": True, **values}
-        )
+        params = VectorSurveyParams.model_validate({"kind": "vector", "name": "test", "file": "data/x", **values})
         update = {"file": path.as_posix(), "heights": None if heights is None else heights.as_posix()}
         world = cls.__new__(cls)
         world._build(_read(params.model_copy(update=update)), path.parent)

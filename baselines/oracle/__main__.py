@@ -18,7 +18,7 @@ from baselines.oracle.bound import best_walk
 from baselines.oracle.figure import draw_oracle
 from baselines.oracle.flying import network_in_volume
 from baselines.oracle.network import TimeNetwork, time_network
-from baselines.oracle.sheets import network_over_sheets, tour_over_sheets
+from baselines.oracle.spans import network_over_spans, tour_over_spans
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.running.protocol import SEEDS, head_of, run_episodes
 from baselines.scoring.bounds import Bound, read_bounds, write_bound
@@ -36,14 +36,14 @@ _BUDGETS = (1.0, 0.92, 0.85, 0.78, 0.7, 0.62)
 def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
     """Bring an environment's bound, tour and picture up to date; what is current is kept."""
     env = make_env(env_id, len(seeds), os.cpu_count() or 1)
-    require_fences(env_id, env.world)
+    require_no_folds(env_id, env.world)
     head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
     known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
     bounded, driven = len(known.time_s) == len(times), is_current(results, head)
     if env.robot.FLIES:
         _renew_flying(env_id, env, known, times, limit_s)
         return
-    build = time_network if env.world.floor.is_flat else network_over_sheets
+    build = time_network if env.world.volume is None else network_over_spans
     network = None if bounded and driven else build(env.robots, times[-1] / _BANDS)
     bound = known if network is None else _bound(env_id, network, known, times, limit_s)
     if network is not None and not driven:
@@ -75,12 +75,10 @@ def _renew_flying(env_id: str, env: MineVectorEnv, known: Bound, times: list[flo
     )
 
 
-def require_fences(env_id: str, world: World) -> None:
-    """Refuse a volume, and a world whose shafts have no fence: a robot that falls is faster than any on the floor."""
-    if world.volume is not None:
-        raise BaselineError(f"{env_id}: its mine is one volume; bounds are of mines whose floors are drawn in plan")
-    if len(world.open_shafts):
-        raise BaselineError(f"{env_id}: robots can fall down its shafts; a bound needs realism.fence_openings=true")
+def require_no_folds(env_id: str, world: World) -> None:
+    """Refuse a world whose plan is folded into floors with heights."""
+    if not world.floor.is_flat:
+        raise BaselineError(f"{env_id}: its floors are a folded plan; bounds are of level mines and of volumes")
 
 
 def _times(env: MineVectorEnv) -> list[float]:
@@ -116,7 +114,7 @@ def _tour(env_id: str, env: MineVectorEnv, network: TimeNetwork, seeds: list[int
     progress = Progress(f"{env_id}: tours", len(_BUDGETS) * len(seeds) * env.task.max_steps)
     tours = []
     for budget in _BUDGETS:
-        plan = plan_tour if env.world.floor.is_flat else tour_over_sheets
+        plan = plan_tour if env.world.volume is None else tour_over_spans
         path = plan(network, best_walk(network, budget * horizon, limit_s), env.world)
         tour = OracleTour(len(seeds), env.task, env.robot, path)
         tours.append(list(run_episodes(env, tour, seeds, progress.add)))

@@ -39,16 +39,10 @@ def _draw_plan(plan: Any, env: MineVectorEnv, episode: Episode) -> Any:
     west, south = world.origin_m
     frame = (west, west + cols * world.cell_m, south, south + rows * world.cell_m)
     colours = matplotlib.colors.ListedColormap([_ROCK, "white"])
-    if world.floor.is_flat:
-        plan.imshow(world.clearance_m > 0, origin="lower", extent=frame, cmap=colours)
-    else:  # its sheets lie over each other
-        floor = world.floor
-        corners = floor.fold(floor.vertices * [1, 1, 0])[:, :2]
-        plan.tripcolor(*corners.T, floor.faces, facecolors=np.zeros(len(floor.faces)), cmap="Greys", alpha=0.3)
-        plan.set_aspect("equal")
+    plan.imshow(world.clearance_m > 0, origin="lower", extent=frame, cmap=colours)
     path, times = np.array(episode.path_cm) / 100, sample_times(episode, task.control_s)
     if np.isfinite(task.region_m):
-        row, col = np.nonzero(grid.reachable)
+        row, col = np.nonzero(grid.in_plan(grid.reachable))
         cells = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
         plan.plot(*cells.T, ".", ms=2, color=_CELL, zorder=1)
         low, high = path.min(axis=0) - _MARGIN_M, path.max(axis=0) + _MARGIN_M

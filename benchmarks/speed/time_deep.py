@@ -21,17 +21,16 @@ from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
 from benchmarks.speed.stage_costs import STAGES, Costs, measure
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
-from minexplore.floors.floor import Floor
+from minexplore.bundle import RECORD, TOPOLOGY
 from pipeline.import_mine import draft_import, import_mine
 from pipeline.params.stated import StatedOptions
-from pipeline.store.codecs import decode
 from tests.heights import table
 from tests.project import Project
 
 RESULTS, PAGE = Path("artifacts/bench/deep.jsonl"), Path("docs/evidence/parts/deep-mines.md")
 _SIZES_KM, _LEVELS, _SEED = (40.0, 80.0), 20, 1
 _COLUMNS = (
-    *("asked, km", "levels", "drifts, km", "depth, m", "sheets", "prisms", "s", "s per km", "GB, at most"),
+    *("asked, km", "levels", "drifts, km", "depth, m", "storeys", "parts", "s", "s per km", "GB, at most"),
     *("in stage", "certificate"),
 )
 _DRIVEN = ("drifts, km", "made in s", "memory, MB", "control steps/s", "reset, ms")
@@ -45,7 +44,7 @@ class Deep:
     levels: int
     drift_m: float
     depth_m: float
-    sheets: int
+    storeys: int
     parts: int
     certificate: bool
     costs: Costs
@@ -85,15 +84,16 @@ def measure_survey(project: Project, name: str, text: str, km: float, levels: in
     root = Path("artifacts/worlds") / name
     costs = measure([f"survey={name}", "preset=light"], root, project.folder)
     built = project.folder / root
-    floor = decode(built / "compile3d/floor.npz", Floor)
     metrics = json.loads((built / "validation/metrics.json").read_text())
+    stations = json.loads((built / "realism/world" / TOPOLOGY).read_text())["stations_m"]
+    figures = json.loads((built / "realism/world" / RECORD).read_text())["volume"]
     return Deep(
         km=km,
         levels=levels,
-        drift_m=json.loads((built / "contours/topology.json").read_text())["total_length_m"],
-        depth_m=round(float(np.ptp(floor.vertices[:, 2])), 1),
-        sheets=len(floor.offset_m),
-        parts=metrics["collision"]["parts"],
+        drift_m=metrics["survey"]["length_m"],
+        depth_m=round(float(np.ptp([z for *_, z in stations.values()])), 1),
+        storeys=figures["storeys"],
+        parts=figures["parts"],
         certificate=metrics["certificate"]["holds"],
         costs=costs,
     )
@@ -127,7 +127,7 @@ def _cells(row: Deep) -> list[object]:
         row.levels,
         f"{row.drift_m / 1000:.1f}",
         f"{row.depth_m:,.0f}",
-        row.sheets,
+        row.storeys,
         f"{row.parts:,}",
         f"{row.total_s:,.0f}",
         f"{1000 * row.total_s / row.drift_m:.1f}",

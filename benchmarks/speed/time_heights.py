@@ -27,7 +27,8 @@ from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.load import _read
 from pipeline.types import Workings
 from stages.contours import trace_free_space
-from tests.heights import Leg, MineWithHeights, levels, seam, spiral, table
+from tests.heights import Leg, levels, seam, spiral, table
+from tests.volumes import build_volume
 
 TABLE = Path("docs/evidence/parts/levels-speed.md")
 _CASES = {"spiral of three turns": spiral(3), "three levels": levels(), "rooms on a dipping seam": seam()}
@@ -36,7 +37,7 @@ _LEAST = 0.8
 
 
 def build_level(legs: dict[str, Leg], folder: Path) -> Path:
-    """Build the largest sheet of a station table's plan as a level mine without tilt; return its bundle."""
+    """Build a station table as it is seen from above, as a level mine without tilt; return its bundle."""
     config = compose(["preset=light", "realism.tilt_deg=0"])
     path = folder / "stations.csv"
     path.write_text(table(legs))
@@ -89,7 +90,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=9)
     arguments = parser.parse_args()
-    config = compose(["preset=light"])
     rows: list[tuple[str, ...]] = []
     lowest = 1.0
     for name, legs in tqdm(_CASES.items(), unit="mine", disable=None):
@@ -97,8 +97,8 @@ def main() -> int:
             places = [Path(folder) / kind for kind in ("heights", "level")]
             for place in places:
                 place.mkdir()
-            mine, level = MineWithHeights(legs, config, places[0]), build_level(legs, places[1])
-            found = measure(mine.bundle, level, arguments.runs)
+            mine, level = build_volume(table(legs), places[0]), build_level(legs, places[1])
+            found = measure(mine, level, arguments.runs)
         for kind, (ours, theirs, ratio) in found.items():
             robots = f"{_ROBOTS} robots" if kind == "vector" else kind
             rows.append((name, robots, f"{ours:,.0f}", f"{theirs:,.0f}", f"{ratio:.2f}", f">= {_LEAST:g}"))

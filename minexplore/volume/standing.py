@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from minexplore.floors.volume_arrays import FloorSpans
@@ -10,6 +12,30 @@ from minexplore.physics.robot import RobotParams
 _STEEPEST = 0.364  # rise over run, as of the legs that are flat enough to drive on
 _STEP_M = 0.05  # a castor's radius
 _NEXT = ((1, 0), (0, 1))  # a robot goes on to the next cell east or north, and back
+
+
+class ColumnFloors(Protocol):
+    """What of floor spans says which are neighbours; see `FloorSpans`."""
+
+    @property
+    def column(self) -> np.ndarray:
+        """Return the columns (s,)."""
+
+    @property
+    def row(self) -> np.ndarray:
+        """Return the rows (s,)."""
+
+    @property
+    def floor_m(self) -> np.ndarray:
+        """Return the floors' heights (s,) m."""
+
+    @property
+    def headroom_m(self) -> np.ndarray:
+        """Return the free heights (s,) m."""
+
+    @property
+    def cell_m(self) -> float:
+        """Return the side of a column, m."""
 
 
 def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) -> np.ndarray:
@@ -22,44 +48,59 @@ def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) 
     """
     top_m = robot.sensor_height_m + robot.scanner_height_m / 2
     roomy = (spans.clearance_m >= robot.radius_m) & (spans.headroom_m >= top_m)
-    fits = np.flatnonzero(roomy & (spans.storey >= 0))
-    if not len(fits):
+    fits = roomy & (spans.storey >= 0)
+    if not fits.any():
         raise ValueError("no place where the robot fits")
-    seed = int(np.square(spans.places_m[fits] - anchor_m).sum(axis=1).argmin())
-    first, second = _beside(spans, fits, top_m)
-    order = np.argsort(np.concatenate([first, second]), kind="stable")
-    neighbour = np.concatenate([second, first])[order]
-    starts = np.searchsorted(np.concatenate([first, second])[order], np.arange(len(fits) + 1))
-    reached, edge = np.zeros(len(fits), bool), np.array([seed])
+    numbers = np.flatnonzero(fits)
+    seed = int(numbers[np.square(spans.places_m[numbers] - anchor_m).sum(axis=1).argmin()])
+    pairs = neighbours(spans, _STEEPEST, _STEP_M, top_m)
+    pairs = pairs[fits[pairs].all(axis=1)]
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    starts = np.searchsorted(both[:, 0], np.arange(len(fits) + 1))
+    standing, edge = np.zeros(len(fits), bool), np.array([seed])
     while len(edge):  # all spans that are one step farther at a time
-        reached[edge] = True
+        standing[edge] = True
         count = starts[edge + 1] - starts[edge]
         at = np.repeat(starts[edge] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        found = np.unique(neighbour[at])
-        edge = found[~reached[found]]
-    standing = np.zeros(len(spans.storey), bool)
-    standing[fits[reached]] = True
+        found = np.unique(both[at, 1])
+        edge = found[~standing[found]]
     return standing
 
 
-def _beside(spans: FloorSpans, fits: np.ndarray, top_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs, as numbers in `fits`, between which a robot of some height can drive."""
-    column, row, floor = spans.column[fits].astype(np.int64), spans.row[fits].astype(np.int64), spans.floor_m[fits]
-    roof = floor + spans.headroom_m[fits]
-    wide = int(column.max(initial=0)) + 2
-    key = row * wide + column
+def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: float) -> np.ndarray:
+    """Return the pairs (n, 2) of spans in columns side by side between which a robot can drive.
+
+    Parameters
+    ----------
+    spans : ColumnFloors
+    steepest : float
+        Rise over run of the floors.
+    step_m : float
+        By which their heights may differ besides.
+    height_m : float
+        Of the robot, which must fit under both roofs on the higher of the two floors.
+    """
+    key = _keys(spans.column, spans.row)
     order = np.argsort(key, kind="stable")
-    keys = key[order]
-    rise_m = _STEEPEST * spans.cell_m + _STEP_M
-    pairs = [(np.zeros(0, int), np.zeros(0, int))]
+    found, first, count = np.unique(key[order], return_index=True, return_counts=True)
+    rise_m, top_m = steepest * spans.cell_m + step_m, spans.floor_m + spans.headroom_m
+    pairs = [np.zeros((0, 2), np.int64)]
     for east, north in _NEXT:
-        wanted = key + north * wide + east
-        start, end = (np.searchsorted(keys, wanted, side=side) for side in ("left", "right"))
-        for k in range(int((end - start).max(initial=0))):
-            one = np.flatnonzero(start + k < end)
-            two = order[start[one] + k]
-            near = np.abs(floor[two] - floor[one]) <= rise_m
-            near &= np.minimum(roof[one], roof[two]) - np.maximum(floor[one], floor[two]) >= top_m
-            pairs.append((one[near], two[near]))
-    first, second = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    return first, second
+        beside = _keys(spans.column + east, spans.row + north)
+        at = np.minimum(np.searchsorted(found, beside), len(found) - 1)
+        meets = found[at] == beside
+        for k in range(int(count.max(initial=0))):
+            one = np.flatnonzero(meets & (count[at] > k))
+            other = order[first[at[one]] + k]
+            over = np.maximum(spans.floor_m[one], spans.floor_m[other])
+            near = np.abs(spans.floor_m[one] - spans.floor_m[other]) <= rise_m
+            near &= np.minimum(top_m[one], top_m[other]) - over >= height_m
+            pairs.append(np.column_stack([one[near], other[near]]))
+    return np.concatenate(pairs)
+
+
+def _keys(column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Return one number for each column; it is of columns within 2^30 cells of the origin."""
+    found: np.ndarray = (column.astype(np.int64) << 32) + row.astype(np.int64)
+    return found

@@ -95,9 +95,8 @@ class StatedOptions(Params):
         default=None,
         description="which piece of a survey with heights is built, by a station of it; default: the longest",
     )
-    volume: Annotated[bool | None, _option("--volume", FileKind.VECTOR, FileKind.GRID, *_PICTURES)] = Field(
-        default=None,
-        description="build drawn levels, or a plan with heights, as one closed volume; or the solids in a DXF file",
+    volume: Annotated[bool | None, _option("--volume", FileKind.VECTOR)] = Field(
+        default=None, description="build the solids in a DXF file"
     )
     entrance_m: Annotated[StartM | None, _option("--start --entrance", metavar="E,N[,Z]")] = Field(
         default=None,

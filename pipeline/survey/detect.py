@@ -23,7 +23,7 @@ from pipeline.params.survey import (
 from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detect_cloud import detect_cloud, is_cloud
 from pipeline.survey.detect_picture import detect_picture
-from pipeline.survey.detect_solid import detect_solid, has_solids
+from pipeline.survey.detect_solid import detect_solid
 from pipeline.survey.detection import Detection
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
@@ -101,12 +101,12 @@ def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
 
 def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
     """Read the lines of a file as walls, or with a stated half width as centrelines."""
-    if stated.half_width_m is None:
-        if stated.volume and path.suffix.lower() == _DXF and has_solids(path):
-            return detect_solid(path, stated)
-        return _detect_vector(path, stated)
     if stated.volume:
-        raise InputError(f"{path}: --volume is not read with --half-width: centrelines with elevations are built so")
+        if path.suffix.lower() == _DXF and stated.half_width_m is None:
+            return detect_solid(path, stated)
+        raise InputError(f"{path}: --volume reads the solids in a DXF file; other surveys are read without it")
+    if stated.half_width_m is None:
+        return _detect_vector(path, stated)
     return _detect_centrelines(path, stated)
 
 
@@ -267,7 +267,7 @@ def _projected(place: Georeference) -> str:
 
 def _vector(path: Path, unit: Unit | None, stated: StatedOptions) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = stated.model_dump(include={*_DRAWN, "volume"}, exclude_none=True)
+    options = stated.model_dump(include=_DRAWN, exclude_none=True)
     section = VectorSurveyParams.model_validate(
         {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
     )

@@ -9,19 +9,6 @@ from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.detection import Detection
 
 
-def has_solids(path: Path) -> bool:
-    """Return whether a DXF file has triangles.
-
-    Raises
-    ------
-    InputError
-        If it is no drawing.
-    """
-    from pipeline.survey.solids.files import dxf_meshes  # ezdxf takes half a second to load
-
-    return len(dxf_meshes(path)) > 0
-
-
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:
     """Read triangles as the surface of the workings.
 

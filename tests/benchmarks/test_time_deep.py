@@ -43,7 +43,7 @@ def test_a_result_is_read_back_as_it_was_written():
 def test_a_small_mine_is_built_as_new_builds_it_and_measured(tmp_path):
     row = measure_survey(Project(tmp_path, tiny=False), "small", table(UNDER), 0.2, 2)
     assert row.certificate
-    assert (row.sheets, round(row.depth_m)) == (2, 9)
+    assert (row.storeys, round(row.depth_m)) == (2, 9)
     assert 180 < row.drift_m < 260
     assert set(row.costs.stages_s) == set(row.costs.peak_mb) == set(STAGES)
     assert all(seconds > 0 for seconds in row.costs.stages_s.values())

@@ -22,7 +22,6 @@ from pipeline.export.exporter import EXPORT_RECORD, export_world
 from pipeline.export.formats.known import FORMATS, require_format
 from pipeline.export.scene import ExportScene, Files
 from tests.export.exported import ExportedWorld
-from tests.folded.test_openings import with_shafts
 from tests.heights import RAMP
 from tests.mines import sealed
 from tests.project import ROOT
@@ -137,13 +136,6 @@ def test_a_world_with_heights_is_exported_without_visible_rock(mine_of_legs, tmp
     assert proof.certificate.holds
     assert proof.lights.file == len(world.scene.lights)
     assert [path.name for path in (tmp_path / "out").glob("*.glb")] == [f"{world.scene.facts.name}-collision.glb"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("to", ["sdf", "gltf", "obj"])
-def test_three_levels_with_shafts_are_exported(mine_of_legs, tmp_path, to):
-    world = ExportedWorld.at(mine_of_legs(with_shafts(), "preset=light").bundle)
-    assert export_world(world.bundle, to, tmp_path / "out", "none", world.params).proof.holds
 
 
 @pytest.mark.slow

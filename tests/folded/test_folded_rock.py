@@ -10,7 +10,7 @@ from minexplore.bundle import BundleError, decode_msh, encode_msh, is_cover, is_
 from minexplore.floors.floor import Floor
 from minexplore.floors.folding import Folding
 from minexplore.schema import check_files, check_world, hash_files, read_folder
-from minexplore.sensing.lidar import floor_meshes, shared_lidar
+from minexplore.sensing.lidar import shared_lidar
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError
 from pipeline.geometry.floor.mesh import build_floor
@@ -160,22 +160,6 @@ def test_folding_and_unfolding_rock_behind_the_walls_returns_it(under):
         places = own.mean(axis=1) + rng.uniform(-0.3, 0.4, (len(own), 1)) * away
         points = np.column_stack([places, rng.uniform(0, 3.5, len(own))])
         np.testing.assert_allclose(folding.unfold(folding.fold(points), 3.5), points, atol=1e-9)
-
-
-def test_beams_end_on_the_rock_and_on_the_floor_beside_it(under):
-    world = load_world(under.bundle)
-    lidar = shared_lidar(under.bundle, world.record["world_sha256"], 30.0, "auto")
-    stations = np.concatenate([np.array(leg.stations_m) for leg in under.network.legs])
-    origins = under.floor.fold(np.column_stack([stations, np.full(len(stations), 0.5)]))
-    angle = np.radians(np.arange(0, 360, 10))
-    for slope, least in ((0.0, 0.3), (-0.2, 0.3)):
-        ways = np.column_stack([np.cos(angle), np.sin(angle), np.full(len(angle), slope)])
-        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        ranges = lidar.cast(origins, np.broadcast_to(ways, (len(origins), *ways.shape)))
-        assert ranges.min() > least
-        if slope:  # a beam that falls by 0.2 m a metre meets the floor or the rock
-            assert ranges.max() < 30.0
-    assert "beside" in floor_meshes(world)
 
 
 def test_fittings_follow_the_floor_and_no_level_plane_is_built(under):

@@ -1,29 +1,24 @@
 """Worlds with heights: the floor follows the survey, sheets pass over each other, and the certificate holds."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import shapely
 
 from minexplore.bundle import BundleError
-from minexplore.envs.env import MineEnv
 from minexplore.floors.floor import Floor
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.schema.floor_mesh import _check_figures
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
-from pipeline.errors import GeometryError, InputError
+from pipeline.errors import GeometryError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.rock.delaunay import Triangulation
 from pipeline.proof.validator import Validator
-from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.spots import read_spots
-from pipeline.survey.stations.table import read_station_legs
 from pipeline.types import METRIC, Heights
-from tests.heights import RAMP, UNDER, MineWithHeights, certificate_params, levels, spiral, table
+from tests.heights import RAMP, UNDER, certificate_params
 from tests.mines import STRAIGHT, TEE, sealed
 
 GRADE_DEG = np.degrees(np.arctan(0.15))
@@ -113,12 +108,6 @@ def test_spots_are_joined_linearly_along_the_drifts(tmp_path):
         floor_lines(read_spots(path, METRIC), trace_network(STRAIGHT, 0.25, 2.0, 3.0), (2.5, 2.5))
 
 
-def test_stations_of_the_built_floor_lie_within_two_centimetres_of_the_survey(ramp, under):
-    for mine in (ramp, under):
-        stations = mine.stations()
-        assert np.abs(mine.floor.heights_at(stations[:, :2]) - stations[:, 2]).max() < 0.02
-
-
 @pytest.mark.parametrize("cell_m", [2.0, 1.7])  # sheets are whole cells apart, and are not
 def test_beams_cross_the_cells_that_points_along_them_lie_in_on_whatever_sheet(under, cell_m):
     world = load_world(under.bundle)
@@ -141,46 +130,9 @@ def test_beams_cross_the_cells_that_points_along_them_lie_in_on_whatever_sheet(u
     assert there <= found
 
 
-def test_a_robot_pitches_as_its_drift_does(ramp):
-    env = MineEnv(world=ramp.bundle)
-    env.reset(seed=1)
-    pitch = {}
-    for x in (10.0, 24.0, 50.0):
-        env.robots.place(0, x, 0.0, 0.0)
-        for _ in range(10):
-            info = env.step(np.array([0.1, 0.0]))[4]
-        pitch[x] = np.degrees(info["pitch_rad"])
-        assert abs(np.degrees(info["roll_rad"])) < 0.2
-    # The castors are 1 mm above the floor: a robot leans by up to 0.22 deg on a level floor too.
-    rest = 0.22
-    assert abs(pitch[10.0]) < rest
-    assert abs(pitch[50.0]) < rest
-    assert pitch[24.0] == pytest.approx(8.5, abs=0.3)
-    assert np.degrees(np.arccos(env.robots.floor.frame_at(np.array([25.0, 0.5]))[2, 2])) == pytest.approx(8.5, abs=0.1)
-    observation = env.reset(seed=2)[0]
-    assert observation.shape == (19,)
-    env.close()
-
-
 def test_the_certificate_of_a_drift_under_a_drift_holds(under, light):
     assert len(under.floor.offset_m) == 2
     assert broken(clauses(under, light)) == {}
-
-
-def test_a_robot_drives_over_a_seam_into_another_sheet(under):
-    env = MineEnv(world=under.bundle)
-    env.reset(seed=1)
-    ((one, two),) = env.world.floor.seams()
-    env.robots.place(0, one[0], one[1] - 3.0, np.pi / 2)
-    for _ in range(40):
-        info = env.step(np.array([1.0, 0.0]))[4]
-        assert not info["collision"]
-        assert info["zone"] == "mud"  # on both sides, as the mine's place is the same
-    assert env.robots.plan_places(np.arange(1))[0][0] == pytest.approx(two[0], abs=0.3)
-    x, y, _ = info["pose_m_rad"]
-    assert (x, y) == pytest.approx((30.0, one[1] - 3.0 + 0.7 * 6.0), abs=1.0)
-    assert info["cells_reachable"] > 0.9 * under.free_space.polygon.area / 4
-    env.close()
 
 
 def test_a_wedge_that_was_moved_is_refused_with_its_name(ramp):
@@ -195,54 +147,6 @@ def test_a_wedge_that_was_moved_is_refused_with_its_name(ramp):
     without = sealed({name: data for name, data in files.items() if name != "floor.npz"})
     with pytest.raises(BundleError, match=r"floor\.npz: missing"):
         check_files(ramp.bundle, without, hash_files(without))
-
-
-def test_too_thin_a_pillar_is_refused_with_its_place(light, tmp_path):
-    legs = {leg: [(n, x, y, 10 + (z - 10) * 0.42) for n, x, y, z in stations] for leg, stations in UNDER.items()}
-    with pytest.raises(
-        GeometryError, match=r"pillar: workings 3\.78 m above others at \(.*\), 0\.2 m high, leave 0\.28 m"
-    ):
-        MineWithHeights(legs, light, tmp_path)
-
-
-def test_sheets_are_as_few_as_the_workings_need_and_a_shaft_is_fenced_off(tmp_path, capsys):
-    path = tmp_path / "mine.csv"
-    for legs, sheets, seams in ((RAMP, 1, 0), (UNDER, 2, 1), (levels(), 3, 2)):
-        path.write_text(table(legs))
-        polygons, heights = lay_out_sheets(path, read_station_legs(path))
-        assert (len(polygons.geoms), len(heights.seams)) == (sheets, seams)
-        for one, two in pairwise(polygons.geoms):
-            assert one.distance(two) > 10
-    assert "2 legs are steeper than 0.364 (survey.steepest_grade)" in capsys.readouterr().err
-
-
-def test_a_survey_of_a_shaft_alone_is_refused(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text(table({"S": [("a", 0, 0, 50), ("b", 1, 0, 10)]}))
-    with pytest.raises(InputError, match=r"every leg is steeper than 0\.364"):
-        lay_out_sheets(path, read_station_legs(path))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("legs", "sheets"), [(RAMP, 1), (spiral(3), 4), (levels(), 3)])
-def test_the_certificate_of_a_ramp_of_a_spiral_and_of_three_levels_holds(legs, sheets, light, tmp_path):
-    mine = MineWithHeights(legs, light, tmp_path)
-    assert len(mine.floor.offset_m) == sheets
-    assert broken(clauses(mine, light, 1000)) == {}
-
-
-@pytest.mark.slow
-def test_cells_whose_middles_lie_on_a_seam_are_in_neither_sheet_nor_in_rock(light, tmp_path):
-    """The ramps of these levels, 6 m wide, are cut where x + y is a multiple of the grid's cells."""
-    mine = MineWithHeights(levels(), light, tmp_path, half_m=3.0)
-    assert broken(clauses(mine, light, 0)) == {}
-
-
-@pytest.mark.parametrize("half_m", [2.4, pytest.param(2.6, marks=pytest.mark.slow)])
-def test_walls_that_turn_inwards_just_behind_a_seam_are_those_of_the_plan_too(half_m, light, tmp_path):
-    mine = MineWithHeights(levels(), light, tmp_path, half_m=half_m)
-    validator = Validator(certificate_params(light, 0), mine.bundle, mine.cleaned, mine.raw, mine.survey)
-    assert validator.containment["clearance_error_m"] < 1e-4
 
 
 def test_a_sliver_of_9e_8_m2_on_end_does_not_make_a_floor_steep():

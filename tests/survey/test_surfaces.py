@@ -67,7 +67,7 @@ def labels(tmp_path):
 
 
 def read(plan, heights):
-    params = VectorSurveyParams(kind="vector", name="a", file="data/x")
+    params = VectorSurveyParams(kind="vector", name="a", file="data/x", volume=False)
     found = heights.as_posix() if heights else None
     survey = _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
     return survey.plan, survey.survey, survey.workings

@@ -112,10 +112,10 @@ def test_a_survey_with_elevations_is_detected_and_the_option_for_solids_is_not_r
     assert found["values"]["piece"] is None
     with pytest.raises(InputError, match=r"a\.csv: --volume is not read with a station survey"):
         detect_survey(table, StatedOptions(volume=True))
-    lines = tmp_path / "a.geojson"
-    lines.write_text('{"type": "LineString", "coordinates": [[0,0,0],[50,0,5]]}')
-    with pytest.raises(InputError, match=r"a\.geojson: --volume is not read with --half-width"):
-        detect_here(str(lines), {"volume": True, "half_width_m": 2.0})
+    walls = tmp_path / "a.geojson"
+    walls.write_text('{"type": "Polygon", "coordinates": [[[0,0],[50,0],[50,5],[0,5],[0,0]]]}')
+    with pytest.raises(InputError, match=r"a\.geojson: --volume reads the solids in a DXF file"):
+        detect_here(str(walls), StatedOptions(volume=True).values())
 
 
 def test_a_survey_in_three_dimensions_is_read_whole(tmp_path):

@@ -74,7 +74,8 @@ class BaseSurveyParams(FloorRules):
     )
 
     volume: bool = Field(
-        default=False, description="a mine with heights is built whole, as one closed volume, with all that is steep"
+        default=True,
+        description="areas and plans with heights are built as one closed volume; false: as a folded plan",
     )
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, places_in
-from pipeline.survey.passages.sheet_layout import APART_M
+from pipeline.survey.levels.sheet_layout import APART_M
 
 NARROWEST_M = 1.0  # of the edge that two sheets share
 _FURTHER_M = (4.0, 3.0, 2.0, 5.0, 3.5, 2.5, 4.5, 1.5)  # from where two areas meet to the edge that their sheets share

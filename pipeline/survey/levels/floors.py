@@ -26,9 +26,8 @@ from pipeline.types import FloorMesh, Place, SurveyedLegs
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given
 _STITCH_M = 2 * TOUCH_M  # corners of areas that meet are nearer
-_GRID_M = 1e-4  # of the corners of an area that is cut
+_GRID_M = 1e-3  # of corners: without a grid rounding leaves spikes of no width where areas are cut
 _LEAST_M2 = 0.01  # of a part of an area
-_LEFT_M = 0.3  # between floors that meet, at most, as `even_floors` leaves them
 _NAMED = 10  # pieces that a message names
 
 
@@ -68,13 +67,16 @@ def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: flo
         joins = joins.subgraph([name for name in joins if name in chosen]).copy()
     shapes: dict[str, BaseGeometry] = {name: areas[int(name)].polygon for name in joins}
     snap_together(areas, shapes, joins, snap_m)
-    evened = even_floors(path, areas, shapes, joins)
+    shapes = {name: shapely.set_precision(shape, _GRID_M) for name, shape in shapes.items()}
+    step = floor_rules().flat_step_m
+    evened = even_floors(path, areas, shapes, joins, step)
     for a, b in joins.edges:
         _cut_overlap(path, evened, shapes, a, b)
     names = sorted(joins, key=lambda name: (float(np.ptp(np.concatenate(evened[int(name)].walls)[:, 2])), int(name)))
-    outlines = [(name, part) for name in names for part in shapely.get_parts(shapes[name]) if part.area > _LEAST_M2]
+    every = {name: shapely.get_parts(shapely.set_precision(shapes[name], 0.0)) for name in names}
+    outlines = [(name, part) for name, parts in every.items() for part in parts if part.area > _LEAST_M2]
     _share_corners(outlines, joins)
-    found = stitch([_part(evened[int(name)], part) for name, part in outlines], _STITCH_M, _LEFT_M)
+    found = stitch([_part(evened[int(name)], part) for name, part in outlines], _STITCH_M, step)
     joined = _joined(path, evened, shapes, joins, [name for name, _ in outlines], found)
     datum = float(np.floor(found.vertices[:, 2].min()))
     floors = FloorMesh((found.vertices - [0.0, 0.0, datum]).round(6), found.faces.astype(np.int32), datum)
@@ -89,20 +91,21 @@ def _cut_overlap(path: Path, areas: list[Area], shapes: dict[str, BaseGeometry],
     if shapes[a].area < shapes[b].area:
         a, b = b, a
     for part in shapely.get_parts(shapes[a].intersection(shapes[b])):
-        if part.area < OVERLAP_M2:
+        if part.is_empty or not isinstance(part, Polygon):
             continue
         places = places_in(part)
         apart = abs(areas[int(a)].heights_at(places) - areas[int(b)].heights_at(places))
         if apart.min() > step:
             continue
-        if apart.max() > step:
+        if apart.max() > step and part.area > OVERLAP_M2:
             x, y = part.representative_point().coords[0]
             raise InputError(
                 f"{path}: two areas meet and lie up to {apart.max():.1f} m over each other at ({x:.1f}, {y:.1f}); "
                 "draw the end of the ramp where its floor has the level's height"
             )
-        rest = shapely.difference(shapes[b], part, grid_size=_GRID_M)  # else rounding leaves spikes of no width
-        shapes[b] = shapely.set_precision(rest, 0.0)
+        rest = shapely.difference(shapes[b], part, grid_size=_GRID_M)
+        whole = [piece for piece in shapely.get_parts(rest) if isinstance(piece, Polygon)]
+        shapes[b] = MultiPolygon(whole)
 
 
 def _share_corners(outlines: list[tuple[str, Polygon]], joins: nx.Graph) -> None:
@@ -113,7 +116,7 @@ def _share_corners(outlines: list[tuple[str, Polygon]], joins: nx.Graph) -> None
     tree = shapely.STRtree([part for _, part in outlines])
     for _ in range(2):  # corners that one polygon gets from a second are also those of a third
         for k, (name, part) in enumerate(outlines):
-            near = [n for n in tree.query(part, "dwithin", TOUCH_M).tolist() if n != k]
+            near = [n for n in tree.query(part, "dwithin", _STITCH_M).tolist() if n != k]
             met = [outlines[n][1] for n in near if outlines[n][0] == name or joins.has_edge(name, outlines[n][0])]
             if met:
                 outlines[k] = (name, _with_corners(part, shapely.get_coordinates(met)))
@@ -127,9 +130,9 @@ def _with_corners(polygon: Polygon, places: np.ndarray) -> Polygon:
     def ring(line: LinearRing) -> np.ndarray:
         points = shapely.points(places)
         own = shapely.get_coordinates(line)[:-1]
-        near = shapely.dwithin(line, points, TOUCH_M)
+        near = shapely.dwithin(line, points, _STITCH_M)
         new = places[near]
-        new = new[shapely.distance(shapely.multipoints(own), points[near]) > TOUCH_M]
+        new = new[shapely.distance(shapely.multipoints(own), points[near]) > _STITCH_M]
         every = np.concatenate([own, np.unique(new, axis=0)])
         along = shapely.line_locate_point(line, shapely.points(every))
         along[: len(own)] = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(own, axis=0), axis=1))])

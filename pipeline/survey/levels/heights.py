@@ -22,7 +22,9 @@ _STEP_M = 1.0  # of the points of a wall that is moved
 _LEFT_M = 0.3  # that may remain between ramps so short that both ends move one place
 
 
-def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph) -> list[Area]:
+def even_floors(
+    path: Path, areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph, left_m: float = _LEFT_M
+) -> list[Area]:
     """Return areas whose floors have one height where they meet; a warning states the largest change.
 
     A ramp that is drawn into its level, and leaves it at a small angle, falls from where it is drawn while the level
@@ -37,6 +39,8 @@ def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins
         The areas' outlines by number, snapped to each other.
     joins : nx.Graph
         Which of them meet.
+    left_m : float
+        That may remain.
 
     Raises
     ------
@@ -56,7 +60,7 @@ def even_floors(path: Path, areas: list[Area], shapes: dict[str, Polygon], joins
         return areas
     for (a, b), where in meetings.items():
         most, (x, y) = _gap(evened, where, a, b)
-        if most > _LEFT_M:
+        if most > left_m:
             raise InputError(
                 f"{path}: floors of two areas that meet at ({x:.1f}, {y:.1f}) differ, and the ramp is too short to "
                 f"make that even: {most:.2f} m would remain; draw its ends at the levels' heights"

@@ -14,12 +14,17 @@ from shapely import Polygon
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.areas import Area, nearest_heights
+from pipeline.survey.levels.leaning import follow
 from pipeline.survey.levels.walls import Wall
-from pipeline.survey.passages.built_cells import BESIDE_M, USUAL_ROOF_M
-from pipeline.survey.passages.leaning import follow
-from pipeline.survey.passages.shafts import FLOORS_APART_M, LEAN, LEAST_FALL_M, MOST_LISTED, OVER_RAISE_M
 from pipeline.types import Shaft
 
+_BESIDE_M = 1.5  # workings so near to a shaft's middle in plan are in its way
+_USUAL_ROOF_M = 3.5  # over the floor where none is surveyed: the default of `compile3d.height_m`
+_LEAN = 0.36  # run over fall: a shaft that leans by at most 20 deg off plumb is built as a plumb one
+_LEAST_FALL_M = 1.0
+_FLOORS_APART_M = 6.0  # a shaft that ends blind so near over other workings would break into them
+_OVER_RAISE_M = 1.0  # from a raise's cap to a floor over it: two slabs and half a metre of rock
+_MOST_LISTED = 5  # of the shafts that are left out
 _STEP_M = 0.25  # of the places along an axis where floors are looked for
 
 
@@ -36,7 +41,7 @@ class LevelSheets:
         """Return the lowest floor and the highest roof (k, 2) m of each area so near to a place (2,) m."""
         round_m = place_m + beside_m * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
         floors = [area.heights_at(round_m) for area in self._near(place_m, beside_m)]
-        return np.array([(z.min(), z.max() + USUAL_ROOF_M) for z in floors], dtype=float).reshape(-1, 2)
+        return np.array([(z.min(), z.max() + _USUAL_ROOF_M) for z in floors], dtype=float).reshape(-1, 2)
 
     def between(self, place_m: np.ndarray, low_m: float, high_m: float, beside_m: float) -> bool:
         """Return whether there is floor between two heights about a place (2,) m."""
@@ -88,7 +93,7 @@ def shafts_of(path: Path, axes: list[Wall], sheets: LevelSheets) -> list[Shaft]:
         raises += [shaft for shaft in made if shaft.sheet is None]
         left_out += reasons
     if left_out:
-        others = "".join(f"; {line}" for line in left_out[1:MOST_LISTED])
+        others = "".join(f"; {line}" for line in left_out[1:_MOST_LISTED])
         warn_user(f"{path.name}: {len(left_out)} shafts are left out, the first at {left_out[0]}{others}")
     return found + raises
 
@@ -96,18 +101,18 @@ def shafts_of(path: Path, axes: list[Wall], sheets: LevelSheets) -> list[Shaft]:
 def _sections(axis: Wall, sheets: LevelSheets) -> tuple[list[Shaft], list[str]]:
     """Return the shafts and raises along an axis, and a line for each that is left out."""
     top, bottom, step = axis[0], axis[-1], floor_rules().flat_step_m
-    up, down = (np.array([0.0, 0.0, z]) for z in (max(step, OVER_RAISE_M), -FLOORS_APART_M))
+    up, down = (np.array([0.0, 0.0, z]) for z in (max(step, _OVER_RAISE_M), -_FLOORS_APART_M))
     places = np.vstack([top + up, axis, bottom + down])
     every = _floors_met(places, sheets)
-    met = [m for m in every if m.place[2] >= bottom[2] - max(step, USUAL_ROOF_M)]
+    met = [m for m in every if m.place[2] >= bottom[2] - max(step, _USUAL_ROOF_M)]
     if not met:
         return [], [f"{_from_to(top, bottom)}, whose ends are on no floor"]
     ends = [*met]
     if met[-1].place[2] - bottom[2] > step:
         if len(every) > len(met):
-            return [], [f"{_from_to(top, bottom)}, which ends blind less than {FLOORS_APART_M:g} m over another floor"]
+            return [], [f"{_from_to(top, bottom)}, which ends blind less than {_FLOORS_APART_M:g} m over another floor"]
         ends.append(_Met(len(axis), bottom, None))
-    if top[2] - met[0].place[2] > USUAL_ROOF_M:
+    if top[2] - met[0].place[2] > _USUAL_ROOF_M:
         ends.insert(0, _Met(1.0, top, None))
     made, left_out = [], []
     for high, low in pairwise(ends):
@@ -163,16 +168,16 @@ def _shaft(way: np.ndarray, sheet: int | None, below: int | None, sheets: LevelS
         bottom_m=float(bottom[2] - sheets.datum_m),
     )
     fall, run = float(top[2] - bottom[2]), float(np.hypot(*(top - bottom)[:2]))
-    if fall < LEAST_FALL_M:
-        return shaft, f"is {fall:.1f} m deep, want {LEAST_FALL_M:g} m"
-    if run > LEAN * fall and (sheet is None or below is None):
+    if fall < _LEAST_FALL_M:
+        return shaft, f"is {fall:.1f} m deep, want {_LEAST_FALL_M:g} m"
+    if run > _LEAN * fall and (sheet is None or below is None):
         return shaft, f"leans, and its {'upper' if is_raise else 'lower'} end is on no floor"
-    if run > LEAN * fall:
+    if run > _LEAN * fall:
         return follow(shaft, way[::-1] if is_raise else way, sheets.datum_m, sheets)
     if run > 0 and below == sheet:
         return shaft, f"leans by {run:.1f} m over {fall:.1f} m, and ends under the drift that it leaves"
     step = floor_rules().flat_step_m
-    low, high = bottom[2] + step, top[2] + (OVER_RAISE_M if is_raise else -step)
-    if sheets.between(np.array([x, y]), low, high, BESIDE_M):
+    low, high = bottom[2] + step, top[2] + (_OVER_RAISE_M if is_raise else -step)
+    if sheets.between(np.array([x, y]), low, high, _BESIDE_M):
         return shaft, "meets workings between its ends"
     return shaft, ""

@@ -17,9 +17,9 @@ from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, nearest_heig
 from pipeline.survey.levels.joins import area_at, warn_of_near_areas
 from pipeline.survey.levels.seams import SeamHeights, join_areas
 from pipeline.survey.levels.shafts import LevelSheets, shafts_of
+from pipeline.survey.levels.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.survey.levels.walls import Wall
 from pipeline.survey.passages.pieces import list_others
-from pipeline.survey.passages.sheet_layout import APART_M, assign_sheets, lay_apart
 from pipeline.types import Heights, Place
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given

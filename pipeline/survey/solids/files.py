@@ -51,7 +51,7 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
     suffix = path.suffix.lower()
-    found = dxf_meshes(path) if suffix == DXF else list(_scene_meshes(path, data, suffix))
+    found = _read_dxf(path) if suffix == DXF else list(_scene_meshes(path, data, suffix))
     names = tuple(dict.fromkeys(name for name, _, _ in found))
     unknown = sorted(set(layers or []) - set(names))
     if unknown:
@@ -90,8 +90,7 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
             yield str(name), vertices, np.asarray(mesh.faces, np.int64)
 
 
-def dxf_meshes(path: Path) -> list[Mesh]:
-    """Return layer, vertices and triangles of each mesh of a DXF drawing; `InputError` if it is none."""
+def _read_dxf(path: Path) -> list[Mesh]:
     try:
         return list(_dxf_meshes(path))
     except OSError as error:

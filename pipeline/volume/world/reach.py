@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from minexplore.volume.standing import neighbours
 from pipeline.volume.world.content import Cells
 
 
@@ -22,34 +23,8 @@ class RobotSize:
 
 
 def neighbours_of(cells: Cells, robot: RobotSize) -> np.ndarray:
-    """Return the pairs (n, 2) of spans in columns side by side whose floors differ by no more than slope and step.
-
-    A robot must fit under both roofs on the higher of the two floors.
-    """
-    key = _keys(cells.column, cells.row)
-    order = np.argsort(key, kind="stable")
-    found, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    rise = robot.steepest * cells.cell_m + robot.step_m
-    top = cells.floor_m + cells.headroom_m
-    pairs = [np.zeros((0, 2), np.int64)]
-    for east, north in ((1, 0), (0, 1)):
-        beside = _keys(cells.column + east, cells.row + north)
-        at = np.minimum(np.searchsorted(found, beside), len(found) - 1)
-        meets = found[at] == beside
-        for k in range(int(count.max(initial=0))):
-            one = np.flatnonzero(meets & (count[at] > k))
-            other = order[first[at[one]] + k]
-            over = np.maximum(cells.floor_m[one], cells.floor_m[other])
-            under = np.minimum(top[one], top[other])
-            near = (np.abs(cells.floor_m[one] - cells.floor_m[other]) <= rise) & (under - over >= robot.height_m)
-            pairs.append(np.column_stack([one[near], other[near]]))
-    return np.concatenate(pairs)
-
-
-def _keys(column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Return one number for each column; it is of columns within 2^30 cells of the origin."""
-    found: np.ndarray = (column.astype(np.int64) << 32) + row.astype(np.int64)
-    return found
+    """Return the pairs (n, 2) of spans between which a robot can drive; see `minexplore.volume.standing.neighbours`."""
+    return neighbours(cells, robot.steepest, robot.step_m, robot.height_m)
 
 
 def components_of(count: int, pairs: np.ndarray, usable: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Explorers, bound and coverage over the sheets of mines with heights."""
+"""Explorers and coverage over the sheets of mines with heights."""
 
 import numpy as np
 import pytest
@@ -8,16 +8,15 @@ from baselines.explorers import EXPLORERS, Explorer
 from baselines.explorers.maps.layers import LayeredMap, Stance
 from baselines.explorers.maps.own_map import FREE, ROCK, UNKNOWN
 from baselines.explorers.reactive import Reactive
-from baselines.oracle.bound import best_walk
-from baselines.oracle.sheets import metric_of, network_over_sheets, steep_speed_mps, tour_over_sheets
-from baselines.oracle.tour import OracleTour
+from baselines.oracle.__main__ import require_no_folds
 from baselines.policies.found import make_policy
 from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
-from tests.heights import UNDER, MineWithHeights, levels, spiral
+from minexplore.world import load_world
+from tests.heights import UNDER, MineWithHeights, spiral
 
 LEVEL = np.eye(3)[:2]
 BEARINGS = np.radians([0.0, 90.0, 180.0, 270.0])
@@ -28,11 +27,6 @@ DRY = {"terrain": False}  # mud and water on a decline of 13 % are slippery: rob
 @pytest.fixture(scope="module")
 def under(mine_of_legs):
     return mine_of_legs(UNDER, "preset=light")
-
-
-@pytest.fixture(scope="module")
-def helix(mine_of_legs):
-    return mine_of_legs(spiral(2), "preset=light")
 
 
 def seen_by_sheet(env):
@@ -110,8 +104,8 @@ def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*EXPLORERS][2:])
-@pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4), (levels(), 3)])
-def test_explorers_reach_all_sheets_of_a_spiral_and_of_three_levels(name, legs, sheets, light, tmp_path):
+@pytest.mark.parametrize(("legs", "sheets"), [(spiral(3), 4)])
+def test_explorers_reach_all_sheets_of_a_spiral(name, legs, sheets, light, tmp_path):
     mine = MineWithHeights(legs, light, tmp_path)
     _, shares = explore(mine.bundle, name, 12_000)
     assert len(shares) == sheets
@@ -142,45 +136,9 @@ def test_a_confined_policy_is_told_heights_and_attitudes(under, tmp_path, monkey
     env.close()
 
 
-@pytest.mark.slow
-def test_the_least_time_down_a_spiral_is_that_along_its_inner_helix(helix):
-    """Twelve sides a turn, 12 * 2 * apothem * tan(15 deg) long in plan; the apothem is that of the inner wall and the
-    distance that a robot keeps from it; a turn falls by 0.13 of the centre line's circle.
-    """
-    env = MineVectorEnv(1, world=helix.bundle, task=DRY)
-    network, world = network_over_sheets(env.robots, 4.0), env.world
-    speed = steep_speed_mps(world, env.task)
-    assert speed.min() == speed.max() > 1.5
-    apothem = 14 * np.cos(np.pi / 12) - 2.2 + env.robot.radius_m - 0.2
-    fall = 0.13 * 2 * np.pi * 14
-    turn_m = np.hypot(12 * 2 * apothem * np.tan(np.pi / 12), fall)
-    datum = helix.survey.heights.datum_m
-    angle = 2 * np.pi * np.array([10.5, 11.5]) / 12  # the middles of sides, a little off the wall, below the start
-    lengths = []
-    for k in range(len(angle)):
-        x, y = (apothem + 0.2) * np.array([np.cos(angle[k]), np.sin(angle[k])])
-        z = 100 - fall * angle[k] / (2 * np.pi) - datum - fall * np.arange(2)
-        plan = world.floor.unfold(np.column_stack([np.full(2, x), np.full(2, y), z + 1.0]))
-        col, row = np.floor((plan[:, :2] - world.origin_m) / world.cell_m).astype(int).T
-        lengths.append(np.ptp(network.arrival_s[row, col]) * speed.min())
-    env.close()
-    assert len(world.floor.offset_m) > 1
-    assert max(lengths) <= turn_m * 1.005  # a bound may only be too high, so a way only too short
-    assert min(lengths) >= turn_m / metric_of(world.floor) - 2.0
-
-
-def test_no_explorer_beats_the_bound_over_sheets_and_the_tour_sees_all(under):
-    env = MineVectorEnv(1, world=under.bundle, task={"max_steps": 4000, **DRY})
-    network = network_over_sheets(env.robots, 4.0)
-    horizon = env.task.max_steps * env.task.control_s
-    bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 9)}
-    tour = OracleTour(1, env.task, env.robot, tour_over_sheets(network, best_walk(network, 0.9 * horizon), env.world))
-    (episode,) = run_episodes(env, tour, [0])
-    for t, most in bounds.items():  # samples lie 2 s apart
-        assert episode.seen[min(int(t / 2), len(episode.seen) - 1)] <= most
-    assert (seen_by_sheet(env)[0] > 0.9).all()
-    assert bounds[horizon] == env.robots.grid.total
-    env.close()
+def test_no_bound_is_computed_over_a_folded_plan(under):
+    with pytest.raises(BaselineError, match="a/mine: its floors are a folded plan"):
+        require_no_folds("a/mine", load_world(under.bundle))
 
 
 def test_robots_start_on_any_sheet_and_coverage_counts_all(under):

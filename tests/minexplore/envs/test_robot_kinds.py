@@ -17,11 +17,9 @@ from minexplore.physics.quadrotor import INERTIA_KGM2, MASS_KG, QuadrotorParams
 from minexplore.physics.robot import RobotParams
 from minexplore.physics.robots import default_robot
 from minexplore.task import TaskParams
-from tests.heights import levels
 from tests.mines import BuiltMine
 
 NAMES = ("husky", "quadrotor")
-SHAFT = ("preset=light", "realism.fence_openings=false")
 
 
 @pytest.mark.parametrize("robot", NAMES)
@@ -127,45 +125,6 @@ def test_a_quadrotor_flies_as_fast_as_it_is_commanded_and_never_faster(wanted: t
     level = (data.qvel[:2] @ ahead, ahead[0] * data.qvel[1] - ahead[1] * data.qvel[0])
     np.testing.assert_allclose([*level, data.qvel[2], data.qvel[5]], wanted, atol=0.1)
     assert fastest < 1.05 * np.hypot(*wanted[:2]) + 0.02
-
-
-def fly_down(env: MineEnv) -> list[float]:
-    """Fly over the shaft of `levels()` and down it; return the heights on the way."""
-    env.reset(seed=0)
-    robots, heights = env.robots, []
-    target = np.array([0.0, 0.0])
-    for _ in range(220):
-        x, y, yaw = robots.poses()[0]
-        apart = target - (x, y)
-        along = np.array(
-            [np.cos(yaw) * apart[0] + np.sin(yaw) * apart[1], -np.sin(yaw) * apart[0] + np.cos(yaw) * apart[1]]
-        )
-        over = float(np.hypot(*apart)) < 0.15
-        info = env.step([*np.clip(along, -0.5, 0.5), -0.8 if over else 0.0, 0.0])[4]
-        heights.append(info["height_m"])
-        assert not info["collision"]
-        if heights[-1] < 7.5:
-            break
-    return heights
-
-
-def test_a_quadrotor_flies_down_an_open_shaft_to_the_level_below_and_sees_it(mine_of_legs):
-    env = MineEnv(mine_of_legs(levels(), *SHAFT).bundle, robot="quadrotor")
-    heights = fly_down(env)
-    assert heights[0] > 12.5  # over the floor of the first level
-    assert heights[-1] < 7.5  # over that of the second, 6 m below
-    cubes = env.grid.cubes[env.robots.seen[0]]
-    assert cubes[:, 2].min() < 4  # of 2 m: cubes between 6 and 8 m are number 3
-
-
-def test_a_fence_keeps_the_shafts_cubes_from_counting(mine_of_legs):
-    opened, fenced = (
-        MineEnv(mine_of_legs(levels(), "preset=light", *more).bundle, robot="quadrotor").grid
-        for more in (SHAFT[1:], ())
-    )
-    middle = np.array([[0.0, 0.0, 10.8]])  # in the rock between the first level's floor and the second's roof
-    assert opened.numbers_at(middle)[0] >= 0
-    assert fenced.numbers_at(middle)[0] < 0
 
 
 def test_cubes_that_a_beam_crosses_are_those_that_close_steps_along_it_find(tee: BuiltMine):

@@ -11,7 +11,7 @@ from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import load_world
-from tests.heights import UNDER, seam
+from tests.heights import UNDER
 
 LOW, HIGH = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
 WEST, EAST = [(-9, -9), (0, -9), (0, 9), (-9, 9)], [(0, -9), (9, -9), (9, 9), (0, 9)]
@@ -112,9 +112,9 @@ def test_beside_a_part_that_is_no_slab_all_wedges_are_kept(corners):
     assert kinds([wedge(EAST, lambda x, y: 0.0), corners]) == ([], [0, 1])
 
 
-@pytest.fixture(scope="module", params=[UNDER, seam()], ids=["drift under a drift", "rooms on a dipping seam"])
-def mine(request, mine_of_legs):
-    return mine_of_legs(request.param, "preset=light")
+@pytest.fixture(scope="module")
+def mine(mine_of_legs):
+    return mine_of_legs(UNDER, "preset=light")
 
 
 def test_the_floor_of_every_local_model_is_that_of_the_world(mine):

@@ -118,7 +118,8 @@ def write(path: Path, layers, lift_m=DATUM_M, flat=()):
 
 
 def drawn(path: Path, **values):
-    params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
+    section = {"kind": "vector", "name": "a", "file": "data/x", "volume": False}
+    params = VectorSurveyParams.model_validate({**section, **values})
     read = read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
     return read.workings, read.heights
 

@@ -28,9 +28,7 @@ TWO = {"upper": [closed(at(DRIFT, 0))], "lower": [closed(at(UNDER, -DROP_M))]}
 
 
 def read(path, **values):
-    params = VectorSurveyParams.model_validate(
-        {"kind": "vector", "name": "a", "file": "data/x", "volume": True, **values}
-    )
+    params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
     return read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
 
 

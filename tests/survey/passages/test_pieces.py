@@ -1,7 +1,6 @@
-"""Which drivable piece of a survey is built: the longest, or the one of a station or place that the user names."""
+"""Which piece of a survey is built: the longest, or the one of a station or place that the user names."""
 
 import ezdxf
-import numpy as np
 import pytest
 import shapely
 import yaml
@@ -13,8 +12,6 @@ from pipeline.import_mine import survey_yaml
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.survey.detect import _detect, detect_here
-from pipeline.survey.passages.sheets import lay_out_sheets
-from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.heights import HEADER, table
 from tests.project import ROOT
@@ -28,77 +25,6 @@ PIECES = {
     "D": [("d1", 20, 47, 102), ("d2", 20, 53, 102)],
     "E": [("c2", 40, 50, 100), ("d2", 20, 53, 102)],
 }
-
-
-def draw(tmp_path, piece=None, apart_m=None, legs=PIECES):
-    path = tmp_path / "a.csv"
-    path.write_text(table(legs))
-    return lay_out_sheets(path, read_station_legs(path), apart_m, piece)
-
-
-@pytest.mark.parametrize(
-    ("chosen", "kept"),
-    [
-        (None, "60 m about a1"),
-        ("a2", "60 m about a1"),
-        ("b1", "20 m about b1"),
-        ("b2", "20 m about b1"),
-        ("c1", "40 m about c1"),
-        ((19.0, 1.0, 93.0), "20 m about b1"),
-        ((58.0, 0.0, 100.0), "60 m about a1"),
-    ],
-)
-def test_the_piece_of_a_station_or_a_place_is_built(tmp_path, capsys, chosen, kept):
-    legs = {name: leg for name, leg in PIECES.items() if name not in "DE"}
-    outline, heights = draw(tmp_path, chosen, legs=legs)
-    said = capsys.readouterr().err
-    assert f"kept is the one of {kept}" in said
-    ends = np.concatenate([np.array(line) for line in heights.lines])
-    assert np.ptp(ends[:, 0]) == pytest.approx(float(kept.split()[0]), abs=0.3)
-    assert outline.area > 0
-
-
-def test_the_others_are_listed_by_length_and_station_with_the_option_that_builds_one(tmp_path, capsys):
-    legs = {f"L{k}": [(f"s{k}", 0, 20 * k, 100), (f"t{k}", 60 - 2 * k, 20 * k, 102)] for k in range(14)}
-    draw(tmp_path, legs=legs)
-    said = capsys.readouterr().err.splitlines()
-    assert said[
-        0
-    ] == "a.csv: 14 pieces are not joined by drivable legs; kept is the one of 60 m about s0, left out " + (
-        f"are {sum(60 - 2 * k for k in range(1, 14))} m; --piece builds another"
-    )
-    listed = ", ".join(f"{60 - 2 * k} m about s{k}" for k in range(1, 11))
-    assert said[1] == f"a.csv: --piece (survey.piece) builds another piece: {listed}, and 3 more"
-
-
-@pytest.mark.parametrize(
-    ("chosen", "message"),
-    [
-        ("b11", r"a\.csv: survey\.piece = 'b11': no station has this name; names like it are b1, .+, .+"),
-        ("x", r"a\.csv: survey\.piece = 'x': no drivable leg meets this station"),
-        (
-            (0.0, 20.0, 100.0),
-            r"survey\.piece = 0,20,100: the nearest drivable station, a1, is 20\.0 m away, at most 10",
-        ),
-    ],
-)
-def test_a_piece_that_is_not_there_is_refused(tmp_path, chosen, message):
-    legs = {**PIECES, "X": [("a2", 60, 0, 102), ("x", 60, 2, 120)]}
-    with pytest.raises(InputError, match=message):
-        draw(tmp_path, chosen, legs=legs)
-
-
-def test_thin_pillars_are_judged_in_the_piece_that_is_built(tmp_path, capsys):
-    """The cross D lies 2 m over the drift C: in their piece one of them is left out, in others nothing is."""
-    draw(tmp_path, "b1", 4.0)
-    assert "lie less than 4 m" not in capsys.readouterr().err
-    draw(tmp_path, "c1", 4.0)
-    assert "lie less than 4 m" in capsys.readouterr().err
-
-
-def test_the_shot_of_the_chosen_station_is_not_the_one_left_out(tmp_path, capsys):
-    draw(tmp_path, "d1", 4.0)
-    assert "1 shots, 40 m, lie less than 4 m over or under others" in capsys.readouterr().err
 
 
 def test_unnamed_lines_are_listed_by_their_places_and_chosen_by_them(tmp_path, capsys):

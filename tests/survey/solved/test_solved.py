@@ -12,7 +12,6 @@ from pipeline.errors import InputError
 from pipeline.guard import plain_file
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.relief import has_relief
-from pipeline.survey.passages.sheets import lay_out_sheets
 from pipeline.survey.solved import cavern
 from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
@@ -209,27 +208,6 @@ def test_a_wall_kilometres_from_its_station_is_refused(tmp_path):
     text = "1 2 20 0 0\n*data passage station left right up down\n1 2 2 2 0\n2 2 4000 2 0\n"
     with pytest.raises(InputError, match=r"a wall 4000 m beside its station, at most 300 \(farthest_wall_m\)"):
         read_passages(write(tmp_path, {"a.svx": text}))
-
-
-@needs_cavern
-def test_a_leg_too_steep_to_drive_is_fenced_off_with_its_place(tmp_path, capsys):
-    text, rows = "1 2 20 0 0\n2 3 20 0 9\n3 4 10 0 45\n", "".join(f"{name} 2 2 3 0\n" for name in range(1, 5))
-    path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})
-    legs, _ = read_passages(path)
-    assert has_relief(legs)
-    polygons, heights = lay_out_sheets(path, legs)
-    assert polygons.bounds[3] < 45
-    assert max(z for line in heights.lines for _, _, z in line) == pytest.approx(20 * np.sin(np.radians(9)), abs=0.01)
-    assert "1 legs are steeper than 0.364" in capsys.readouterr().err
-
-
-@needs_cavern
-def test_a_passage_that_passes_over_another_is_not_merged_with_it(tmp_path):
-    text = "1 2 40 0 4\n2 3 40 90 4\n3 4 40 180 4\n4 5 60 270 4\n"
-    rows = "".join(f"{i} 2 2 3 0\n" for i in range(1, 6))
-    path = write(tmp_path, {"a.svx": f"{text}*data passage station left right up down\n{rows}"})
-    polygons, heights = lay_out_sheets(path, read_passages(path)[0])
-    assert (len(polygons.geoms), len(heights.seams)) == (2, 1)
 
 
 @needs_cavern

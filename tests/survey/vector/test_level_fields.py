@@ -115,9 +115,11 @@ def test_a_property_keeps_seams_apart_and_the_longest_is_built_at_its_floor(tmp_
 
 def test_areas_of_seams_are_kept_apart_by_the_same_property(tmp_path, capsys):
     found = read(coal_mine(tmp_path / "coal.geojson", as_areas=True), VectorSurveyParams, level_by="floor")
-    assert len(found.workings.geoms) == 1
-    assert found.workings.area == pytest.approx(one_seam(0).area, rel=0.02)
-    assert "3 pieces of its levels and ramps do not meet" in capsys.readouterr().err
+    corners = found.floors.vertices[found.floors.faces]
+    area_m2 = shapely.area(shapely.polygons(corners[:, :, :2])).sum()
+    assert area_m2 == pytest.approx(sum(one_seam(seam).area for seam in range(3)), rel=0.02)
+    assert np.unique(corners[:, :, 2]).tolist() == [0, 40, 80]
+    assert "3 pieces of its levels and ramps do not meet; all are built" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,9 @@ from pipeline.types import FloorMesh, SurveyedLegs
 from pipeline.volume.floors import drop
 from pipeline.volume.union import Volume
 
-_ASIDE_M = 0.002  # of an edge: places so far to either side of it show a step
+_ASIDE_M = 0.01  # of an edge: places so far to either side of it show a step; walls may be 4 mm nearer
 _OVER_M = 0.3  # of a drawn floor, from which its height in the volume is looked for
+_FAR_OFF_M, _MISSED_M = 0.005, 0.001
 _IN_SHAFT_M = 1.5  # of the middle of a shaft, in half widths
 
 
@@ -50,9 +51,17 @@ def measure_drawn(volume: Volume, floors: FloorMesh, shafts: SurveyedLegs, half_
 
 
 def _off_m(volume: Volume, places: np.ndarray) -> np.ndarray:
-    """Return by how much (n,) m the floor under each place is above it; where there is none, how far it was looked."""
-    hit, height = drop(volume.vertices, volume.faces, places + np.array([0.0, 0.0, _OVER_M]))
-    found: np.ndarray = np.where(hit >= 0, height - places[:, 2], _OVER_M)
+    """Return by how much (n,) m the floor under each place is above it; where there is none, how far it was looked.
+
+    A ray in 32 bits may pass between two facets: what is far off is looked up again a little aside.
+    """
+    found = np.full(len(places), np.inf)
+    far = np.arange(len(places))
+    for east, north in ((0.0, 0.0), (_MISSED_M, 0.0), (0.0, _MISSED_M), (-_MISSED_M, -_MISSED_M)):
+        hit, height = drop(volume.vertices, volume.faces, places[far] + np.array([east, north, _OVER_M]))
+        off = np.where(hit >= 0, height - places[far, 2], _OVER_M)
+        found[far] = np.where(np.abs(off) < np.abs(found[far]), off, found[far])
+        far = far[np.abs(found[far]) > _FAR_OFF_M]
     return found
 
 
