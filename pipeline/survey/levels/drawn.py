@@ -67,7 +67,7 @@ def read_levels(
     Raises
     ------
     InputError
-        If levels over each other cannot be told apart or joined; the message names the place.
+        If levels over each other enclose no areas of their own, or cannot be joined; the message names the place.
     """
     elevations = elevations_of(path, content, params)
     is_checked = params.no_elevation is None
