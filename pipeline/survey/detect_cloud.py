@@ -62,7 +62,7 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
         "kind": "cloud",
         "file": path.name,
         "trajectory": None,
-        "unit": stated.unit or "m",
+        "unit": stated.unit,
         "up": stated.up,
         "origin": list(origin),
         "voxel_m": voxel_m,
