@@ -115,6 +115,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("decline-pictures", "setup", "benchmarks.pictures.gallery declines", "docs/decline.jpg"),
     _python("case-pictures", "setup", "benchmarks.pictures.case_pictures", _PARTS + "cases.md"),
     _python("volume-world", "setup", "benchmarks.pictures.gallery volume", "docs/volume-world.png", "2"),
+    _python("scan-picture", "setup", "benchmarks.pictures.gallery scan", "docs/scan.jpg", "3"),
     _python("drive-clip", "all", "benchmarks.pictures.gallery drive", "docs/drive.gif"),
     _python("export-picture", "all", "benchmarks.pictures.gallery export", "docs/export.jpg"),
     _python("look", "all", "benchmarks.pictures.look_at_report", "docs/report.png"),

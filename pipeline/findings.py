@@ -70,7 +70,7 @@ def _of_scale(detected: Detection) -> Iterator[Remark]:
 
 def _of_width(detected: Detection) -> Iterator[Remark]:
     option = _WIDTH_OPTIONS[detected.values["kind"]]
-    if detected.values.get("unit"):
+    if detected.values.get("unit") and detected.width_m is not None:
         yield Remark(
             f"is taken as the unit; drifts are then {detected.width_m:.1f} m wide", detected.values["unit"], option
         )

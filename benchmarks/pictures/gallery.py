@@ -19,6 +19,7 @@ from shapely import Polygon
 
 import minexplore  # noqa: F401  (registers the environments)
 from benchmarks.pictures.export_picture import draw_export
+from benchmarks.pictures.scan_picture import draw_scan
 from benchmarks.pictures.volume_picture import draw_volume
 from minexplore.__main__ import ahead
 from minexplore.bundle import GeomGroup
@@ -157,6 +158,7 @@ PICTURES: dict[str, tuple[Path, Callable[[Path], None]]] = {
     "drive": (Path("docs/drive.gif"), record_drive),
     "export": (Path("docs/export.jpg"), draw_export),
     "volume": (Path("docs/volume-world.png"), draw_volume),
+    "scan": (Path("docs/scan.jpg"), draw_scan),
 }
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
 from benchmarks.scans.sample import Scan, scan_of
-from benchmarks.scans.truth import Network, mesh_of, network_of_floors, truth_of
+from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, truth_of
 from pipeline.errors import MineError
 from pipeline.survey.clouds.thinned import spacing_of, thin
 from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
@@ -40,7 +40,7 @@ _AWAY_M = (3.2, 1.0)  # of the scanner from the vehicle, from the person
 _COLUMNS = ("mine", "scans", "hold", "floor, cm RMS", "walls, cm RMS", "lowest IoU", "network equal", "things found")
 
 
-def _things(network: Network, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
+def _things(network: FloorNetwork, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
     """Return where a person and a vehicle stand, and the vehicle's heading."""
     wide = np.flatnonzero(network.half_m >= min(_CLEAR_M, network.half_m.max()))
     one = int(rng.choice(wide))
@@ -49,7 +49,7 @@ def _things(network: Network, rng: np.random.Generator) -> tuple[np.ndarray, np.
     return network.floors_m[other], network.floors_m[one], float(network.heading_deg[one])
 
 
-def scan_mine(truth: manifold3d.Manifold, network: Network, rng: np.random.Generator, per_m2: float) -> Scan:
+def scan_mine(truth: manifold3d.Manifold, network: FloorNetwork, rng: np.random.Generator, per_m2: float) -> Scan:
     """Return a scan of a mine with a person and a vehicle, which the scanner keeps away from."""
     person, vehicle, heading = _things(network, rng)
     way = network.way_m

@@ -33,7 +33,7 @@ _STUB_M = 6.0  # a shorter way from a junction to a dead end is the corner of a 
 
 
 @dataclass(frozen=True)
-class Network:
+class FloorNetwork:
     """The stations (n, 3) m on the floors of a volume, the drifts' headings (n,) and half widths (n,) m there.
 
     `counts` are the dead ends, the loops and the components of the network; corners of rooms are no ends.
@@ -73,7 +73,7 @@ def mesh_of(solid: manifold3d.Manifold) -> ClosedMesh:
     return ClosedMesh(vertices, faces, 0.0, 0.001)
 
 
-def network_of_floors(mesh: ClosedMesh) -> Network:
+def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
     """Return the network along the floors of a volume, as stage 3 finds it."""
     found = json.loads(compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh)[TOPOLOGY])
     stations = {name: np.array(place) for name, place in found["stations_m"].items()}
@@ -85,7 +85,7 @@ def network_of_floors(mesh: ClosedMesh) -> Network:
             heading[name], half[name] = np.degrees(np.arctan2(along[1], along[0])), min(left, right)
     names = list(floors)
     counts = _long_ends(found), found["loops"], found["components"]
-    return Network(
+    return FloorNetwork(
         np.array([floors[name] for name in names]),
         np.array([heading[name] for name in names]),
         np.array([half[name] for name in names]),

@@ -13,7 +13,7 @@ from pipeline.survey.detection import Detection
 from pipeline.survey.formats import kind_of
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2
-_BY_SPACING = 1.6  # a voxel by the spacing of points: few are empty then
+_BY_SPACING = 1.0  # a voxel by the spacing of points: the nine of a thickened one have nine points
 _MOST_VOXELS = 100_000  # of the surface, at which a volume takes a minute
 _HEAD_BYTES = 65_536
 _LARGE_BYTES = 200_000_000  # points of such a file are looked at coarsely
@@ -62,7 +62,7 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
         "kind": "cloud",
         "file": path.name,
         "trajectory": None,
-        "unit": stated.unit or "m",
+        "unit": stated.unit,
         "up": stated.up,
         "origin": list(origin),
         "voxel_m": voxel_m,

@@ -211,7 +211,9 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            read = _Drawn(found.draw_plan(), found.frame, scale, found.georeference, found.heights, workings=found.workings)
+            read = _Drawn(
+                found.draw_plan(), found.frame, scale, found.georeference, found.heights, workings=found.workings
+            )
             read = replace(read, legs=found.legs, floors=found.floors)
     stated = _stated_heights(params, read)
     if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):
@@ -241,12 +243,15 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
 
 def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
     # trimesh, ezdxf and open3d take a second each to load, and few surveys are solids or clouds
-    from pipeline.survey.clouds.read import read_scan
+    from pipeline.survey.clouds.draw import mark_left_out
+    from pipeline.survey.clouds.read import ScanReading, read_scan
     from pipeline.survey.solids.read import read_solid
 
     found = read_scan(params) if params.kind == "cloud" else read_solid(params)
     frame = frame_of(params.file, found.workings, params)
     plan = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
+    if isinstance(found, ScanReading):
+        plan = mark_left_out(plan, frame, found.volume)
     scale = Scale(frame.px_per_m, "drawn")
     legs = replace(NO_LEGS, start_m=start_over(params.entrance_m, found.solid.datum_m))
     return _Drawn(plan, frame, scale, found.georeference, workings=found.workings, legs=legs, solid=found.solid)

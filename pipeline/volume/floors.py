@@ -120,7 +120,8 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork, held: np.ndarray) -> np
     pull = csr_matrix((weight, (range(len(used)), range(len(used)))), shape=stiff.shape)
     level = float(places[:, 2].mean())
     heights = spsolve(
-        (stiff + pull + _FIX * B.T @ B).tocsc(), slopes + weight * (places[:, 2] - level) + _FIX * B.T @ (target - level)
+        (stiff + pull + _FIX * B.T @ B).tocsc(),
+        slopes + weight * (places[:, 2] - level) + _FIX * B.T @ (target - level),
     )
     solved = local[first] >= 0
     rise[solved] = heights[local[first[solved]]] + level - volume.vertices[solved, 2]

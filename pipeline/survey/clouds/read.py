@@ -60,10 +60,10 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         found = volume_of_cloud(cloud, params.voxel_m, params.close_m, params.simplify_m, MOST_FACETS, way)
     except InputError as error:
         raise InputError(f"{params.file}: {error}") from error
-    _warn(Path(params.file), found, params)
     # The frame's height 0 is a whole metre below the lowest floor.
     down = float(np.floor(found.vertices[:, 2].min()))
     lift = np.array([0, 0, down])
+    _warn(Path(params.file), found, params, down)
     solid = ClosedMesh(
         found.vertices - lift,
         found.faces.astype(np.int32),
@@ -76,8 +76,9 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
     return ScanReading(solid, view_from_above(manifold), place, found)
 
 
-def _place(middle_m: tuple[float, float, float]) -> str:
-    return "({:.1f}, {:.1f}, {:.1f})".format(*middle_m)
+def _place(middle_m: tuple[float, float, float], down: float) -> str:
+    x, y, z = middle_m
+    return f"({x:.1f}, {y:.1f}, {z - down:.1f})"
 
 
 def _listed(texts: list[str]) -> str:
@@ -85,11 +86,12 @@ def _listed(texts: list[str]) -> str:
     return ", ".join(texts[:_NAMED]) + more
 
 
-def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams) -> None:
+def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
+    """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
     if found.things:
         listed = [
-            f"{a:.1f} x {b:.1f} x {c:.1f} m at {_place(thing.middle_m)}"
+            f"{a:.1f} x {b:.1f} x {c:.1f} m at {_place(thing.middle_m, down)}"
             for thing in found.things
             for a, b, c in [thing.size_m]
         ]
@@ -108,7 +110,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams) -> None:
         ),
     ):
         if gaps:
-            listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m)}" for gap in gaps]
+            listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m, down)}" for gap in gaps]
             warn_user(f"{name}: {len(gaps)} {what}: {_listed(listed)}")
     others = [size for size in found.others_m3 if size >= _LEAST_OTHER_M3]
     if others:

@@ -3,6 +3,7 @@
 import re
 
 import laspy
+import manifold3d
 import numpy as np
 import pytest
 import trimesh
@@ -15,6 +16,7 @@ from pipeline.survey.clouds.points import ScanFile, read_points
 from pipeline.survey.clouds.read import read_scan
 from pipeline.survey.clouds.trajectory import read_trajectory
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.load import _read
 from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
 
 PARAMS = CloudSurveyParams(kind="cloud", name="a", file="data/x", heights=None)
@@ -156,3 +158,15 @@ def test_too_few_points_are_refused_by_name(tmp_path):
 def test_a_unit_that_makes_a_scan_too_large_is_refused(tmp_path, points):
     with pytest.raises(InputError, match=r"a\.las: reaches .* m from its first points, beyond .*; --unit"):
         read(write(tmp_path / "a.las", points * 10_000))
+
+
+def test_the_plan_shows_what_is_left_out_in_red_and_a_hole_in_blue(tmp_path, points):
+    x, y = 4.0, 2.0
+    person = noisy(sampled(manifold3d.Manifold.cube([0.5, 0.4, 1.7]).translate([x, y, 0]), 400))
+    path = write(tmp_path / "a.las", np.concatenate([points[np.linalg.norm(points - [9, 2, 0], axis=1) > 1.0], person]))
+    read_of = _read(PARAMS.model_copy(update={"file": path.as_posix()}))
+    plan, frame = read_of.plan.astype(int), read_of.survey.frame
+    row, col = (np.argwhere(plan[:, :, 2] - plan[:, :, 0] > 100).mean(axis=0)).tolist()
+    assert frame.to_mine(np.array([[col, row]]))[0] == pytest.approx([x + 0.25, y + 0.2], abs=0.4)
+    blue = np.argwhere(plan[:, :, 0] - plan[:, :, 2] > 100)[:, ::-1]
+    assert frame.to_mine(blue.mean(axis=0)[None])[0] == pytest.approx([9, 2], abs=0.4)

@@ -1,0 +1,71 @@
+"""The picture of a scan as a world: its points, what is left out of them, and how far they are from the world."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import cv2
+import laspy
+import numpy as np
+
+from benchmarks.comparisons.volume.cases import CASES
+from benchmarks.scans.judge import scan_mine
+from benchmarks.scans.truth import mesh_of, network_of_floors
+from pipeline.params.survey import CloudSurveyParams
+from pipeline.report.figures.deviation import draw_deviation
+from pipeline.store.files import write_atomically
+from pipeline.survey.load import read_survey
+from pipeline.types import Frame, Image
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.world.proof.scan import measure_scan
+from pipeline.volume.world.solid import volume_of_solid
+
+_PER_M2, _SEED, _QUALITY = 200.0, 7, 85
+_INK = (90, 90, 90)
+_TITLES = (
+    "points, the higher the lighter",
+    "plan: red left out, blue closed",
+    "points: red in the rock, blue in the free space",
+)
+
+
+def draw_scan(path: Path) -> None:
+    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and read the scan."""
+    rng = np.random.default_rng(_SEED)
+    with tempfile.TemporaryDirectory() as folder:
+        network = CASES["tee"].network(Path(folder))
+        truth = solve_floors(unite(network, pieces_of(network)), network).solid
+        points = scan_mine(truth, network_of_floors(mesh_of(truth)), rng, _PER_M2).points_m
+        file = Path(folder) / "scan.laz"
+        _write(file, points)
+        params = CloudSurveyParams(kind="cloud", name="scan", file="data/x", heights=None)
+        read = read_survey(params.model_copy(update={"file": file.as_posix()}))
+    frame, solid = read["survey"].frame, read["solid"]
+    scan = measure_scan(volume_of_solid(solid, 0.36), solid.scan_m, rng)
+    pictures = (_points(solid.scan_m, frame), read["plan"], draw_deviation(scan.points_m, scan.off_m, frame))
+    rows = []
+    for picture, title in zip(pictures, _TITLES, strict=True):
+        cv2.putText(picture, title, (12, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 0, 0), 1, cv2.LINE_AA)
+        rows.append(picture)
+    done, data = cv2.imencode(".jpg", np.concatenate(rows), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    assert done
+    write_atomically(path, data.tobytes())
+
+
+def _write(file: Path, points: np.ndarray) -> None:
+    cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+    cloud.header.scales = [0.001] * 3
+    cloud.x, cloud.y, cloud.z = points.T
+    cloud.write(str(file))
+
+
+def _points(points_m: np.ndarray, frame: Frame) -> Image:
+    """Return the points from above, shaded by height."""
+    picture = np.full((frame.height_px, frame.width_px, 3), 255, np.uint8)
+    order = np.argsort(points_m[:, 2])
+    places = np.floor(frame.to_image(points_m[order, :2])).astype(int)
+    share = np.linspace(0, 0.8, len(order))[:, None]
+    picture[places[:, 1], places[:, 0]] = (np.array(_INK) * (1 - share) + 255 * share).astype(np.uint8)
+    return picture
