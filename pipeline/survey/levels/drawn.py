@@ -18,7 +18,6 @@ from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import Wall, lie_over, split_steep, walls_in_space
 from pipeline.survey.start import start_over
 from pipeline.survey.vector.shapes import Shapes
-from pipeline.survey.vector_shapes import elevations_of
 from pipeline.types import NO_FLOORS, NO_LEGS, FloorMesh, Georeference, Heights, SurveyedLegs
 
 _MOST_LAYERS = 8  # that a message names
@@ -51,6 +50,7 @@ def read_levels(
     moved: list[BaseGeometry],
     georeference: Georeference,
     params: VectorSurveyParams,
+    elevations: dict[str, float] | None,
 ) -> LevelReading:
     """Return the levels that walls with elevations enclose, if they lie over each other or become one volume.
 
@@ -63,13 +63,14 @@ def read_levels(
         The same shapes in plan, as `locate` returns them.
     georeference : Georeference
     params : VectorSurveyParams
+    elevations : dict of str to float, or None
+        Of the floors of layers, as `elevations_of` returns them.
 
     Raises
     ------
     InputError
         If levels over each other enclose no areas of their own, or cannot be joined; the message names the place.
     """
-    elevations = elevations_of(path, content, params)
     is_checked = params.no_elevation is None
     found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
     walls, axes = split_steep(found)
