@@ -148,7 +148,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    found = read_levels(path, content, shapes, georeference, elevations_of(path, content, params), params)
+    found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
     if found.levels is not None:
         levels = found.levels
         return _Workings(levels.polygons, georeference, levels.heights, levels.legs, levels.floors)

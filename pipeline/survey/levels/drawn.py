@@ -49,8 +49,8 @@ def read_levels(
     content: Shapes,
     moved: list[BaseGeometry],
     georeference: Georeference,
-    elevations: dict[str, float] | None,
     params: VectorSurveyParams,
+    elevations: dict[str, float] | None,
 ) -> LevelReading:
     """Return the levels that walls with elevations enclose, if they lie over each other or become one volume.
 
@@ -65,6 +65,8 @@ def read_levels(
     elevations : dict of str to float, or None
         Of each layer that is a level, m.
     params : VectorSurveyParams
+    elevations : dict of str to float, or None
+        Of the floors of layers, as `elevations_of` returns them.
 
     Raises
     ------
