@@ -15,7 +15,7 @@ _TOGETHER = 1000  # bodies
 
 
 def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
-    """Return the numbers of the parts that some facet reaches into, as far as planes tell.
+    """Return the numbers of the parts that some facet reaches into, as far as planes show.
 
     `outward` (n, 3) are unit normals of the parts' faces on the free space, out of the part. First tried are these, the
     facets' planes and the planes across the way from middle to middle; then all there is of planes that separate two
