@@ -29,6 +29,7 @@ _DROP_M = 0.01  # of a wall that goes down from a floor, on average
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
 _ROUNDS = 12  # of floors: each folds the walls that the one before turned over, and holds floors where facets cross
+_TURNS = 7  # of these in which walls are folded: the others are for floors that cross
 _UNFOLDED_M = 0.1  # beside facets that cross
 _NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
@@ -52,14 +53,14 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
     is_ledge = ledges_of(fine)
     stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
-    for _ in range(_ROUNDS):
+    for n in range(_ROUNDS):
         folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays)
         rise = _solve(folded, network, held)
         faces = folded.first[folded.volume.faces]
         real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
         turned = (turned_walls(folded, rise, fine) | _new_steps(folded, rise, stays)) & ~is_ledge & ~stays
-        is_ledge |= turned
-        if turned.any():
+        if n < _TURNS and turned.any():
+            is_ledge |= turned
             continue
         moved = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
         crossing = np.unique(crossing_facets(moved, faces[real], CROSSING_M))

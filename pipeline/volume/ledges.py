@@ -172,19 +172,20 @@ def are_steps(volume: Volume, is_floor: np.ndarray, some: np.ndarray, samples: n
     scene.add_triangles((volume.vertices - middle).astype(np.float32), volume.faces.astype(np.uint32))
 
     def far_m(places: np.ndarray, up: float) -> np.ndarray:
-        """Return how far (s, f) m a floor is over or under places (s, f, 3)."""
-        starts = (places - middle).reshape(-1, 3)
-        rays = np.column_stack([starts, np.tile([0, 0, up], (len(starts), 1))]).astype(np.float32)
+        """Return how far (n,) m a floor is over or under places (n, 3)."""
+        rays = np.column_stack([places - middle, np.tile([0, 0, up], (len(places), 1))]).astype(np.float32)
         found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
         far, hit = found["t_hit"].numpy().astype(float), found["primitive_ids"].numpy().astype(np.int64)
         on_floor = np.isfinite(far)
         on_floor[on_floor] = is_floor[hit[on_floor]]
-        return np.where(on_floor, far, np.inf).reshape(places.shape[:2])
+        return np.where(on_floor, far, np.inf)
 
-    below = np.minimum(*(far_m(places - beside * way, -1.0) for beside in _BEFORE_M))
-    apart = far_m(places + _BEFORE_M[0] * way, 1.0) + below
+    places, way = places.reshape(-1, 3), np.tile(way, (len(samples), 1))
+    apart = far_m(places + _BEFORE_M[0] * way, 1.0)
+    under = np.flatnonzero(apart < DEEPEST_M)
+    apart[under] += np.minimum(*(far_m(places[under] - beside * way[under], -1.0) for beside in _BEFORE_M))
     found_steps = np.zeros(len(volume.faces), bool)
-    found_steps[some] = (apart < DEEPEST_M).any(axis=0)
+    found_steps[some] = (apart < DEEPEST_M).reshape(len(samples), -1).any(axis=0)
     return found_steps
 
 

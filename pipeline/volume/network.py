@@ -112,8 +112,8 @@ class SurveyNetwork:
 def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:
     """Return the network of the plan's legs; heights and widths that nobody measured are `up_m` and `half_m`.
 
-    Shots without a length are counted and left out: their stations are one place, which has the name of the first. Sections without an area, or
-    turned inside out, get 5 cm. Both are listed by station.
+    Shots without a length are counted and left out: their stations are one place, which has the name of the first.
+    Sections without an area, or turned inside out, get 5 cm. Both are listed by station.
 
     Raises
     ------

@@ -148,3 +148,12 @@ def test_what_a_part_shares_with_the_free_space_is_the_same_of_tiles_that_are_cu
     _, volume, _ = box
     part = manifold3d.Manifold.cube([1, 1, 1]).translate([0, 0, float(volume.vertices[:, 2].min()) - 0.5])
     assert Tiles(volume.solid).shared_m3(part) == pytest.approx((part ^ volume.solid).volume(), rel=1e-9)
+
+
+def test_a_leaning_shaft_stands_plumb_on_its_lower_floor(tmp_path):
+    rows = BOX + "B,2,20,0,2,2,0,3,0\nB,3,24,0,1,1,-12,3,0\n"
+    _, rough = built(rows, tmp_path)
+    sections = next(piece for piece in rough.pieces if piece.is_plumb).sections
+    low = sections[np.abs(sections[:, 0, 2] - sections[:, :, 2].min()) < 0.61]
+    assert np.ptp(low[:, 0, 2]) == pytest.approx(0.6)
+    assert np.abs(np.ptp(low[:, :, :2], axis=0)).max() == 0

@@ -125,8 +125,9 @@ def test_bad_stations_are_listed_by_name_and_the_rest_is_built():
 def test_a_leg_of_half_a_millimetre_at_the_end_of_a_chain_ends_its_tube():
     places = np.array([[0.0, 0], [20, 0], [20.0005, 0]])
     chain = SurveyLeg("1", ["1", "2", "2b"], places, np.full((3, 2), 2.0), np.tile([0.0, 3, 0], (3, 1)))
-    on = SurveyLeg("2", ["2b", "3"], places[:2] + np.array([20, 0]), np.full((2, 2), 2.0), np.tile([0.0, 3, 0], (2, 1)))
-    far = SurveyLeg("3", ["4", "5"], places[:2] + np.array([0, 50]), np.full((2, 2), 2.0), np.tile([0.0, 3, 0], (2, 1)))
+    east, north = np.array([20.0, 0]), np.array([0, 50.0])
+    on = SurveyLeg("2", ["2b", "3"], places[:2] + east, np.full((2, 2), 2.0), np.tile([0.0, 3, 0], (2, 1)))
+    far = SurveyLeg("3", ["4", "5"], places[:2] + north, np.full((2, 2), 2.0), np.tile([0.0, 3, 0], (2, 1)))
     network = network_of([chain, on, far], 3.0, 1.0)
     assert network.names == ("1", "2", "3", "4", "5")
     assert [network.leg_name(k) for k in range(3)] == ["1 to 2", "2 to 3", "4 to 5"]
