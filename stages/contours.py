@@ -78,12 +78,10 @@ def trace_free_space(
 ) -> dict[str, Any]:
     """Return the binarised plan, the cleaned plan, the free space, its drift network, floors, a picture and tables.
 
-    A survey that is built as one volume passes through as it is seen from above. Of a plan with heights that is built
-    so, the floors are those of its outline.
+    A survey that is built as one volume passes through as it is seen from above; a plan with heights has floors.
     """
     if len(floors) or len(network) or len(solid):
-        legs = NO_LEGS if len(floors) else network
-        return _view_from_above(params, survey, workings, legs) | {"floors": floors}
+        return _view_from_above(params, survey, workings, NO_LEGS if len(floors) else network) | {"floors": floors}
     frame = survey.frame
     try:
         drawn = _trace(params, plan, survey, workings)
@@ -93,9 +91,7 @@ def trace_free_space(
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
     simplified = _simplify(params, survey, corrected.workings)
     drifts = simplified.network  # openings are no islands in it
-    heights = survey.heights
-    if heights is not None and heights.as_volume:
-        floors = plan_floors(simplified.outline, heights, drifts, survey.entrance_m or drifts.main_drift_m[0])
+    floors = plan_floors(simplified.outline, survey, drifts)
     openings = _find_openings(params, survey, simplified.outline)
     outline = cut_openings(simplified.outline, openings) if openings.collars else simplified.outline
     traced = _drawn_again(cut_openings(corrected.workings, openings), frame) if openings.collars else corrected
@@ -153,7 +149,9 @@ def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workin
     if workings.polygons.is_empty:
         raw, cleaned = _read_mask(params, plan, survey, places)
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
-        return _Traced(_outline_of(params, plan, raw, cleaned, frame), raw, cleaned)
+        cover = None if params.trace == "pixels" else cover_of(plan, raw, cleaned)
+        outline = trace_outline(cleaned, frame) if cover is None else trace_half_level(cover, frame)
+        return _Traced(outline, raw, cleaned)
     components = mend(workings.polygons, params.bridge_m, params.min_island_m2)
     chosen = choose_component(components, places)
     raw = fill_polygon(workings.polygons, frame) & ~_touching(components, chosen, frame)
@@ -253,12 +251,6 @@ def _read_mask(
     raw = binarize(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
     drawn = clean_mask(raw, params.bridge_m * scale, params.despeck_m * scale)
     return raw, fill_islands(choose_mask_component(drawn, frame, places), params.min_island_m2 * scale**2)
-
-
-def _outline_of(params: ContoursParams, plan: Image, raw: Mask, cleaned: Mask, frame: Frame) -> Polygon:
-    if params.trace == "pixels":
-        return trace_outline(cleaned, frame)
-    return trace_half_level(cover_of(plan, raw, cleaned), frame)
 
 
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:

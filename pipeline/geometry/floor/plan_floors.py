@@ -7,20 +7,24 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
-from pipeline.types import DriftNetwork, FloorMesh, Heights
+from pipeline.types import NO_FLOORS, DriftNetwork, FloorMesh, Survey
 
 _ANY_DEG = 90.0  # a volume has floors of any steepness
 
 
-def plan_floors(
-    outline: BaseGeometry, heights: Heights, network: DriftNetwork, entrance_m: tuple[float, float]
-) -> FloorMesh:
-    """Return the floor of an outline (m, mine frame), whose heights are known in its drifts.
+def plan_floors(outline: BaseGeometry, survey: Survey, network: DriftNetwork) -> FloorMesh:
+    """Return the floor of a plan's outline (m, mine frame), whose heights are known in its drifts.
+
+    It has no faces if the plan has no heights, or is not built as one volume.
 
     Raises
     ------
     GeometryError
         If a height is far from every drift, or contradicts another; the message names the place.
     """
-    floor = build_floor(outline, floor_lines(heights, network, entrance_m), _ANY_DEG)
+    heights = survey.heights
+    if heights is None or not heights.as_volume:
+        return NO_FLOORS
+    lines = floor_lines(heights, network, survey.entrance_m or network.main_drift_m[0])
+    floor = build_floor(outline, lines, _ANY_DEG)
     return FloorMesh(floor.vertices, floor.faces.astype(np.int32), heights.datum_m)

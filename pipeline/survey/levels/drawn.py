@@ -69,7 +69,7 @@ def read_levels(
     Raises
     ------
     InputError
-        If levels over each other cannot be distinguished or joined; the message names the place.
+        If levels over each other enclose no areas of their own, or cannot be joined; the message names the place.
     """
     is_checked = params.no_elevation is None
     found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
