@@ -26,7 +26,6 @@ from pipeline.survey.solved.splay_walls import (
 )
 
 Nodes = list[int]
-_MOST_PIECES = 5  # that a message names
 
 
 def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = None) -> list[SurveyLeg]:
@@ -57,7 +56,6 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     plan = _StationPlan(survey)
     # The ends of splays are no stations of passages; a survey by laser has ten to a station.
     require_at_most(path, len(np.unique(plan.all_edges)), "stations", "stations of passages or more")
-    plan.warn_of_pieces(path)
     if survey.passages:
         rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
         rows += plan.joints(rows)
@@ -105,21 +103,6 @@ class _StationPlan:
         """Return the nodes (k, 2) that some legs join, each pair once."""
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
-
-    def warn_of_pieces(self, path: Path) -> None:
-        """Warn if the centreline is in pieces that share no station; duplicate legs join pieces, too."""
-        graph: nx.Graph = nx.Graph()
-        edges = self.all_edges
-        steps = np.linalg.norm(self.places[edges[:, 0]] - self.places[edges[:, 1]], axis=1)
-        graph.add_weighted_edges_from(zip(*edges.T.tolist(), steps.tolist(), strict=True), weight="length")
-        pieces = [(graph.subgraph(nodes).size(weight="length"), min(nodes)) for nodes in nx.connected_components(graph)]
-        if len(pieces) > 1:
-            longest = sorted(pieces, reverse=True)[:_MOST_PIECES]
-            text = ", ".join(f"{length:.0f} m about {self.names[node]}" for length, node in longest)
-            warn_user(
-                f"{path.name}: the survey is in {len(pieces)} pieces that share no station, the longest {text}; "
-                "--piece STATION builds one"
-            )
 
     def joints(self, rows: list[tuple[Nodes, np.ndarray]]) -> list[tuple[Nodes, np.ndarray]]:
         """Return the legs between cross-sections that are no neighbours in a passage."""
