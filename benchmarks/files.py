@@ -39,7 +39,7 @@ _WHY = 300  # characters of the remarks on a file that was read
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a file: one of `VERDICTS`, and why; seconds, bytes at the peak, and the files that it named.
+    """What became of a file: one of `VERDICTS`, and why; processor seconds, bytes at the peak, and files that it named.
 
     `asked` is a refusal that names an option; `failed` is a fault of a reader.
     """
@@ -104,7 +104,7 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
     """Return the outcome of a file that this process reads; options that its kind has no use for are left out."""
     from pipeline.build.dry_run import dry_run
 
-    start = time.monotonic()
+    start = sum(os.times()[:4])  # of this process and of those that it ended; a busy machine adds nothing
     verdict, why, used = "failed", "", []
     with collect_remarks() as remarks:
         try:
@@ -124,7 +124,7 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
     # What was remarked before a refusal may be its cause.
     why = "; ".join([*filter(None, [why]), *(_fact(remark, path) for remark in remarks)])[:_WHY]
     why = why.removeprefix(f"{path}: ").replace(f"{path.parent}/", "").replace(f"data/mines/{_SURVEY}/", "")
-    return Outcome(verdict, why, round(time.monotonic() - start, 1), _peak_bytes(), used)
+    return Outcome(verdict, why, round(sum(os.times()[:4]) - start, 1), _peak_bytes(), used)
 
 
 def _fact(remark: Remark, path: Path) -> str:
@@ -153,7 +153,7 @@ def table(outcomes: dict[str, Outcome]) -> str:
         for name, found in outcomes.items()
     ]
     summary = markdown_table(("format", *VERDICTS), by_format)
-    return f"{summary}\n{markdown_table(('file', 'outcome', 's', 'GB', 'why'), rows)}"
+    return f"{summary}\n{markdown_table(('file', 'outcome', 'CPU s', 'GB', 'why'), rows)}"
 
 
 def command_line() -> argparse.ArgumentParser:

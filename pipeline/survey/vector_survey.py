@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress
@@ -70,17 +69,16 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and what draws their plan, with its frame.
 
-    Detection tries several units and needs no plan: one of 6,000 px takes 2 s. `legs` are those of a survey that is
-    built as one volume, `floors` those of drawn areas with heights, whose shafts are the legs; the workings are their
-    view from above.
-    A procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
+    `legs` are those of a survey that is built as one volume, `floors` those of drawn areas with heights, whose shafts
+    are the legs; the workings are their view from above. A procedural mine with `as_picture` has none: stage 2 traces
+    them from the plan.
     """
 
     workings: MultiPolygon
     georeference: Georeference
     heights: Heights | None
     frame: Frame
-    draw_plan: Callable[[], Image]
+    draw_plan: partial[Image]  # one of 6,000 px takes 2 s, and detection needs none
     legs: SurveyedLegs = NO_LEGS
     floors: FloorMesh = NO_FLOORS
 
@@ -116,16 +114,15 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     InputError
         If the file cannot be read or holds no workings.
     """
-    read = _read(params, content)
-    workings = read.polygons
-    if workings.is_empty:
-        raise InputError(f"{_name(params)}: the workings have no area")
-    frame = frame_of(_name(params), workings, params)
+    read, name = _read(params, content), _name(params)
+    if (workings := read.polygons).is_empty:
+        raise InputError(f"{name}: the workings have no area")
+    frame = frame_of(name, workings, params)
     if params.kind != "procedural" or not params.as_picture:
-        plain = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, frame, plain, read.legs, read.floors)
-    picture = partial(draw_picture, workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
-    return VectorReading(MultiPolygon(), read.georeference, None, frame, picture)
+        draw = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
+        return VectorReading(workings, read.georeference, read.heights, frame, draw, read.legs, read.floors)
+    draw = partial(draw_picture, workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
+    return VectorReading(MultiPolygon(), read.georeference, None, frame, draw)
 
 
 def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:

@@ -68,6 +68,7 @@ def test_line_roughness_of_a_parabola_is_its_sagitta_over_window():
     assert line_roughness([run], 1.0) == pytest.approx(0.02 / (12 * math.sqrt(5)), rel=0.06)
 
 
+@pytest.mark.slow
 def test_a_cloud_of_a_rough_wall_has_the_walls_spectrum_and_amplitude():
     rng = np.random.default_rng(3)
     x, z = rng.uniform(0, 20, 400_000), rng.uniform(0, 4, 400_000)
