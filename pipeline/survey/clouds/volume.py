@@ -49,7 +49,6 @@ class ScannedVolume:
 def volume_of_cloud(
     cloud: ThinnedCloud,
     voxel_m: float,
-    close_m: float,
     tolerance_m: float,
     most_facets: int,
     inside_m: np.ndarray = NOWHERE,
@@ -61,8 +60,6 @@ def volume_of_cloud(
     cloud : ThinnedCloud
     voxel_m : float
         Of the free space, at least the spacing of the points.
-    close_m : float
-        Parts of the surface that nobody saw are filled smoothly if they are no wider.
     tolerance_m : float
         Of ten points of the surface eight move by less when it is simplified.
     most_facets : int
@@ -92,8 +89,7 @@ def volume_of_cloud(
     vertices, faces = _closed_surface(free.free, band, voxel_m, bounding, sides)
     spacing = spacing_of(bounding.points_m)
     gaps = find_gaps(vertices, faces, cloud.points_m, max(_BARE_M, 2 * spacing))
-    holes = [gap for gap in gaps if gap.width_m <= close_m]
-    vertices = fill_gaps(vertices, holes, bounding.points_m, sides.normals)
+    vertices = fill_gaps(vertices, gaps, bounding.points_m, sides.normals)
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
