@@ -18,6 +18,7 @@ from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, grown, is_in,
 from pipeline.survey.solids.closing import close_solids
 
 _WELD_M = 1e-6
+_FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four sheets meet in an edge
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one
@@ -124,7 +125,7 @@ def _closed_surface(
     """Return the surface of the free space, without pieces that it encloses or that lie apart."""
     signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
     vertices, faces = surface_of(free, band, voxel_m, signed)
-    closed = close_solids(vertices, faces, _WELD_M, voxel_m)
+    closed = close_solids(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
     largest = max(closed.solid.decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
