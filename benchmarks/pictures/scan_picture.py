@@ -24,11 +24,7 @@ from pipeline.volume.world.solid import volume_of_solid
 
 _PER_M2, _SEED, _QUALITY = 200.0, 7, 85
 _INK = (90, 90, 90)
-_TITLES = (
-    "points, the higher the lighter",
-    "plan: red left out, blue closed",
-    "points: red in the rock, blue in the free space",
-)
+_TITLES = ("points, the higher the lighter", "plan: red left out, blue closed", "")  # the third has its own
 
 
 def draw_scan(path: Path) -> None:

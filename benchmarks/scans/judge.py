@@ -33,7 +33,7 @@ RESULTS, TABLE = Path("artifacts/bench/scans.jsonl"), Path("docs/evidence/parts/
 _FLOOR_M, _WALL_M, _IOU = 0.03, 0.05, 0.97  # wanted
 _DENSITY = (20.0, 2000.0)  # points a m2
 _FINEST_M = 0.025  # as `detect_cloud` reads a small file
-_CLOSE_M, _SIMPLIFY_M = 3.0, 0.03  # the command's own
+_SIMPLIFY_M = 0.03  # the command's own
 _SAMPLES = 200_000
 _CLEAR_M, _APART_M = 2.0, 8.0  # beside a vehicle, and between it and the person
 _AWAY_M = (3.2, 1.0)  # of the scanner from the vehicle, from the person
@@ -62,7 +62,7 @@ def found_again(points_m: np.ndarray) -> ScannedVolume:
     fine = thin(iter([points_m]), _FINEST_M, len(points_m))
     voxel_m = resolution(fine.points_m, spacing_of(fine.points_m))
     cloud = thin(iter([points_m]), voxel_m / 2, len(points_m))
-    return volume_of_cloud(cloud, voxel_m, _CLOSE_M, _SIMPLIFY_M, MOST_FACETS)
+    return volume_of_cloud(cloud, voxel_m, _SIMPLIFY_M, MOST_FACETS)
 
 
 def compare(truth: manifold3d.Manifold, found: ScannedVolume, rng: np.random.Generator) -> dict[str, float]:

@@ -29,6 +29,7 @@ _HEIGHT_M = 3.2  # of level mines
 _SIZE_M, _WIDTH_M, _RIB_M, _PILLAR_M, _SPACING_M = (40.0, 70.0), (4.0, 6.0), 0.15, 8.0, 24.0  # of their plans
 _STEP_M = 1.0  # of the scanner between two turns of it
 _OVER_M = 1.3  # of the scanner over the floor
+_VEHICLE_M = 3.5  # from the end of a drift to the middle of a vehicle
 _STUB_M = 6.0  # a shorter way from a junction to a dead end is the corner of a room
 
 
@@ -84,6 +85,8 @@ def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
             floors[name] = stations[name] - [0, 0, down]
             heading[name], half[name] = np.degrees(np.arctan2(along[1], along[0])), min(left, right)
     names = list(floors)
+    for end in found["dead_ends"]:  # a vehicle would stand in the last wall
+        half |= {name: 0.0 for name in names if np.linalg.norm(stations[name] - stations[end]) < _VEHICLE_M}
     counts = _long_ends(found), found["loops"], found["components"]
     return FloorNetwork(
         np.array([floors[name] for name in names]),

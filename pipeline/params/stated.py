@@ -122,7 +122,10 @@ class StatedOptions(Params):
         default=None, ge=0, le=10, description="largest gap between wall ends that are joined, m"
     )
     close_m: Annotated[float | None, _option("--close", FileKind.VECTOR, *_BODIES, metavar="M")] = Field(
-        default=None, ge=0, le=50, description="widest hole of a solid or a scan that is closed, m"
+        default=None,
+        ge=0,
+        le=50,
+        description="widest hole of a solid that is closed, of a scan that is listed as one, m",
     )
     simplify_m: Annotated[float | None, _option("--simplify", FileKind.VECTOR, *_BODIES, metavar="M")] = Field(
         default=None,

@@ -73,7 +73,7 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
         "trajectory": "where the scanner was, rows of time x y z; null: the largest space is built",
         "origin": "of the mine frame, in the file's coordinates",
         "voxel_m": "resolution of the surface, m; gaps of as much between points are bridged",
-        "close_m": "unseen parts of the surface up to this width are holes, wider ones ends of the workings, m",
+        "close_m": "unseen parts of the surface up to this width are listed as holes, m",
         "simplify_m": "four fifths of the surface move by no more than this when it is simplified, m",
         "up": "axis of the file that points up; null: z",
     }

@@ -28,7 +28,10 @@ class CloudSurveyParams(DrawnSurveyParams):
         default=0.2, ge=0.02, le=2, description="resolution of the surface; gaps of as much between points are bridged"
     )
     close_m: float = Field(
-        default=3.0, ge=0, le=50, description="unseen parts of the surface up to this width are holes; wider ones, ends"
+        default=3.0,
+        ge=0,
+        le=50,
+        description="unseen parts of the surface up to this width are listed as holes, wider ones as ends or shadows",
     )
     simplify_m: float = Field(
         default=0.03,

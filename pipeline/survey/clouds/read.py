@@ -57,7 +57,7 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         way = read_trajectory(Path(params.trajectory))
         way = ((way[:, [0, 2, 1]] * [1, -1, 1] if params.up == "y" else way) - origin) * metres
     try:
-        found = volume_of_cloud(cloud, params.voxel_m, params.close_m, params.simplify_m, MOST_FACETS, way)
+        found = volume_of_cloud(cloud, params.voxel_m, params.simplify_m, MOST_FACETS, way)
     except InputError as error:
         raise InputError(f"{params.file}: {error}") from error
     # The frame's height 0 is a whole metre below the lowest floor.
@@ -105,7 +105,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             [gap for gap in found.gaps if gap.width_m <= params.close_m],
         ),
         (
-            f"places more than {params.close_m:g} m wide (--close M) were not seen and end the workings",
+            f"places more than {params.close_m:g} m wide (--close M) were not seen: shadows, or where the scan ends",
             [gap for gap in found.gaps if gap.width_m > params.close_m],
         ),
     ):

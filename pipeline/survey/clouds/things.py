@@ -12,9 +12,10 @@ from pipeline.survey.clouds.thinned import ThinnedCloud
 from pipeline.survey.clouds.voxels import cells_at, components_of, is_in, keys_of
 
 _UP = 0.7  # of a normal's length upwards: a floor, or the top of a thing
-_LEAST_M, _MOST_M = 0.4, 6.0  # a thing's height
+_LEAST_M, _MOST_M = 0.25, 6.0  # a thing's height
 _MOST_M2 = 60.0  # in plan: a large truck
-_LEAST_ROWS = 8
+_LEAST_ROWS = 5
+_REACH = 2  # voxels: lines of a scanner are far apart on what is beside it
 _SURROUNDED = 0.6  # of the places about a thing are free
 _ABOUT = 3  # voxels from a thing to where free space is looked for: walls are thickened by one
 _RING_M = 1.0  # beside a thing, where its floor is measured
@@ -43,7 +44,7 @@ def find_things(
     up[sides.rows[sides.normals[:, 2] > _UP]] = True
     own = np.flatnonzero(~up)
     keys, number = np.unique(keys_of(cells_at(cloud.points_m[own], size_m)), return_inverse=True)
-    part = components_of(keys)[number.reshape(-1)]
+    part = components_of(keys, _REACH)[number.reshape(-1)]
     order = np.argsort(part, kind="stable")
     found, rows = [], [np.zeros(0, np.int64)]
     for some in np.split(own[order], np.cumsum(np.bincount(part))[:-1]):

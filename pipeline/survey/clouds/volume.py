@@ -18,6 +18,7 @@ from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, grown, is_in,
 from pipeline.survey.solids.closing import close_solids
 
 _WELD_M = 1e-6
+_FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four sheets meet in an edge
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one
@@ -49,7 +50,6 @@ class ScannedVolume:
 def volume_of_cloud(
     cloud: ThinnedCloud,
     voxel_m: float,
-    close_m: float,
     tolerance_m: float,
     most_facets: int,
     inside_m: np.ndarray = NOWHERE,
@@ -61,8 +61,6 @@ def volume_of_cloud(
     cloud : ThinnedCloud
     voxel_m : float
         Of the free space, at least the spacing of the points.
-    close_m : float
-        Parts of the surface that nobody saw are filled smoothly if they are no wider.
     tolerance_m : float
         Of ten points of the surface eight move by less when it is simplified.
     most_facets : int
@@ -92,8 +90,7 @@ def volume_of_cloud(
     vertices, faces = _closed_surface(free.free, band, voxel_m, bounding, sides)
     spacing = spacing_of(bounding.points_m)
     gaps = find_gaps(vertices, faces, cloud.points_m, max(_BARE_M, 2 * spacing))
-    holes = [gap for gap in gaps if gap.width_m <= close_m]
-    vertices = fill_gaps(vertices, holes, bounding.points_m, sides.normals)
+    vertices = fill_gaps(vertices, gaps, bounding.points_m, sides.normals)
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
@@ -128,7 +125,7 @@ def _closed_surface(
     """Return the surface of the free space, without pieces that it encloses or that lie apart."""
     signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
     vertices, faces = surface_of(free, band, voxel_m, signed)
-    closed = close_solids(vertices, faces, _WELD_M, voxel_m)
+    closed = close_solids(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
     largest = max(closed.solid.decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)

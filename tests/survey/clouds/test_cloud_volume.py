@@ -28,8 +28,8 @@ def noisy(points, seed=1):
     return points + np.random.default_rng(seed).normal(0, NOISE_M, points.shape)
 
 
-def scanned(points, close_m=3.0, **values) -> object:
-    return volume_of_cloud(thin(iter([points]), VOXEL_M / 2, 10**6), VOXEL_M, close_m, 0.03, 20_000, **values)
+def scanned(points, **values):
+    return volume_of_cloud(thin(iter([points]), VOXEL_M / 2, 10**6), VOXEL_M, 0.03, 20_000, **values)
 
 
 def solid_of(found):

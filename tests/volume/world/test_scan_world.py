@@ -15,6 +15,8 @@ from tests.survey.clouds.test_cloud_volume import noisy, sampled
 from tests.volume.world.test_solid_world import broken, crossing
 from tests.volume_worlds import VolumeWorld, proof
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
