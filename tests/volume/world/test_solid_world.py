@@ -1,6 +1,7 @@
 """Solids as volumes: labels, legs along floors, and files of a world."""
 
 import json
+from dataclasses import replace
 
 import manifold3d
 import numpy as np
@@ -13,8 +14,9 @@ from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.union import Label
-from pipeline.volume.world.compile import BUILT, compile_volume
+from pipeline.volume.world.compile import BUILT, _built, compile_volume
 from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.topology import LegNetwork
 from tests.composed import compose
 from tests.volume_worlds import VolumeWorld, validated
 
@@ -107,3 +109,9 @@ def test_the_world_of_a_solid_is_certified_against_it(world):
 def test_the_world_of_another_solid_breaks_its_clauses(world):
     other = mesh_of(crossing().translate([0.5, 0, 0]))
     assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm"}
+
+
+def test_what_is_built_is_no_longer_than_the_survey_after_rounding():
+    legs = LegNetwork({}, [], [], [], [], 0, 1, 9.1084)
+    built = _built(replace(NO_LEGS, surveyed_m=9.1084), legs, 9.10851, 0)
+    assert built.built_m <= min(built.piece_m, built.surveyed_m)
