@@ -126,10 +126,12 @@ def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) 
 
 def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:
     ends = [name for name in legs.dead_ends if name not in legs.entrances]
+    surveyed_m = round(surveyed.surveyed_m, 3)
+    piece_m = min(round(legs.total_length_m, 3), surveyed_m)  # lengths of legs are rounded one by one
     return BuiltVolume(
-        round(max(surveyed.surveyed_m, legs.total_length_m), 3),  # sums of rounded lengths differ by 1e-4 m
-        round(legs.total_length_m, 3),
-        round(min(built_m, legs.total_length_m), 3),
+        surveyed_m,
+        piece_m,
+        min(round(built_m, 3), piece_m),
         surveyed.datum_m,
         [OpenEnd(name, legs.stations_m[name]) for name in legs.entrances],
         [OpenEnd(name, legs.stations_m[name]) for name in ends],

@@ -1,6 +1,7 @@
 """Solids as volumes: labels, legs along floors, and files of a world."""
 
 import json
+from dataclasses import replace
 
 import manifold3d
 import numpy as np
@@ -13,8 +14,9 @@ from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.union import Label
-from pipeline.volume.world.compile import BUILT, compile_volume
+from pipeline.volume.world.compile import BUILT, _built, compile_volume
 from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.topology import LegNetwork
 from tests.composed import compose
 from tests.volume_worlds import VolumeWorld, validated
 
@@ -113,3 +115,9 @@ def test_a_shaft_over_a_station_is_not_the_height_of_its_passage(tmp_path):
     shaft = manifold3d.Manifold.cube([2, 2, 20]).translate([8, 1, 1])
     legs = json.loads(compiled(crossing() + shaft, tmp_path)[TOPOLOGY])["legs"]
     assert {up + down for leg in legs for _, _, up, down in leg["lrud_m"]} == {3}
+
+
+def test_what_is_built_is_no_longer_than_the_survey_after_rounding():
+    legs = LegNetwork({}, [], [], [], [], 0, 1, 9.1096)
+    built = _built(replace(NO_LEGS, surveyed_m=9.1084), legs, 9.10851, 0)
+    assert built.built_m <= built.piece_m <= built.surveyed_m
