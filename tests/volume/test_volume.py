@@ -101,6 +101,17 @@ def test_a_robot_rests_and_climbs_on_a_sloping_junction(tmp_path):
     assert found.both_off_s < 0.05
 
 
+def test_robots_at_rest_are_judged_where_the_floor_about_them_is_even(tmp_path):
+    network, rough = built(PITCH, tmp_path)
+    volume = solve_floors(rough, network)
+    top = volume.vertices[volume.faces[volume.label == Label.FLOOR]][..., 2].max()
+    at = np.array([network.places_m[network.names.index(name)] for name in ("1", "2")])
+    away = (at[1] - at[0]) / np.linalg.norm(at[1] - at[0])
+    inside, beside = at[0] + 6 * away, at[1] - 1.4 * away
+    places = np.array([[*inside[:2], top], [*beside[:2], top]])
+    assert physics._is_even(volume, places).tolist() == [True, False]
+
+
 def test_shots_without_a_length_are_counted_and_left_out(tmp_path):
     network, _ = built(BOX + "A,3,20,0.0005,2,2,0,3,0\nA,4,40,0,2,2,0,3,0\n", tmp_path)
     assert network.skipped == 1

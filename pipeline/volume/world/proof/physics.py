@@ -11,12 +11,16 @@ import numpy as np
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
 from minexplore.task import TaskParams
+from pipeline.proof.standing import STEEPEST
 from pipeline.volume.enclosure import Inside
+from pipeline.volume.floors import drop
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Label, Volume
 
 ROBOTS = 12
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m, as in pipeline.proof.standing
+_AROUND_M, _RING = (0.4, 0.8), 8  # a robot's length about a place, where its wheels and castors come to
+_OVER_M = 0.3  # from which the floor about a place is looked for
 
 
 def spec_of(
@@ -107,11 +111,15 @@ def measure_standing(
 ) -> RobotsAtRest:
     """Let robots settle for 1 s and rest for 5 s, then drive uphill for 3 s at 0.15 m/s.
 
-    `targets` (f,) says on which floors; None is all. Where no robot fits, none moves and none climbs.
+    `targets` (f,) says on which floors; None is all. Floors that rise or fall by more than `STEEPEST` within a robot's
+    length are left out: on steeper ones robots creep on an even plane too, and beside an edge they fall. Where no robot
+    fits, none moves and none climbs.
     """
     model = spec_of(parts, add_robots(ROBOTS)).compile()
     data, robot = mujoco.MjData(model), RobotParams()
     places, normals = places_for_robots(volume, _AHEAD_M, targets)
+    even = _is_even(volume, places)
+    places, normals = places[even], normals[even]
     if not len(places):
         return RobotsAtRest(0.0, 0.0, 0.0)
     steep = np.flatnonzero(np.hypot(*normals[:, :2].T) > 0.03)
@@ -137,6 +145,20 @@ def measure_standing(
         longest = np.maximum(longest, off)
     gained = data.qpos[here][:, 2] - before[:, 2] > 0
     return RobotsAtRest(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
+
+
+def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
+    """Return at which places (n, 3) m the floor is nowhere steeper than `STEEPEST` about a robot."""
+    angle = np.arange(_RING) * (2 * np.pi / _RING)
+    around = np.repeat(_AROUND_M, _RING)
+    ring = np.column_stack(
+        [around * np.tile(np.cos(angle), 2), around * np.tile(np.sin(angle), 2), 0 * around + _OVER_M]
+    )
+    beside = (places[:, None] + ring).reshape(-1, 3)
+    free = Inside(volume).distance_m(beside) > 0
+    rise = np.abs(drop(volume.vertices, volume.faces, beside)[1].reshape(len(places), -1) - places[:, 2:])
+    found: np.ndarray = (~free.reshape(rise.shape) | (rise <= STEEPEST * around)).all(axis=1)
+    return found
 
 
 def run_for(model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
