@@ -199,7 +199,8 @@ def read_made_by(folder: Path) -> MadeBy:
     except ValidationError as error:
         first = error.errors()[0]
         where = ascii(".".join(map(str, first["loc"])))[1:-1]  # a key is the file's text
-        raise ArtifactError(f"{path}: {where:.80} = {first['input']!r:.80}: {in_own_words(first)}") from error
+        value = f"{where:.80} = {first['input']!r:.80}: " if where else ""
+        raise ArtifactError(f"{path}: {value}{in_own_words(first)}") from error
 
 
 def read_record(folder: Path, checked: bool = True) -> WorldRecord:

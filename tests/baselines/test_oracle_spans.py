@@ -60,7 +60,9 @@ def test_a_robot_may_fall_down_a_shaft_in_less_time_than_it_needs_to_drive_anywh
     links = span_links(spans, 0.3)
     numbers = np.flatnonzero(links.standing)
     falls = spans.floor_m[numbers][links.pairs[links.is_fall]]
-    assert np.abs(np.diff(falls, axis=1)).max() == pytest.approx(12.0, abs=0.1)
+    assert np.abs(np.diff(falls, axis=1)).max() == pytest.approx(
+        12.0, abs=0.15
+    )  # the shaft narrows: its wall begins lower
     assert links.length_m[links.is_fall].max() == pytest.approx(12 / 4, abs=0.1)  # s
 
 

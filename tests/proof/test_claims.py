@@ -85,7 +85,7 @@ def test_a_stricter_claim_is_applied_and_the_limits_are_the_validators_own(owned
     ("text", "message"),
     [
         ('{"kind": "anything"}', "kind = 'anything'"),
-        ("[]", "valid dictionary"),
+        ("[]", "made_by.json: want a section of keys"),
         ("{", "not JSON"),
         ('{"kind": NaN}', "kind = NaN"),
         (" " * 20_000, "20000 bytes"),
