@@ -5,12 +5,13 @@ import dataclasses
 import manifold3d
 import numpy as np
 import pytest
+import shapely
 
 from benchmarks.comparisons.volume.cases import GateCase
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
-from pipeline.volume.rock.faces import faces_on_facets
+from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.rays import RaysIntoRock
@@ -140,3 +141,14 @@ def test_a_sliver_whose_plane_is_off_a_little_is_covered_by_the_part_behind_its_
         .min()
         > 0
     )
+
+
+def test_two_faces_whose_common_edge_differs_in_the_last_digit_cover_a_facet():
+    one = "POLYGON ((-23.89635680605867 2.0085910746293596, 5.812930027571039 0.4658868644443661, {}, {}))"
+    two = "POLYGON (({}, 5.812930027571039 0.465886864444366, 15.115838025980343 -0.0171821306640664, {}, {}))"
+    edge, last = "5.812924976847517 -1.6281436361541455", "8.780518780078332 -1.9914089439652933"
+    shared = shapely.from_wkt([one.format(edge, "-23.89635680605867 2.0085910746293596"), two.format(edge, last, edge)])
+    both, none = np.array([0, 1]), np.zeros(2)
+    faces = PartFaces(both, np.zeros(2, int), shapely.area(shared), none, none.astype(bool), shared)
+    area = float(shapely.area(shared).sum())
+    assert faces.uncovered_m2(np.array([area]))[0] < 1e-6
