@@ -16,7 +16,6 @@ LONGER = {  # and why
     "benchmarks/pictures/draw_sheet.py": "a drawing sheet with all that surrounds workings on paper",
     # Folded floors, which go with the volume.
     "minexplore/floors/floor.py": "folded floors",
-    "pipeline/geometry/openings/fit.py": "openings in folded floors",
     "pipeline/mjcf/floor_cover.py": "the visible floor, level or folded",
     "pipeline/proof/rebuilt/visible.py": "the visible rock, level or folded",
 }

@@ -48,19 +48,6 @@ def seam_lines(floor: Floor) -> list[SeamLine]:
     return seams
 
 
-def seams_of_edges(ring: np.ndarray, sheet: int, seams: list[SeamLine]) -> np.ndarray:
-    """Return the number of the seam that the edge from each corner (k, 2) m of a sheet's ring lies on, -1 on a wall."""
-    number = np.full(len(ring), -1)
-    for k, seam in enumerate(seams):
-        if sheet in seam.sheets:
-            one, two = seam.line_in(sheet)
-            aside = _ASIDE_M * (two - one) / np.linalg.norm(two - one)
-            line = shapely.LineString([one - aside, two + aside])
-            on = shapely.dwithin(line, shapely.points(ring), _ON_SEAM_M)
-            number[on & np.roll(on, -1)] = k
-    return number
-
-
 def continue_sheets(free: BaseGeometry, floor: Floor, reach_m: float) -> list[Polygon]:
     """Return each sheet with the workings behind its seams, so far as they lie within `reach_m` of them."""
     parts = list(shapely.get_parts(shapely.set_precision(free, 0.0)))

@@ -6,9 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import SLAB_M
 from minexplore.floors.floor import Floor
-from pipeline.errors import GeometryError
 from pipeline.geometry.floor.wall_foot import BAND_M, CORNER, WallFoot, band_of
 
 _OVERLAP_M2 = 1e-3
@@ -43,51 +41,6 @@ def beside_sheets(floor: Floor, height_m: float) -> list[BaseGeometry]:
         np.maximum.at(highest, of, above + _values_on(floor, faces, places - moved[near[of]], lifts))
         found += triangles[near[(lowest < height_m) & (highest > -height_m)]].tolist()
     return found
-
-
-def require_pillars(floor: Floor, height_m: float) -> None:
-    """Refuse sheets that pass over each other with less than `2 * SLAB_M` of rock between.
-
-    Raises
-    ------
-    GeometryError
-        With the place and the thickness.
-    """
-    if len(floor.offset_m) == 1:
-        return
-    corners = floor.vertices[floor.faces].copy()
-    corners[:, :, :2] -= floor.offset_m[floor.sheet][:, None]
-    triangles = shapely.polygons(corners[:, :, :2])
-    one, two = shapely.STRtree(triangles).query(triangles)
-    low, high = floor.levels_m
-    lifts = floor.lifts_m(height_m)
-    between, most_m = (
-        np.maximum(low[one], low[two]) - np.minimum(high[one], high[two]),
-        height_m + max(0.0, lifts.max()),
-    )
-    near = np.flatnonzero((one < two) & (floor.sheet[one] != floor.sheet[two]) & (between < most_m + 2 * SLAB_M))
-    pairs = near[shapely.overlaps(triangles[one[near]], triangles[two[near]])]
-    one, two = one[pairs], two[pairs]
-    common = shapely.intersection(triangles[one], triangles[two])
-    large = shapely.area(common) > _OVERLAP_M2
-    places, of = shapely.get_coordinates(common[large], return_index=True)  # planes are nearest over a corner
-    heights, roofs = [], []
-    for faces in (one[large][of], two[large][of]):
-        at = places + floor.offset_m[floor.sheet[faces]]
-        heights.append(_values_on(floor, faces, at))
-        roofs.append(height_m + _values_on(floor, faces, at, lifts))
-    apart = np.abs(np.subtract(*heights))
-    roof_m = np.where(heights[0] < heights[1], *roofs)
-    pillar = apart - roof_m
-    thin = np.flatnonzero((apart > _ONE_FLOOR_M) & (pillar < 2 * SLAB_M))
-    if len(thin):
-        k = int(thin[pillar[thin].argmin()])
-        (x, y), low = places[k], min(heights[0][k], heights[1][k])
-        raise GeometryError(
-            f"pillar: workings {apart[k]:.2f} m above others at ({x:.1f}, {y:.1f}), {low:.1f} m high, leave "
-            f"{pillar[k]:.2f} m of rock over a roof {roof_m[k]:.4g} m high, want {2 * SLAB_M:g} m; a lower "
-            "compile3d.height_m leaves more" + (", where the survey has no roof" if floor.is_stretched else "")
-        )
 
 
 def _values_on(floor: Floor, faces: np.ndarray, places_m: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:

@@ -27,8 +27,8 @@ from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
 from pipeline.proof.rebuilt.same_surface import NearestFace
 from pipeline.proof.rebuilt.smooth import SmoothSizes, smooth_sizes
 from pipeline.store.codecs import decode
-from pipeline.surface.folded.smooth_sheets import smooth_sheets
 from pipeline.surface.mesh.smooth import FLOOR as SMOOTH_FLOOR
+from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
@@ -66,7 +66,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
     folding = Folding(floor)
     rough = {name: _read_chunk(folder, record, folding, name) for name in rough_meshes(names)}
-    smooth = _smooth_triangles(record, free, floor, sizes)
+    smooth = _smooth_triangles(record, free, sizes)
     near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
     walls = cKDTree(shapely.get_coordinates(shapely.segmentize(wall_lines(free, floor), _FINE_M)))
     far, relaxed = [np.zeros((0, 2))], record.look != PLAIN or floor.is_stretched
@@ -101,10 +101,10 @@ def rough_meshes(names: Iterable[str]) -> list[str]:
     return [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
 
 
-def _smooth_triangles(record: WorldRecord, free: Polygon, floor: Floor, sizes: SmoothSizes) -> np.ndarray:
+def _smooth_triangles(record: WorldRecord, free: Polygon, sizes: SmoothSizes) -> np.ndarray:
     """Return the triangles (n, 3, 3) m of the smooth surface in the plan, without its floor."""
     chamfers = sizes.floor_chamfer_m, sizes.roof_chamfer_m
-    pieces = smooth_sheets(free, floor, record.height_m, *chamfers, sizes.repeat_m)
+    pieces = smooth_surface(free, record.height_m, *chamfers, sizes.repeat_m)
     return np.concatenate([mesh.vertices[mesh.faces] for name, mesh in pieces.items() if name != SMOOTH_FLOOR])
 
 
