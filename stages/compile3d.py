@@ -11,8 +11,6 @@ import numpy as np
 from shapely import Polygon
 from tqdm import tqdm
 
-from minexplore.floors.floor import Floor
-from pipeline.geometry.floor.parts import cell_columns
 from pipeline.geometry.maps.occupancy import first_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.maps.octree import build_octree, to_bt
 from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms
@@ -66,10 +64,9 @@ def compile_rock(
     start = survey.entrance_m or topology.main_drift_m[0]
     return {
         "collision": collision_parts(params, rock_around(free, world), world),
-        "floor": Floor(),
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
-        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, *cell_columns(grid, Floor(), params.height_m))),
+        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
         "map": pixels,
         "map_yaml": yaml,
         "spawn": first_anchor(grid, [start], params.spawn.radius_m, params.spawn.clearance_m),
@@ -91,7 +88,6 @@ def _nothing(params: Compile3dParams) -> dict[str, Any]:
     box = (0.0, 0.0, 0.0, 0.0)
     return {
         "collision": ConvexParts(np.zeros((0, 3)), np.zeros(1, np.int32)),
-        "floor": Floor(),
         "extent": SolidExtent(params.height_m, box),
         "occupancy": Occupancy(np.zeros((0, 0), bool), np.zeros((0, 0), np.float32), np.zeros(2), params.grid_cell_m),
         "octree": b"",
@@ -126,7 +122,6 @@ STAGE = Stage(
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
-        "floor": Artifact("compile3d/floor.npz", Floor),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
         "octree": Artifact("compile3d/free_space.bt", bytes),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import VOLUME
-from minexplore.floors.floor import Floor
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.realism import RealismParams
 from pipeline.stage import Artifact, Stage, main
@@ -33,7 +32,6 @@ STAGE = Stage(
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
-        "floor": Artifact("compile3d/floor.npz", Floor),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
         "volume": Artifact("compile3d/volume", Bundle),
         "smooth": Artifact("surface/smooth.npz", Meshes),

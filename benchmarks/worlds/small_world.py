@@ -69,7 +69,6 @@ def finish_world(
         network,
         rock["extent"],
         rock["collision"],
-        rock["floor"],
         rock["spawn"],
         surface["smooth"],
         surface["texture"],

@@ -8,7 +8,6 @@ from networkx.utils import UnionFind
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.leg_graph import OpenEnd, ends_at
 from pipeline.geometry.network.skeleton import trace_network
@@ -17,11 +16,6 @@ from pipeline.types import DriftNetwork, Leg
 Place = tuple[float, float]
 _SAME_M = 0.001  # between a seam's end and the outline's vertex there
 SeamPlaces = tuple[Place, Place]  # the middle of a seam in the plan of either sheet, m
-
-
-def floor_seams(floor: Floor) -> list[SeamPlaces]:
-    """Return the middle of each seam of a floor in the plan of both its sheets."""
-    return [((a[0], a[1]), (b[0], b[1])) for a, b in floor.seams().tolist()]
 
 
 def whole_of(polygons: MultiPolygon) -> BaseGeometry:
