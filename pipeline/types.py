@@ -114,7 +114,7 @@ class Shaft:
     A raise leads up from a station of a drift to a blind end or to the surface: its `sheet` is None. `place_m`,
     heading and width are those of the lower station, in the plan of `below`.
 
-    `bends_m` are those of an `Opening`; a plumb shaft has none. `long_m` is how long a stope is along its drift.
+    `bends_m` are places of its axis; a plumb shaft has none. `long_m` is how long a stope is along its drift.
     """
 
     stations: tuple[str, str]
@@ -127,55 +127,6 @@ class Shaft:
     bottom_m: float
     bends_m: tuple[tuple[float, float, float], ...] = ()
     long_m: float | None = None
-
-
-@dataclass(frozen=True)
-class Opening:
-    """A shaft that is built: an opening in the floor of `sheet`, with the corners `outline_m` (m, plan).
-
-    The corners are counter-clockwise and the outline is convex. `top_m` and `bottom_m` are the heights of the floor at
-    its ends. It ends in the roof of the sheet `below`, or at a floor of its own at `bottom_m` if that is None.
-
-    A raise has no collar in a floor: its `sheet` is None, and its corners are in the plan of `below`. It is an opening
-    in the roof there, and a cap closes it at `top_m`.
-
-    One that leans has `bends_m`, from the highest down: (x, y) m is how far aside of its outline its section lies at
-    the height z, m. Above the first and below the last bend it is plumb, between bends it is linear. A plumb one has
-    none.
-    """
-
-    outline_m: tuple[tuple[float, float], ...]
-    sheet: int | None
-    below: int | None
-    top_m: float
-    bottom_m: float
-    bends_m: tuple[tuple[float, float, float], ...] = ()
-
-    @property
-    def plan_sheet(self) -> int:
-        """Return the sheet in whose plan the corners are."""
-        sheet = self.below if self.sheet is None else self.sheet
-        assert sheet is not None
-        return sheet
-
-
-@dataclass(frozen=True)
-class Openings:
-    """The openings of a mine with heights."""
-
-    shafts: list[Opening] = field(default_factory=list)
-
-    @property
-    def collars(self) -> list[Opening]:
-        """Return the openings in floors: all but raises."""
-        return [opening for opening in self.shafts if opening.sheet is not None]
-
-    def fenced(self, all_are: bool) -> list[Opening]:
-        """Return the openings with a fence: all in floors, or those that lean, which robots must not slide down."""
-        return [opening for opening in self.collars if all_are or opening.bends_m]
-
-
-NO_OPENINGS = Openings()
 
 
 @dataclass(frozen=True)

@@ -7,22 +7,18 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from minexplore.bundle import RECORD, VOLUME
 from pipeline.errors import ArtifactError
 from pipeline.guard.reading_process import one_line
 from pipeline.metrics.limits import flatten, format_limit
-from pipeline.mjcf.bundle import read_floor, read_record
+from pipeline.mjcf.bundle import read_record
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.proof.groups import applying_limits
 from pipeline.report.results import NO_FIGURE, read_metrics
 from pipeline.stage import ARTIFACTS
-from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_manifest, read_params
 from pipeline.store.verify import verify_world
-from pipeline.types import Survey
 
 WORLDS = ARTIFACTS / "worlds"
 DEFAULT = "default"
@@ -91,11 +87,8 @@ def describe_start(folder: Path) -> str:
         stated = json.loads((bundle / RECORD).read_text())
         x, y, z = stated["spawn"]["anchor_m"]
         return f"{x:.1f},{y:.1f},{z + stated['volume']['datum_m']:.1f} m; {how}"
-    record = read_record(bundle)
-    place = read_floor(bundle, record).fold(np.array([[*record.spawn.anchor_m, 0.0]]))[0]
-    survey: Survey = decode(folder / "survey" / "survey.json", Survey)
-    elevation = f",{place[2] + survey.heights.datum_m:.1f}" if survey.heights else ""
-    return f"{place[0]:.1f},{place[1]:.1f}{elevation} m; {how}"
+    x, y = read_record(bundle).spawn.anchor_m
+    return f"{x:.1f},{y:.1f} m; {how}"
 
 
 def list_worlds() -> str:

@@ -11,28 +11,16 @@ import numpy as np
 from shapely import Polygon
 from tqdm import tqdm
 
-from minexplore.floors.floor import Floor
-from pipeline.errors import ParamsError
-from pipeline.geometry.floor.mesh import build_floor
-from pipeline.geometry.floor.network_heights import floor_lines
-from pipeline.geometry.floor.parts import cell_columns, cell_offsets, sheet_walls, wall_parts
-from pipeline.geometry.floor.sheet_rock import require_pillars
-from pipeline.geometry.floor.sheets import ends_from_above
 from pipeline.geometry.maps.occupancy import first_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.maps.octree import build_octree, to_bt
-from pipeline.geometry.openings.fit import cut_floor, raises_over_roofs, without_openings
-from pipeline.geometry.openings.shaft_parts import shaft_parts
 from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms
-from pipeline.geometry.rock.extrude import collect_parts
 from pipeline.geometry.rock.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.params.compile3d import Compile3dParams
-from pipeline.remarks import warn_user
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle
 from pipeline.types import (
     NO_FLOORS,
     NO_LEGS,
-    NO_OPENINGS,
     NO_PICTURE,
     NO_SOLID,
     ClosedMesh,
@@ -42,7 +30,6 @@ from pipeline.types import (
     FreeSpace,
     Image,
     Occupancy,
-    Openings,
     SolidExtent,
     Spawn,
     Survey,
@@ -55,15 +42,13 @@ def compile_rock(
     free_space: FreeSpace,
     topology: DriftNetwork,
     survey: Survey,
-    openings: Openings = NO_OPENINGS,
     network: SurveyedLegs = NO_LEGS,
     solid: ClosedMesh = NO_SOLID,
     floors: FloorMesh = NO_FLOORS,
 ) -> dict[str, Any]:
-    """Return collision parts, occupancy (grid, octree and Nav2 map), extent, the spawn region, and the openings.
+    """Return collision parts, occupancy (grid, octree and Nav2 map), extent and the spawn region.
 
-    Raises that do not reach over the roof are left out, and it is printed where. Of a survey that is built as one
-    volume the files of `volume` hold all, and the others hold nothing.
+    Of a survey that is built as one volume the files of `volume` hold all, and the others hold nothing.
     """
     if len(floors) or len(network) or len(solid):
         from pipeline.volume.world.compile import compile_volume  # open3d takes a second to load
@@ -74,35 +59,18 @@ def compile_rock(
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
-    starts = [survey.entrance_m or topology.main_drift_m[0]]
-    whole = model_floor(params, without_openings(free, openings), topology, survey, starts[0])
-    if survey.entrance_m is None and survey.heights is not None and survey.heights.grade is None:
-        starts = ends_from_above(topology, whole)
-    openings, left_out = raises_over_roofs(openings, whole, params.height_m)
-    for line in left_out:
-        warn_user(f"compile3d: {line}")
-    floor = cut_floor(whole, openings)
-    grid = occupancy_grid(free, cell, world, sheet_walls(floor))
+    grid = occupancy_grid(free, cell, world)
     pixels, yaml = nav2_map(grid)
+    start = survey.entrance_m or topology.main_drift_m[0]
     return {
-        "collision": collision_parts(params, rock_around(free, world), world)
-        if floor.is_flat
-        else collect_parts(
-            wall_parts(free, floor, params.height_m, openings) + shaft_parts(openings, floor, params.height_m)
-        ),
-        "floor": floor,
-        "openings": openings,
+        "collision": collision_parts(params, rock_around(free, world), world),
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
-        "octree": to_bt(
-            build_octree(
-                grid.free, grid.origin_m, cell, *cell_columns(grid, floor, params.height_m), cell_offsets(grid, floor)
-            )
-        ),
+        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
         "map": pixels,
         "map_yaml": yaml,
-        "spawn": first_anchor(grid, starts, params.spawn.radius_m, params.spawn.clearance_m),
-        "volume": {"none.txt": b"survey.volume = false: no volume\n"},
+        "spawn": first_anchor(grid, [start], params.spawn.radius_m, params.spawn.clearance_m),
+        "volume": {"none.txt": b"a level mine: no volume\n"},
     }
 
 
@@ -116,12 +84,10 @@ def _start_in_plan(survey: Survey, topology: DriftNetwork, network: SurveyedLegs
 
 
 def _nothing(params: Compile3dParams) -> dict[str, Any]:
-    """Return the artifacts of a level or folded world, empty."""
+    """Return the artifacts of a level world, empty."""
     box = (0.0, 0.0, 0.0, 0.0)
     return {
         "collision": ConvexParts(np.zeros((0, 3)), np.zeros(1, np.int32)),
-        "floor": Floor(),
-        "openings": NO_OPENINGS,
         "extent": SolidExtent(params.height_m, box),
         "occupancy": Occupancy(np.zeros((0, 0), bool), np.zeros((0, 0), np.float32), np.zeros(2), params.grid_cell_m),
         "octree": b"",
@@ -129,25 +95,6 @@ def _nothing(params: Compile3dParams) -> dict[str, Any]:
         "map_yaml": "",
         "spawn": Spawn((0.0, 0.0), 0.0, (0.0, 0.0), params.spawn.radius_m, params.spawn.clearance_m),
     }
-
-
-def model_floor(
-    params: Compile3dParams,
-    free: Polygon,
-    topology: DriftNetwork,
-    survey: Survey,
-    entrance_m: tuple[float, float],
-) -> Floor:
-    """Return the floor; it has no triangles if the survey has no heights."""
-    if survey.heights is None:
-        return Floor()
-    if params.collision.method != "exact":
-        raise ParamsError(f"collision = {params.collision.method}: a mine with heights needs collision=exact")
-    heights = survey.heights
-    lines = floor_lines(heights, topology, entrance_m, params.height_m)
-    floor = build_floor(free, lines, params.steepest_deg, heights.offset_m, heights.seams, params.height_m)
-    require_pillars(floor, params.height_m)
-    return floor
 
 
 def collision_parts(params: Compile3dParams, rock: list[Polygon], world_m: Box) -> ConvexParts:
@@ -169,15 +116,12 @@ STAGE = Stage(
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "survey": Artifact("survey/survey.json", Survey),
-        "openings": Artifact("contours/openings.json", Openings),
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
         "floors": Artifact("contours/floors.npz", FloorMesh),
     },
     writes={
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
-        "floor": Artifact("compile3d/floor.npz", Floor),
-        "openings": Artifact("compile3d/openings.json", Openings),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "occupancy": Artifact("compile3d/occupancy.npz", Occupancy),
         "octree": Artifact("compile3d/free_space.bt", bytes),

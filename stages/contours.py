@@ -14,16 +14,14 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.floor.plan_floors import plan_floors
-from pipeline.geometry.floor.sheets import count_islands, filled, plan_seams
+from pipeline.geometry.floor.sheets import count_islands, filled
 from pipeline.geometry.floor.simplified_outline import (
     NetworkGrid,
     SimplifiedOutline,
     simplify_by_tolerance,
     simplify_by_wall_error,
-    simplify_folded,
 )
 from pipeline.geometry.network.plan_network import plan_network, seen_network
-from pipeline.geometry.openings.fit import cut_openings, fit_openings
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
 from pipeline.geometry.outline.half_level import cover_of, trace_half_level
@@ -38,7 +36,6 @@ from pipeline.stage import Artifact, Stage, main
 from pipeline.types import (
     NO_FLOORS,
     NO_LEGS,
-    NO_OPENINGS,
     NO_PICTURE,
     NO_SOLID,
     Areas,
@@ -49,7 +46,6 @@ from pipeline.types import (
     FreeSpace,
     Image,
     Mask,
-    Openings,
     Survey,
     SurveyedLegs,
     Workings,
@@ -89,23 +85,20 @@ def trace_free_space(
     except GeometryError as error:
         raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
-    simplified = _simplify(params, survey, corrected.workings)
-    drifts = simplified.network  # openings are no islands in it
+    simplified = _simplify(params, corrected.workings)
+    drifts = simplified.network
     floors = plan_floors(simplified.outline, survey, drifts)
-    openings = _find_openings(params, survey, simplified.outline)
-    outline = cut_openings(simplified.outline, openings) if openings.collars else simplified.outline
-    traced = _drawn_again(cut_openings(corrected.workings, openings), frame) if openings.collars else corrected
+    outline = simplified.outline
     return {
-        "raw": traced.raw,
-        "cleaned": traced.cleaned,
-        "traced": Workings(MultiPolygon(shapely.get_parts(traced.workings).tolist())),
-        "free_space": FreeSpace(outline, _measure_areas(outline, traced, frame), simplified.moved_m, frame),
-        "openings": openings,
+        "raw": corrected.raw,
+        "cleaned": corrected.cleaned,
+        "traced": Workings(MultiPolygon(shapely.get_parts(corrected.workings).tolist())),
+        "free_space": FreeSpace(outline, _measure_areas(outline, corrected, frame), simplified.moved_m, frame),
         "floors": floors,
         "topology": drifts,
         "topology_dot": network_dot(drifts),
         "widths": width_table(drifts),
-        "picture": draw_contours(traced.raw, outline, drifts, frame),
+        "picture": draw_contours(corrected.raw, outline, drifts, frame),
         "correction": None if correction is None else correction.report,
         "corrected": _picture(drawn.workings, correction, frame),
     }
@@ -122,7 +115,6 @@ def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings,
         "cleaned": drawn.cleaned,
         "traced": workings,
         "free_space": FreeSpace(outline, _measure_areas(outline, drawn, survey.frame), 0.0, survey.frame),
-        "openings": NO_OPENINGS,
         "topology": network,
         "topology_dot": network_dot(network),
         "widths": width_table(network),
@@ -144,8 +136,6 @@ def _picture(drawn: Polygon | MultiPolygon, correction: Correction | None, frame
 def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
     """Return the workings: a vector survey's own, or those that the plan's picture shows."""
     frame, places = survey.frame, chosen_places(params, survey)
-    if plan_seams(survey.heights):
-        return _drawn_again(workings.polygons, frame)
     if workings.polygons.is_empty:
         raw, cleaned = _read_mask(params, plan, survey, places)
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
@@ -171,15 +161,9 @@ def _drawn_again(workings: Polygon | MultiPolygon, frame: Frame) -> _Traced:
     return _Traced(workings, mask, mask)
 
 
-def _simplify(params: ContoursParams, survey: Survey, traced: Polygon | MultiPolygon) -> SimplifiedOutline:
+def _simplify(params: ContoursParams, traced: Polygon | MultiPolygon) -> SimplifiedOutline:
     """Return the simplified outline and its drift network."""
-    seams = plan_seams(survey.heights)
     grid = NetworkGrid(params.network.cell_m, params.network.min_leg_m, params.network.station_spacing_m)
-    if seams:
-        assert survey.heights is not None
-        assert isinstance(traced, MultiPolygon)
-        tolerance_m = params.wall_error_m if params.tolerance_m is None else params.tolerance_m
-        return simplify_folded(traced, survey.heights, seams, tolerance_m, grid)
     assert isinstance(traced, Polygon)
     if params.tolerance_m is not None:
         return simplify_by_tolerance(traced, params.tolerance_m, grid)
@@ -196,21 +180,6 @@ def _measure_areas(outline: Polygon | MultiPolygon, traced: _Traced, frame: Fram
         traced_tunnel_m2=round(traced.workings.area, 3),
         unconnected_m2=round(_unconnected_m2(traced.raw, traced.cleaned, frame), 3),
     )
-
-
-def _find_openings(params: ContoursParams, survey: Survey, outline: BaseGeometry) -> Openings:
-    """Return the survey's shafts that fit into the workings, and print which do not, if the parameters ask for any."""
-    if survey.heights is None or survey.heights.as_volume or not params.openings:
-        return Openings()
-    openings, left_out = fit_openings(outline, survey.heights)
-    for line in left_out:
-        warn_user(Remark(f"contours: {line}", option="contours.openings=false"))
-    raises = [shaft for shaft in openings.shafts if shaft.sheet is None]
-    for found, what, most in ((openings.collars, "shafts", "deepest"), (raises, "raises", "highest")):
-        if found:
-            metres = max(shaft.top_m - shaft.bottom_m for shaft in found)
-            warn_user(f"contours: {len(found)} {what} are openings, the {most} {metres:.1f} m; contours.openings=false")
-    return openings
 
 
 def _correct(params: ContoursParams, traced: Polygon | MultiPolygon) -> Correction | None:
@@ -283,7 +252,6 @@ STAGE = Stage(
         "cleaned": Artifact("contours/cleaned.png", Mask),
         "traced": Artifact("contours/traced.geojson", Workings),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
-        "openings": Artifact("contours/openings.json", Openings),
         "floors": Artifact("contours/floors.npz", FloorMesh),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "topology_dot": Artifact("contours/topology.dot", str),

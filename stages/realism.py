@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import VOLUME
-from minexplore.floors.floor import Floor
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.realism import RealismParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Openings, SolidExtent, Spawn, Survey
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
 
 
 def write_world(params: RealismParams, survey: Survey, free_space: FreeSpace, volume: Path, **others: Any) -> dict:
-    """Return `world`, the files of the bundle by name: of one volume, or of level or folded floors."""
+    """Return `world`, the files of the bundle by name: of one volume, or of a level mine."""
     if not (volume / VOLUME).is_file():
         return assemble_world(params, survey, free_space, **others)
     from pipeline.volume.world.bundle import bundle_volume  # open3d takes a second to load
@@ -31,10 +30,8 @@ STAGE = Stage(
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
-        "openings": Artifact("compile3d/openings.json", Openings),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "collision": Artifact("compile3d/collision.npz", ConvexParts),
-        "floor": Artifact("compile3d/floor.npz", Floor),
         "spawn": Artifact("compile3d/spawn.json", Spawn),
         "volume": Artifact("compile3d/volume", Bundle),
         "smooth": Artifact("surface/smooth.npz", Meshes),

@@ -11,29 +11,23 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import VOLUME
-from minexplore.floors.floor import Floor
-from pipeline.geometry.openings.fit import filled_floor, without_openings
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
-from pipeline.surface.folded.fold import check_folded, fold_surface
-from pipeline.surface.folded.open_roof import open_roof
-from pipeline.surface.folded.smooth_sheets import fold_smooth, smooth_sheets
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
-from pipeline.surface.mesh.rough import RoughSurface, closed_mesh
+from pipeline.surface.mesh.rough import check_rough, closed_mesh
+from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.relief_source import choose_relief
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (
-    NO_OPENINGS,
     NO_PICTURE,
     DriftNetwork,
     FreeSpace,
     Image,
-    Openings,
     SolidExtent,
 )
 
@@ -43,16 +37,12 @@ def model_surface(
     free_space: FreeSpace,
     topology: DriftNetwork,
     extent: SolidExtent,
-    floor: Floor,
-    openings: Openings = NO_OPENINGS,
     volume: Path | None = None,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
     A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs.
 
-    Surfaces are made and measured in the plan, as if openings were floor. Then the roof is opened where shafts come
-    down, and all is folded by the floor.
     """
     if params.overlay == "none":
         return _NO_ROCK
@@ -63,23 +53,22 @@ def model_surface(
         return {**_NO_ROCK, "rough": rock.files, "texture": _texture(params.texture), "mesh_checks": rock.report}
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
-    free, floor = without_openings(free_space.polygon, openings), filled_floor(floor, openings)
+    free = free_space.polygon
     params = widen_spacing(params, free, extent.height_m)
     with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
-        smooth = pool.submit(_smooth, params, free, floor, extent.height_m)
+        smooth = pool.submit(_smooth, params, free, extent.height_m)
         texture = pool.submit(_texture, params.texture)
         sources = measure_sources(params)
-        lattice = lay_rough_lattice(params, free, topology, extent.height_m, floor)
+        lattice = lay_rough_lattice(params, free, topology, extent.height_m)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
         reported = pool.submit(report_roughness, params, sources, relief, rough)
         spectra = pool.submit(lambda: draw_spectra(reported.result()))
         sections = pool.submit(lambda: draw_sections(rough, smooth.result(), extent.height_m))
-        folded = fold_surface(rough)
-        files = chunk_files(rough, params, folded) if not openings.shafts else _opened(rough, params, openings, floor)
-        checked = check_folded(rough, folded, closed_mesh(rough)[1])
+        files = chunk_files(rough, params)
+        checked = check_rough(rough, closed_mesh(rough)[1])
         return {
-            "smooth": fold_smooth(smooth.result(), floor),
+            "smooth": smooth.result(),
             "rough": files,
             "texture": texture.result(),
             "sections": sections.result(),
@@ -102,17 +91,10 @@ _NO_ROCK: dict[str, Any] = {
 }
 
 
-def _opened(rough: RoughSurface, params: SurfaceParams, openings: Openings, floor: Floor) -> Bundle:
-    opened = open_roof(rough, openings, floor)
-    return chunk_files(opened, params, fold_surface(opened))
-
-
-def _smooth(params: SurfaceParams, free: BaseGeometry, floor: Floor, height_m: float) -> Meshes:
-    """Return the smooth surface in the plan, checked where it is closed; that of several sheets is open on seams."""
-    chamfers = params.floor_chamfer_m, params.roof_chamfer_m
-    smooth = smooth_sheets(free, floor, height_m, *chamfers, params.texture.repeat_m)
-    if len(floor.offset_m) == 1:
-        check_mesh(*join_meshes(smooth))
+def _smooth(params: SurfaceParams, free: BaseGeometry, height_m: float) -> Meshes:
+    """Return the smooth surface, checked to be closed."""
+    smooth = smooth_surface(free, height_m, params.floor_chamfer_m, params.roof_chamfer_m, params.texture.repeat_m)
+    check_mesh(*join_meshes(smooth))
     return smooth
 
 
@@ -132,8 +114,6 @@ STAGE = Stage(
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
-        "floor": Artifact("compile3d/floor.npz", Floor),
-        "openings": Artifact("compile3d/openings.json", Openings),
         "volume": Artifact("compile3d/volume", Bundle),
     },
     writes={

@@ -14,7 +14,6 @@ from pipeline.geometry.floor.sheets import whole_of
 from pipeline.memory import give_back
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.metrics.size import load_per_m2
-from pipeline.mjcf.bundle import read_floor
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
@@ -117,7 +116,7 @@ def _evidence_of_rock(params: ValidationParams, validator: Validator) -> dict[st
         "texture": validator.texture,
         "texture_picture": draw_texture(validator.texture),
         "heat": draw_heat(validator.texture, free),
-        "views": draw_views(validator.world, validator.network, read_floor(validator.bundle, validator.world.record)),
+        "views": draw_views(validator.world, validator.network),
         "replay": replay.report,
         "replay_picture": draw_replay(replay, free),
     }

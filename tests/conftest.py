@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import hashlib
 import os
 import pickle
 import shutil
@@ -21,7 +20,6 @@ from benchmarks.worlds.small_world import build_small_world
 from pipeline.params.config import Config
 from stages.__main__ import STAGES
 from tests.composed import compose
-from tests.heights import MineWithHeights
 from tests.mines import RING, TEE, BuiltMine, unreported
 from tests.project import ROOT, Project
 
@@ -128,26 +126,6 @@ def small_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def light() -> Config:
     """Return the configuration of worlds without visible rock."""
     return compose(["preset=light"])
-
-
-@pytest.fixture(scope="session")
-def mine_of_legs(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., MineWithHeights]:
-    """Return a function that builds a mine of legs once for all tests and workers; tests must not change its folder.
-
-    Its arguments are those of `MineWithHeights`, with overrides of the configuration instead of that and the folder.
-    """
-    made: dict[str, MineWithHeights] = {}
-
-    def make(legs: dict[str, Any], *overrides: str, **values: Any) -> MineWithHeights:
-        name = f"legs-{hashlib.sha256(repr((legs, overrides, values)).encode()).hexdigest()[:16]}"
-        if name not in made:
-            config = compose([*overrides])
-            made[name] = share_mine(
-                tmp_path_factory, name, lambda folder: MineWithHeights(legs, config, folder, **values)
-            )
-        return made[name]
-
-    return make
 
 
 @pytest.fixture(scope="session")

@@ -266,8 +266,8 @@ def test_the_look_is_a_choice_that_a_record_may_state():
             "pipeline/mjcf/obstacles.py": OBSTACLES,
             "pipeline/mjcf/assemble.py": [
                 (
-                    "from pipeline.mjcf.openings",
-                    "from pipeline.mjcf.obstacles import obstacle_table\nfrom pipeline.mjcf.openings",
+                    "from pipeline.mjcf.render",
+                    "from pipeline.mjcf.obstacles import obstacle_table\nfrom pipeline.mjcf.render",
                 ),
                 (
                     'return {"world": seal_bundle',

@@ -1,23 +1,12 @@
-"""Mines with heights and known answers, as station tables and as worlds in memory."""
+"""Mines with heights and known answers, as station tables."""
 
 from __future__ import annotations
 
 import json
-from contextlib import nullcontext
-from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
-from shapely import MultiPolygon, Polygon
-
-from benchmarks.worlds.small_world import finish_world
-from pipeline.params.config import Config
-from pipeline.params.survey import VectorSurveyParams
-from pipeline.params.validation import ValidationParams
-from pipeline.survey.load import _read
-from pipeline.types import Image, Workings
-from stages.contours import trace_free_space
-from tests.mines import unreported
+from shapely import Polygon
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m,up_m,down_m\n"
 Leg = list[tuple[str, float, float, float]]
@@ -134,59 +123,10 @@ def _ring(left: np.ndarray, right: np.ndarray, first: int, last: int) -> np.ndar
     return np.vstack([left[first : last + 1], right[first : last + 1][::-1], left[first : first + 1]])
 
 
-class MineWithHeights:
-    """Drawn levels that stages 1 to 5 fold in memory; its bundle is written to `folder / "world"`."""
-
-    def __init__(
-        self, legs: dict[str, Leg], config: Config, folder: Path, report: bool = True, half_m: float = 2.2
-    ) -> None:
-        """Run the functions of the stages on the walls of legs; without `report`, those of stage 4's report."""
-        path = folder / "levels.geojson"
-        path.write_text(walls_of(legs, half_m))
-        self._read(path, config, report, unit="m")
-
-    @classmethod
-    def from_file(cls, path: Path, config: Config, **values: Any) -> Self:
-        """Build a vector file instead."""
-        mine = cls.__new__(cls)
-        mine._read(path, config, False, **values)
-        return mine
-
-    def _read(self, path: Path, config: Config, report: bool, **values: Any) -> None:
-        section = {"kind": "vector", "name": "a", "file": "data/x", "volume": False}
-        params = VectorSurveyParams.model_validate({**section, **values})
-        read = _read(params.model_copy(update={"file": path.as_posix()}))
-        self.survey = read.survey
-        self._build(read.plan, read.workings, config, path.parent, report)
-
-    def _build(self, plan: Image, workings: MultiPolygon, config: Config, folder: Path, report: bool) -> None:
-        traced = trace_free_space(config.contours, plan, self.survey, Workings(workings))
-        self.raw, self.cleaned, self.traced = traced["raw"], traced["cleaned"], traced["traced"]
-        self.free_space, self.network = traced["free_space"], traced["topology"]
-        self.bundle = folder / "world"
-        with nullcontext() if report else unreported():
-            rock, _ = finish_world(config, self.survey, traced, self.bundle)
-        self.openings = rock["openings"].shafts
-        self.floor, self.parts = rock["floor"], rock["collision"]
-
-    def stations(self) -> np.ndarray:
-        """Return the points (n, 3) m, plan, at which the survey knows the floor."""
-        assert self.survey.heights is not None
-        return np.concatenate([np.array(line) for line in self.survey.heights.lines])
-
-
-def certificate_params(config: Config, contacts: int) -> ValidationParams:
-    """Return the parameters of stage 6 with a short collision stress test."""
-    stress = config.validation.certificate.model_copy(update={"contacts": contacts})
-    return config.validation.model_copy(update={"certificate": stress})
-
-
 __all__ = [
     "RAMP",
     "UNDER",
-    "MineWithHeights",
     "Roofs",
-    "certificate_params",
     "levels",
     "seam",
     "shelves",

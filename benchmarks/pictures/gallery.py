@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 import io
 import sys
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import gymnasium
 import matplotlib as mpl
 import numpy as np
@@ -22,92 +20,21 @@ from benchmarks.pictures.export_picture import draw_export
 from benchmarks.pictures.scan_picture import draw_scan
 from benchmarks.pictures.volume_picture import draw_volume
 from minexplore.__main__ import ahead
-from minexplore.bundle import GeomGroup
-from minexplore.floors.floor import Floor
 from minexplore.splits import STYLES
 from minexplore.task import TaskParams
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
-from pipeline.mjcf.bundle import OpenedBundle, open_bundle
-from pipeline.mjcf.render import render_from
 from pipeline.report.figures.mine import outline_path
 from pipeline.report.figures.style import ROCK, new_figure, to_image
 from pipeline.store.codecs import encode
 from pipeline.store.files import write_atomically
-from pipeline.types import Image
-from tests.heights import UNDER, Leg, MineWithHeights, levels, seam, shelves, spiral
 
 mpl.use("agg")
-import matplotlib.pyplot as plt
 
-_PLANS = {
-    "spiral decline of three turns": spiral(3),
-    "three levels with ramps and a shaft": levels(),
-    "room and pillar on a dipping seam": seam(),
-    "drift under drift": UNDER,
-    "cave with shelves": shelves(),
-}
-_VIEW_PX, _QUALITY = (640, 420), 80
-_EYE_M, _AHEAD_M, _BACK_M = 1.3, 2.5, 6.0
 _STYLE_SEEDS = 4
 _STEPS_PER_S = 10  # of the task's control; each is a frame
 _WARM_UP, _FRAMES = 40, 100  # after four seconds the robot drives at full speed
 _CLIP_PX, _COLOURS = (384, 288), 160
-
-
-def mines_of(surveys: list[dict[str, Leg]], overrides: list[str]) -> Iterator[MineWithHeights]:
-    """Yield the mine of each survey; its files are gone with the next one."""
-    config = compose(overrides)
-    for legs in surveys:
-        with tempfile.TemporaryDirectory() as folder:
-            yield MineWithHeights(legs, config, Path(folder))
-
-
-def draw_levels(path: Path) -> None:
-    """Draw mines with heights: the plan by level, and the floor in space."""
-    figure = plt.figure(figsize=(11, 3.2 * len(_PLANS)))
-    for row, (name, mine) in enumerate(zip(_PLANS, mines_of(list(_PLANS.values()), ["preset=light"]), strict=True)):
-        floor = mine.floor
-        plan = figure.add_subplot(len(_PLANS), 2, 2 * row + 1)
-        level = floor.vertices[floor.faces][:, :, 2].mean(axis=1)
-        plan.tripcolor(floor.vertices[:, 0], floor.vertices[:, 1], floor.faces, facecolors=level, cmap="viridis")
-        for one, two in floor.seams():
-            plan.plot(*np.array([one, two]).T, "r:", linewidth=1)
-        plan.set_aspect("equal")
-        plan.set_title(f"{name}: {len(floor.offset_m)} sheets in plan, seams dotted (m)", fontsize=9)
-        space = figure.add_subplot(len(_PLANS), 2, 2 * row + 2, projection="3d")
-        moved = np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet]
-        places = (floor.vertices[floor.faces] - moved[:, None]).reshape(-1, 3)
-        faces = np.arange(len(places)).reshape(-1, 3)
-        space.plot_trisurf(*places[:, :2].T, places[:, 2], triangles=faces, cmap="viridis", linewidth=0)
-        space.set_box_aspect(np.maximum(np.ptp(places, axis=0) * [1, 1, 2], 8))
-        space.set_title("folded (heights doubled)", fontsize=9)
-    figure.tight_layout()
-    figure.savefig(path, dpi=70)
-
-
-def draw_declines(path: Path) -> None:
-    """Look along a spiral decline, levels with ramps, and a drift under a drift, with their rock."""
-    rows = []
-    for mine in mines_of([spiral(3), levels(), UNDER], ["realism.tilt_deg=0", "contours.tolerance_m=0.16"]):
-        world, lines = open_bundle(mine.bundle), [np.array(leg.stations_m) for leg in mine.network.legs]
-        seam_m, stations, line = mine.floor.seams()[0, 0], np.concatenate(lines), max(lines, key=len)
-        before = stations[_nearest(np.linalg.norm(stations - seam_m, axis=1), _BACK_M)]
-        eye, further = line[len(line) // 2], line[len(line) // 2 :]
-        target = further[_nearest(np.linalg.norm(further - eye, axis=1), _AHEAD_M)]
-        rows.append(cv2.hconcat([_view(world, mine.floor, *each) for each in ((before, seam_m), (eye, target))]))
-    cv2.imwrite(str(path), cv2.vconcat(rows), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-
-
-def _nearest(distances_m: np.ndarray, wanted_m: float) -> int:
-    return int(np.abs(distances_m - wanted_m).argmin())
-
-
-def _view(world: OpenedBundle, floor: Floor, eye_m: np.ndarray, target_m: np.ndarray) -> Image:
-    T = np.array(world.record.T_world_mine)
-    places = floor.fold(np.array([[*place, _EYE_M] for place in (eye_m, target_m)]))
-    eye, towards = ((T @ [*place, 1.0])[:3] for place in places)
-    return render_from(world.model, eye, towards, 75.0, _VIEW_PX, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE))
 
 
 def draw_styles(path: Path) -> None:
@@ -152,8 +79,6 @@ def record_drive(path: Path) -> None:
 
 
 PICTURES: dict[str, tuple[Path, Callable[[Path], None]]] = {
-    "levels": (Path("docs/levels.png"), draw_levels),
-    "declines": (Path("docs/decline.jpg"), draw_declines),
     "styles": (Path("docs/generated.png"), draw_styles),
     "drive": (Path("docs/drive.gif"), record_drive),
     "export": (Path("docs/export.jpg"), draw_export),

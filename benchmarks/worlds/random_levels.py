@@ -1,39 +1,19 @@
-"""Random mines with heights, built and certified. A run goes on where the last one stopped."""
+"""Random surveys with heights: legs of stations of four kinds, which take turns with the seed."""
 
 from __future__ import annotations
 
-import argparse
-import collections
-import sys
-import tempfile
-from functools import partial
 from itertools import combinations, pairwise
-from pathlib import Path
-from typing import Any
 
-import networkx as nx
 import numpy as np
 import shapely
-from scipy.optimize import linear_sum_assignment
 
-from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import resume
-from pipeline.compose import compose
-from pipeline.errors import MineError
-from pipeline.params.config import Config
-from pipeline.proof.validator import Validator
-from tests.heights import Leg, MineWithHeights, certificate_params
+from tests.heights import Leg
 
 _LEGS, _LENGTH_M, _GRADE, _TURN_RAD = (6, 14), (14.0, 30.0), 0.13, 1.2
 _ROCK_M, _FLOORS_M = 7.0, 5.0  # between centre lines in plan, and between floors over each other
 _LEVEL_M = 6.0  # from level to level
 _TURN_FALL_M = 4.4  # of a spiral, so that the pillar between two turns holds
-_WITHIN_M, _STATION_M = 0.01, 0.02  # the page states them
-_END_M = 3.0  # a drift's end is traced about its half width, 2.2 m, before its last wall
-_CONTACTS = 200
-_COLUMNS = ("kind", "mines", "hold", "certificate", "graph", "refused", "largest floor error", "sheets", "drift")
 SHAFT = "shaft"
-RESULTS, TABLE = Path("artifacts/bench/random-levels.jsonl"), Path("docs/evidence/parts/random-levels.md")
 
 
 def wandering(rng: np.random.Generator) -> dict[str, Leg]:
@@ -146,102 +126,3 @@ def random_legs(seed: int) -> tuple[str, dict[str, Leg]]:
 
 def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / np.linalg.norm(vector)
-
-
-def judge(seed: int, config: Config) -> dict[str, Any]:
-    """Build and certify one mine; return what was measured, or why it was refused."""
-    kind, legs = random_legs(seed)
-    row: dict[str, Any] = {"seed": seed, "kind": kind}
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            mine = MineWithHeights(legs, config, Path(folder))
-        except MineError as error:
-            return row | {"refused": str(error).removeprefix(folder)}
-        try:
-            return row | _measure(legs, mine, config)
-        except Exception as error:  # this mine fails and the others continue
-            return row | {"refused": f"{type(error).__name__}: {error}".replace(folder, "")}
-
-
-def _measure(legs: dict[str, Leg], mine: MineWithHeights, config: Config) -> dict[str, Any]:
-    validator = Validator(certificate_params(config, _CONTACTS), mine.bundle, mine.cleaned, mine.raw, mine.survey)
-    clauses = validator.certificate.clauses.items()
-    stations, floor = mine.stations(), mine.floor
-    return {
-        "sheets": len(floor.offset_m),
-        "broken": {name: clause.value for name, clause in clauses if not clause.holds},
-        "graph": same_graph(legs, mine),
-        "station_m": round(float(np.abs(floor.heights_at(stations[:, :2]) - stations[:, 2]).max()), 5),
-        "floor_m": validator.containment["floor_error_m"],
-        "length_m": mine.network.total_length_m,
-    }
-
-
-def same_graph(legs: dict[str, Leg], mine: MineWithHeights) -> bool:
-    """Return whether the world's network is the truth's: as many loops and forks, the same ends at their heights.
-
-    A fork is a leg of a junction beyond two, so that one junction of four legs equals two of three.
-    """
-    truth: nx.Graph = nx.Graph()
-    for leg in legs.values():
-        if leg is not legs.get(SHAFT):  # too steep to drive: it is fenced off
-            nx.add_path(truth, [name for name, *_ in leg])
-    places = {name: place for leg in legs.values() for name, *place in leg}
-    ends = np.array([places[name] for name in truth if truth.degree(name) == 1])
-    datum = mine.survey.heights.datum_m if mine.survey.heights else 0.0
-    found = np.array([(*mine.network.nodes_m[name], 0.0) for name in mine.network.dead_ends]).reshape(-1, 3)
-    found = mine.floor.fold(found) + np.array([0.0, 0.0, datum])
-    loops = truth.number_of_edges() - truth.number_of_nodes() + 1
-    forks = sum(degree - 2 for _, degree in truth.degree if degree > 2)
-    at = collections.Counter(name for leg in mine.network.legs for name in (leg.start, leg.end))
-    found_forks = sum(at[name] - 2 for name in mine.network.junctions)
-    if (len(found), mine.network.loops, mine.network.components, found_forks) != (len(ends), loops, 1, forks):
-        return False
-    apart = np.linalg.norm(ends[:, None] - found[None], axis=2)
-    return bool(apart[linear_sum_assignment(apart)].max(initial=0.0) < _END_M)
-
-
-def holds(row: dict[str, Any]) -> bool:
-    """Return whether a mine was built, its certificate holds, its graph is the truth's and its floor the survey's."""
-    if "refused" in row:
-        return False
-    return not row["broken"] and row["graph"] and row["floor_m"] <= _WITHIN_M and row["station_m"] <= _STATION_M
-
-
-def tables(rows: list[dict[str, Any]]) -> str:
-    """Return the table of docs/evidence/parts/random-levels.md, and why mines do not hold."""
-    of_kinds = [_cells(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
-    failed = [f"\nSeed {row['seed']}: {row.get('refused') or row}\n" for row in rows if not holds(row)]
-    return markdown_table(_COLUMNS, [*of_kinds, _cells("all", rows)]) + "".join(failed)
-
-
-def _cells(kind: str, rows: list[dict[str, Any]]) -> list[object]:
-    built = [row for row in rows if "refused" not in row]
-    floor_mm = 1000 * max((row["floor_m"] for row in built), default=0.0)
-    counts = [
-        len(rows),
-        sum(map(holds, rows)),
-        sum(not row["broken"] for row in built),
-        sum(row["graph"] for row in built),
-        len(rows) - len(built),
-    ]
-    sheets = {row["sheets"] for row in built} or {0}
-    drift_km = sum(row["length_m"] for row in built) / 1000
-    return [kind, *counts, f"{floor_mm:.1f} mm", f"{min(sheets)} to {max(sheets)}", f"{drift_km:.1f} km"]
-
-
-def main() -> int:
-    """Build and certify the mines that have no result yet; return 1 if one does not hold."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=200)
-    arguments = parser.parse_args()
-    build = partial(judge, config=compose(["preset=light"]))
-    rows = resume(RESULTS, range(arguments.count), lambda seeds: map(build, seeds), "mine")
-    rows.sort(key=lambda row: row["seed"])
-    write_table(TABLE, tables(rows))
-    print(tables(rows))
-    return int(not all(map(holds, rows)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

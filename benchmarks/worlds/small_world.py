@@ -60,9 +60,8 @@ def finish_world(
         What stages 3 and 4 returned.
     """
     free_space, network = traced["free_space"], traced["topology"]
-    rock = compile_rock(config.compile3d, free_space, network, survey, traced["openings"])
-    openings = rock["openings"]
-    surface = model_surface(config.surface, free_space, network, rock["extent"], rock["floor"], openings)
+    rock = compile_rock(config.compile3d, free_space, network, survey)
+    surface = model_surface(config.surface, free_space, network, rock["extent"])
     world = assemble_world(
         config.realism,
         survey,
@@ -70,7 +69,6 @@ def finish_world(
         network,
         rock["extent"],
         rock["collision"],
-        rock["floor"],
         rock["spawn"],
         surface["smooth"],
         surface["texture"],
@@ -79,7 +77,6 @@ def finish_world(
         free_space_bt=rock["octree"],
         map_png=encode(Path(NAV2_PICTURE), rock["map"]),
         map_yaml=rock["map_yaml"].encode(),
-        openings=openings,
     )["world"]
     for name, data in world.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

@@ -96,6 +96,8 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     check_hashes(record, hashes)
     if is_volume(record):
         return _check_volume(record, files)
+    if isinstance(record, dict) and has_heights(record):
+        raise BundleError(f"{RECORD}: made by an older version with a folded floor; make it again")
     check_record(RECORD, record)
     floor = read_floor(record, files)
     grid = check_contents(record, files, floor)

@@ -10,7 +10,6 @@ from scipy.ndimage import binary_dilation, label
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.floor.sheets import SeamPlaces
 from pipeline.geometry.network.skeleton import trace_alike
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.types import DriftNetwork, Frame, Mask
@@ -40,70 +39,10 @@ class ReachMatch:
     dead_ends_world: int
 
 
-def reached_cells(
-    clearance_m: np.ndarray,
-    radius_m: float,
-    start: tuple[int, int],
-    frame: Frame | None = None,
-    seams: list[SeamPlaces] | None = None,
-) -> Mask:
-    """Return the cells connected by edges to the start cell; no cell if the robot does not fit at the start.
-
-    Sheets are connected where the robot fits on both sides of the middle of a seam.
-    """
-    components, count = label(clearance_m >= radius_m)
-    groups: UnionFind = UnionFind(range(count + 1))
-    for seam in seams or []:
-        assert frame is not None  # that the seams' places are found in
-        one, two = (_component_near(components, start_cell(place, frame)) for place in seam)
-        if one and two:
-            groups.union(one, two)
-    together = np.array([groups[k] == groups[int(components[start])] for k in range(count + 1)])
-    return np.asarray(together[components] & (components > 0) & (components[start] > 0), dtype=bool)
-
-
-def _component_near(components: np.ndarray, cell: tuple[int, int]) -> int:
-    """Return the component of the cell nearest to a cell, within three cells; 0 if there is none."""
-    row, col = (max(0, k - _BESIDE) for k in cell)
-    window = components[row : cell[0] + _BESIDE + 1, col : cell[1] + _BESIDE + 1]
-    near = np.argwhere(window)
-    if not len(near):
-        return 0
-    best = np.abs(near + np.array((row, col)) - cell).sum(axis=1).argmin()
-    return int(window[tuple(near[best])])
-
-
-def compare_sheets(
-    plan: Mask,
-    world: Mask,
-    frame: Frame,
-    boxes_m: list[tuple[float, float, float, float]],
-    radius_m: float,
-    cell_m: float,
-    min_leg_m: float,
-) -> ReachMatch:
-    """Compare the reached cells of plan and world sheet by sheet; `boxes_m` are the sheets' boxes in plan."""
-    if len(boxes_m) == 1:
-        return compare_reach(plan, world, frame, radius_m, cell_m, min_leg_m)
-    found = []
-    for west, south, east, north in boxes_m:
-        (left, top), (right, bottom) = frame.to_image(np.array([[west, north], [east, south]])).astype(int).tolist()
-        own = np.zeros(plan.shape, dtype=bool)
-        own[max(0, top - 2) : max(0, bottom + 3), max(0, left - 2) : max(0, right + 3)] = True
-        if (plan & own).any() or (world & own).any():
-            found.append(compare_reach(plan & own, world & own, frame, radius_m, cell_m, min_leg_m))
-    chainages = [match.largest_chainage_difference_m for match in found]
-    return ReachMatch(
-        reached_m2=round(sum(match.reached_m2 for match in found), 3),
-        only_world_m2=round(sum(match.only_world_m2 for match in found), 3),
-        only_plan_m2=round(sum(match.only_plan_m2 for match in found), 3),
-        same_graph=all(match.same_graph for match in found),
-        largest_chainage_difference_m=None if None in chainages else max(c for c in chainages if c is not None),
-        loops_plan=sum(match.loops_plan for match in found),
-        loops_world=sum(match.loops_world for match in found),
-        dead_ends_plan=sum(match.dead_ends_plan for match in found),
-        dead_ends_world=sum(match.dead_ends_world for match in found),
-    )
+def reached_cells(clearance_m: np.ndarray, radius_m: float, start: tuple[int, int]) -> Mask:
+    """Return the cells connected by edges to the start cell; no cell if the robot does not fit at the start."""
+    components, _ = label(clearance_m >= radius_m)
+    return np.asarray((components == components[start]) & (components[start] > 0), dtype=bool)
 
 
 def compare_reach(

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,69 +15,44 @@ from pydantic import TypeAdapter, ValidationError
 from minexplore.bundle import (
     COVER_M,
     FITTINGS_BODY,
-    FLOOR,
     GEOM_GROUPS,
     MADE_BY,
     MINE_BODY,
     MODEL,
     NO_OVERLAY,
     RECORD,
-    SLAB_M,
     SURFACE_BODY,
     VOLUME_FORMAT,
     BundleError,
     GeomGroup,
     is_volume,
     line_of,
-    rock_geom,
     smooth_mesh,
     surface_geom,
     world_sha256,
 )
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
 from minexplore.schema.files import read_bounded
 from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
-from pipeline.geometry.openings.fit import filled_floor
-from pipeline.geometry.openings.shaft_parts import OVER_ROOF, sheets_of_parts
 from pipeline.mjcf.compiled import text_of
-from pipeline.mjcf.loading import compile_spec, load_model, read_spec
+from pipeline.mjcf.loading import compile_spec, load_model
 from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
 from pipeline.params.reading.refusals import in_own_words
-from pipeline.store.codecs import decode
 from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
-from pipeline.types import Areas, Frame, Opening, Openings, Spawn
+from pipeline.types import Areas, Frame, Spawn
 
 _LEVEL_M = 1e-3
-Unfold = Callable[[np.ndarray], np.ndarray]  # triangles (n, 3, 3) m, into the plan
-
-
-@dataclass(frozen=True)
-class HeightFigures:
-    """What `world.json` says of a floor with heights: lowest and highest place, steepest face, numbers of pieces.
-
-    `roof_m` is the lowest and the highest roof over the floor; it is absent if that is `height_m` everywhere.
-    """
-
-    low_m: float
-    high_m: float
-    steepest_deg: float
-    sheets: int
-    floor_wedges: int
-    roof_wedges: int
-    roof_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class WorldRecord:
     """The content of `world.json`; all units are m, rad, kg and s, except where a name states another.
 
-    `overlay` is "none" in a world without visible rock, else "rough". `heights` is absent in a flat world, `openings`
-    and whether they are `fenced` in one without openings, `rough_floor` in one whose floor is level.
+    `overlay` is "none" in a world without visible rock, else "rough". `rough_floor` is absent in one
+    whose floor is level.
     """
 
     format: str
@@ -104,9 +77,6 @@ class WorldRecord:
     geom_groups: dict[str, int]
     files: dict[str, str]
     world_sha256: str
-    heights: HeightFigures | None = None
-    openings: list[Opening] = field(default_factory=list)
-    fenced: bool = True
     rough_floor: bool = False
 
     @property
@@ -117,14 +87,7 @@ class WorldRecord:
     @property
     def top_m(self) -> float:
         """Return how high the rock reaches in the mine frame, m."""
-        if self.heights is None:
-            return self.height_m
-        return max((self.height_m, *(self.heights.roof_m or ()))) + (self.heights.high_m + SLAB_M)
-
-    @property
-    def bottom_m(self) -> float:
-        """Return how high the lowest floor is in the mine frame, m."""
-        return self.heights.low_m if self.heights else 0.0
+        return self.height_m
 
 
 @dataclass(frozen=True)
@@ -158,17 +121,8 @@ def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjModel |
 def seal_bundle(files: dict[str, bytes], record: WorldRecord, made_by: MadeBy) -> dict[str, bytes]:
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both; and `made_by.json`."""
     fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
-    if record.heights is None:
-        del fields["heights"]
-    elif record.heights.roof_m is None:
-        del fields["heights"]["roof_m"]
     if not record.rough_floor:
         del fields["rough_floor"]
-    if not record.openings:
-        del fields["openings"], fields["fenced"]
-    for opening in fields.get("openings", []):
-        if not opening["bends_m"]:  # a plumb shaft
-            del opening["bends_m"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     return {**files, RECORD: _text(fields), MADE_BY: _text(made_by.model_dump(mode="json"))}
@@ -260,32 +214,23 @@ def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:
     return OpenedBundle(record, model, len(warnings), size)
 
 
-def visible_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
+def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
     """Return the visible triangles (n, 3, 3), m, mine frame, of a piece (walls or roof) of a compiled world.
 
-    They belong to the rough surface, or to the smooth surface if the world has no rough one. With `unfold` they are in
-    the plan.
+    They belong to the rough surface, or to the smooth surface if the world has no rough one.
     """
-    rough = _triangles_of_geoms(model, surface_geom(piece), unfold)
-    return rough if len(rough) else smooth_triangles(model, piece, unfold)
+    rough = _triangles_of_geoms(model, surface_geom(piece))
+    return rough if len(rough) else smooth_triangles(model, piece)
 
 
-def smooth_triangles(model: mujoco.MjModel, piece: str, unfold: Unfold | None = None) -> np.ndarray:
+def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface of a compiled world."""
-    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)), unfold)
+    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
 
 
-def unfold_surfaces(folder: Path, record: WorldRecord) -> Unfold | None:
-    """Return what moves triangles (n, 3, 3) m into the plan, or None for a flat world."""
-    if record.heights is None:
-        return None
-    return partial(Folding(read_whole_floor(folder, record)).unfold_each, height_m=record.height_m)
-
-
-def _triangles_of_geoms(model: mujoco.MjModel, prefix: str, unfold: Unfold | None) -> np.ndarray:
+def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
     geoms = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)]
-    triangles = _triangles(model, geoms)
-    return triangles if unfold is None else unfold(triangles)
+    return _triangles(model, geoms)
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
@@ -347,41 +292,6 @@ def _mesh_vertices(model: mujoco.MjModel, geom: int) -> np.ndarray:
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
     vertices = model.mesh_vert[start : start + count].astype(np.float64)
     return vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom]
-
-
-def read_floor(folder: Path, record: WorldRecord) -> Floor:
-    """Return the floor of a bundle."""
-    floor: Floor = decode(folder / FLOOR, Floor) if record.heights else Floor()
-    return floor
-
-
-def read_whole_floor(folder: Path, record: WorldRecord) -> Floor:
-    """Return the floor of a bundle with faces over its openings: visible rock is made over it."""
-    return filled_floor(read_floor(folder, record), Openings(record.openings))
-
-
-def model_in_plan(folder: Path, world: OpenedBundle) -> mujoco.MjModel:
-    """Return the compiled model with the sheets side by side, as the plan shows them; of one sheet the model itself.
-
-    Raises, which stand over the roof, are hidden with it, and so are shafts that lean under other places of the plan.
-    """
-    floor, openings = read_floor(folder, world.record), Openings(world.record.openings)
-    if len(floor.offset_m) == 1 and all(o.sheet is not None and not o.bends_m for o in openings.shafts):
-        return world.model
-    spec, parts = read_spec(folder / MODEL), world.record.collision_parts
-    sheets = sheets_of_parts(openings, world.record.fenced)
-    own = {rock_geom(parts - len(sheets) + k): sheet for k, sheet in enumerate(sheets)}  # of shafts and fences
-    for group, about_m in ((GeomGroup.FLOOR, 0.0), (GeomGroup.COLLISION, world.record.height_m / 2)):
-        geoms = [geom for geom in spec.geoms if geom.meshname and geom.group == group]
-        # A part is of the sheet of its centre of mass: `pos`, the middle of its box, may lie on a seam beside it.
-        middles = np.array([world.model.geom(geom.name).pos for geom in geoms]).reshape(-1, 3)
-        for geom, moved in zip(geoms, (floor.unfold(middles, about_m) - middles)[:, :2], strict=True):
-            sheet = own.get(geom.name)
-            if sheet == OVER_ROOF:
-                geom.group = GeomGroup.ROOF
-                continue
-            geom.pos = [*(geom.pos[:2] + (moved if sheet is None else floor.offset_m[sheet])), geom.pos[2]]
-    return compile_spec(spec, folder / MODEL)
 
 
 def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) -> list[np.ndarray]:

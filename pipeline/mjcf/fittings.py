@@ -36,16 +36,13 @@ def add_fittings(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) ->
     for name in names:
         spec.add_mesh(name=name, file=mesh_file(name), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
         body.add_geom(shown, name=fitting_geom(name), meshname=name, material=fitting_material(name, zones))
-    if any(map(is_cover, names)) and scene.floor.is_flat:
+    if any(map(is_cover, names)):
         _add_planes(body, shown, scene)
     return {mesh_file(Path(file).stem): data for file, data in scene.fittings.items()}
 
 
 def _add_planes(body: mujoco.MjsBody, shown: mujoco.MjsDefault, scene: MineScene) -> None:
-    """Add water on the flooded zones, and a stack of clear planes that darkens hollows with soft borders.
-
-    Both are level: a floor with heights has neither.
-    """
+    """Add water on the flooded zones, and a stack of clear planes that darkens hollows with soft borders."""
 
     def add(name: str, zones: list[ZoneStrip], level_m: float, material: str) -> None:
         west, south, east, north = box_of(zones)
@@ -72,7 +69,7 @@ def _add_materials(spec: mujoco.MjSpec, scene: MineScene, used: set[str]) -> Non
                 name=cover_material(zone.name), rgba=cover_rgba(zone.rgba), specular=0.0, shininess=0.0
             )
             material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "rock"
-    if any(name.startswith(cover_material("")) for name in used) and scene.floor.is_flat:
+    if any(name.startswith(cover_material("")) for name in used):
         spec.add_material(name=SHADE_MATERIAL, rgba=SHADE, specular=0.0, shininess=0.0)
     for kind, (rgba, specular) in FURNITURE_LOOKS.items():
         if fitting_material(kind, []) in used:

@@ -12,19 +12,13 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import COVER_M, cover_mesh
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
-from pipeline.geometry.floor.holes import cut_hole
-from pipeline.geometry.floor.parts import wall_lines
-from pipeline.geometry.floor.seams import behind_seam, seam_lines
-from pipeline.geometry.floor.subdivide import split_edges
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.mjcf.simplify import simplify_mesh
 from pipeline.params.fittings import FloorParams
 from pipeline.remarks import warn_user
-from pipeline.types import NO_OPENINGS, DriftNetwork, Frame, Mesh, Openings
+from pipeline.types import DriftNetwork, Frame, Mesh
 
 _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall
 _TILE_M = 20.0
@@ -40,9 +34,6 @@ _UNDULATIONS_M = ((0.12, 0.24), (0.35, 0.35), (1.2, 0.6))  # scale of the uneven
 _WANDER_SCALE_M, _WANDER_M, _SHALLOWER = 1.5, 0.08, 0.35  # how ruts wander, and what their depth varies by
 _EXAGGERATED = 25.0  # heights, while the mesh is simplified
 _STRETCHED = np.array([1.0, 2.5, 1.0, 0.25])  # besides: below the water's level, round it, above it, above all shade
-_FADE_M = 1.0  # from a seam, over which the floor becomes as high as in the next sheet
-_LAP_M = 0.1  # by which two sheets lap over each other
-_OFF_FOLD_M = 0.004  # of a middle of an edge
 _SUNK_M = (0.15, 0.4)  # behind the wall the floor sinks, unseen; simplification cuts corners of the level rest
 
 
@@ -51,8 +42,6 @@ def cover_floor(
     free: Polygon,
     network: DriftNetwork,
     zones: list[ZoneStrip],
-    floor: Floor | None = None,
-    openings: Openings = NO_OPENINGS,
 ) -> dict[str, Mesh]:
     """Return the meshes of the visible floor by name, m, mine frame; nothing of them collides.
 
@@ -67,65 +56,23 @@ def cover_floor(
     network : DriftNetwork
         Ruts follow its legs.
     zones : list of ZoneStrip
-    floor : Floor, optional
-        Of a mine with heights: the floor is laid in the plan, level on seams, and folded. It has no puddles: water is
-        level.
-    openings : Openings
-        Holes in the visible floor; `free` and `floor` are those without them.
     """
-    floor = floor or Floor()
-    if not floor.is_flat:
-        params = params.model_copy(update={"puddles": []})
     # An outline of stage 2 carries the grid that it was rounded to, and would round the band round it to that.
     free = shapely.set_precision(free, 0.0)
     params = _widened(params, free)
     frame = _frame(free, params.spacing_m)
-    seams = _seams(free, floor)
-    pixels, cells = _grid(_covered(free, seams), frame)
+    pixels, cells = _grid(free.buffer(_BEYOND_M), frame)
     places = frame.to_mine(pixels + 0.5)
     noise = _Noise(params, pixels)
     uneven = 0.35 * params.relief_m * sum(share * noise.of(scale_m) for scale_m, share in _UNDULATIONS_M)
     wander = noise.of(_WANDER_SCALE_M)
-    walls = list(shapely.get_parts(wall_lines(free, floor)))
+    walls = list(shapely.get_parts(free.boundary))
     height = params.relief_m + uneven + _banks(params, free, walls, places) - _ruts(params, places, network, wander)
     height = _flooded(params, places, height, zones, wander)
-    height = _level_on_seams(params, seams, places, height)
     height = np.clip(_sunk_under_rock(free, walls, places, height), _LOWEST_M, COVER_M)
     vertices, faces = _simplified(params, np.column_stack([places, height]), _faces(cells))
     faces = _upwards(vertices, faces)
-    for opening in openings.collars:
-        cut = cut_hole(vertices, faces, np.array(opening.outline_m))
-        vertices, faces = cut.points, cut.faces
-    return _cut(vertices, faces, zones, params.spacing_m, Folding(floor))
-
-
-def _seams(free: BaseGeometry, floor: Floor) -> list[tuple[np.ndarray, Polygon]]:
-    """Return the line (2, 2) m of each seam with its sheet, for both its sheets."""
-    parts = shapely.get_parts(free)
-    return [(seam.line_in(sheet), parts[sheet]) for seam in seam_lines(floor) for sheet in seam.sheets]
-
-
-def _covered(free: BaseGeometry, seams: list[tuple[np.ndarray, Polygon]]) -> BaseGeometry:
-    """Return the workings and the rock's foot; behind a seam, a little of the next sheet."""
-    covered = free.buffer(_BEYOND_M)
-    for line, part in seams:
-        covered = covered.difference(behind_seam(line, part, 2 * _BEYOND_M, _BEYOND_M).difference(free.buffer(_LAP_M)))
-    return covered
-
-
-def _level_on_seams(
-    params: FloorParams, seams: list[tuple[np.ndarray, Polygon]], places: np.ndarray, height: np.ndarray
-) -> np.ndarray:
-    """Return the heights, the same along each seam; where two sheets lap over each other the farther one lies lower."""
-    for line, part in seams:
-        reach = shapely.LineString(line)
-        near = np.flatnonzero(shapely.dwithin(reach, shapely.points(places), _FADE_M))
-        points = shapely.points(places[near])
-        share = _smooth_step(1 - shapely.distance(reach, points) / _FADE_M)
-        height[near] += share * (params.relief_m - height[near])
-        behind = shapely.distance(part, points)
-        height[near] -= _smooth_step(behind / _LAP_M) * (height[near] - _LOWEST_M)
-    return height
+    return _cut(vertices, faces, zones)
 
 
 def _simplified(params: FloorParams, corner: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -280,25 +227,19 @@ def _split(
     return np.concatenate([vertices, points]), np.concatenate([whole, pieces]), east, origin
 
 
-def _cut(
-    vertices: np.ndarray, faces: np.ndarray, zones: list[ZoneStrip], least_m: float, folding: Folding
-) -> dict[str, Mesh]:
-    """Cut the floor into one mesh for each zone and tile, and fold it; pieces of less than four vertices are dropped.
+def _cut(vertices: np.ndarray, faces: np.ndarray, zones: list[ZoneStrip]) -> dict[str, Mesh]:
+    """Cut the floor into one mesh for each zone and tile; pieces of less than four vertices are dropped.
 
-    Zones meet on a line that wanders to both sides of their border, the same in sheets over each other. Edges are
-    halved until they follow the fold.
+    Zones meet on a line that wanders to both sides of their border.
     """
     zone = np.zeros(len(faces), int)
     for border in (zone.east_m for zone in zones[:-1]):
-        place = vertices[:, :2] - folding.floor.offsets_at(vertices[:, :2])
+        place = vertices[:, :2]
         wander = np.sin(2 * np.pi * np.outer(place[:, 1], 1 / _BORDER_WAVES_M)).sum(axis=1)
         vertices, faces, east, origin = _split(vertices, faces, place[:, 0] - border - _BORDER_M * wander)
         zone = zone[origin] + east
-    if not folding.floor.is_flat:
-        vertices, faces, zone = _bent(vertices, faces, zone, folding, least_m)
     centre = vertices[faces].mean(axis=1)
     tile = np.floor((centre[:, :2] - vertices[:, :2].min(axis=0)) / _TILE_M).astype(int)
-    tile += folding.floor.places_at(centre[:, :2])  # so that no tile has faces of two sheets
     keys, index = np.unique(np.column_stack([zone, tile]), axis=0, return_inverse=True)
     meshes = {}
     for number, (of_zone, col, row) in enumerate(keys.tolist()):
@@ -307,30 +248,5 @@ def _cut(
             corners = vertices[used]
             local = local.reshape(-1, 3).astype(np.int32)
             laid = TEXTURE_PER_M * corners[:, :2]
-            meshes[cover_mesh(of_zone, col, row)] = Mesh(folding.fold(corners).round(4), local, laid)
+            meshes[cover_mesh(of_zone, col, row)] = Mesh(corners.round(4), local, laid)
     return meshes
-
-
-def _bent(
-    vertices: np.ndarray, faces: np.ndarray, zone: np.ndarray, folding: Folding, least_m: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vertices, faces and their zones whose edges lie within `_OFF_FOLD_M` of the fold, or are short.
-
-    Behind walls the fold has steps between the feet of two walls.
-    """
-
-    def is_off(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        a, b, middle = (folding.heights_at(at[:, :2])[0] for at in (one, two, (one + two) / 2))
-        long = np.linalg.norm(one[:, :2] - two[:, :2], axis=1) > least_m
-        return long & (np.abs(middle - (a + b) / 2) > _OFF_FOLD_M)
-
-    parts = []
-    for of_zone in np.unique(zone):
-        points, split = split_edges(vertices, faces[zone == of_zone], is_off)
-        parts.append((np.round(points, 4), split))
-    starts = np.cumsum([0, *(len(points) for points, _ in parts)])
-    return (
-        np.concatenate([points for points, _ in parts]),
-        np.concatenate([split + start for (_, split), start in zip(parts, starts, strict=False)]),
-        np.concatenate([np.full(len(split), k) for k, (_, split) in zip(np.unique(zone), parts, strict=True)]),
-    )

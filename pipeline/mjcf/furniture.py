@@ -9,8 +9,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
 from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
@@ -49,9 +47,7 @@ DUCT_RADIUS_M, DUCT_SIDES, DUCT_GAP_M = 0.3, 8, 0.12
 HANGERS_M = 3.0  # between the hooks of a cable or a duct
 
 
-def hang_furniture(
-    params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float, floor: Floor | None = None
-) -> Bundle:
+def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float) -> Bundle:
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
     All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, all else
@@ -66,15 +62,11 @@ def hang_furniture(
         The chunks of the visible rock as `.msh`.
     height_m : float
         From the floor to the roof.
-    floor : Floor, optional
-        Of a mine with heights: the rock is unfolded, and the furniture that hangs on it is folded with it.
     """
     if height_m < _LEAST_HEIGHT_M:
         warn_user(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
         return {}
-    folding = Folding(floor or Floor())
-    meshes = map(decode_msh, rough.values())
-    placed = [folding.unfold(mesh.vertices, height_m)[mesh.faces] for mesh in meshes]
+    placed = [mesh.vertices[mesh.faces] for mesh in map(decode_msh, rough.values())]
     rock = RayCaster(np.concatenate(placed, dtype=np.float64))
     del placed
     parts: list[tuple[str, np.ndarray, np.ndarray]] = []
@@ -87,7 +79,7 @@ def hang_furniture(
         parts += hang_weld_mesh(params.weld_mesh, network, rock)
     if params.duct:
         parts += _duct(rock, np.array(network.main_drift_m), params.duct_side_m)
-    return _merged(parts, folding)
+    return _merged(parts)
 
 
 def _frames(line: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -202,9 +194,8 @@ def _tube(middle: np.ndarray, radius_m: float, sides: int) -> tuple[np.ndarray, 
     return vertices, np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])
 
 
-def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]], folding: Folding | None = None) -> Bundle:
-    """Return one mesh for each kind and tile of the plan, folded; pieces of less than four vertices are dropped."""
-    folding = folding or Folding(Floor())
+def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]]) -> Bundle:
+    """Return one mesh for each kind and tile of the plan; pieces of less than four vertices are dropped."""
     corner = np.min([vertices[:, :2].min(axis=0) for _, vertices, _ in parts], axis=0) if parts else np.zeros(2)
     meshes = {}
     for kind in {kind: None for kind, *_ in parts}:
@@ -217,8 +208,7 @@ def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]], folding: Folding | 
         faces = np.concatenate([faces + number for (_, faces), number in zip(pieces, first, strict=True)])
         middle = vertices[faces].mean(axis=1)[:, :2]
         tiles = np.floor((middle - corner) / _TILE_M).astype(int)
-        tiles += folding.floor.places_at(middle)  # so that no tile has faces of two sheets
-        triangles = folding.fold(vertices)[faces]
+        triangles = vertices[faces]
         found, of_face = np.unique(tiles, axis=0, return_inverse=True)
         order = np.argsort(of_face, kind="stable")
         ends = np.cumsum(np.bincount(of_face, minlength=len(found)))[:-1]

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from minexplore.bundle import floor_geom
-from minexplore.floors.floor import Floor
 from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle
-from pipeline.types import NO_OPENINGS, ConvexParts, Image, Mesh, Openings, SolidExtent
+from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,6 @@ class MineScene:
     fittings: Bundle = field(default_factory=dict)
     puddles: tuple[str, ...] = ()
     water_m: float = 0.0
-    floor: Floor = field(default_factory=Floor)
-    openings: Openings = NO_OPENINGS
     is_rough: bool = False  # robots stand on the visible floor
 
     @property

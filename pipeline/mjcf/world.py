@@ -18,30 +18,24 @@ from minexplore.bundle import (
     ROCK_TEXTURE,
     ROOF,
     ROOF_GEOM,
-    SLAB_M,
     SURFACE_BODY,
     SURFACE_CLASS,
     WALLS,
     GeomGroup,
-    floor_wedge,
     ground_material,
     hfield_file,
     mesh_file,
     rock_geom,
-    roof_wedge,
     smooth_mesh,
     spot_light,
     surface_geom,
 )
-from minexplore.floors.floor import Floor
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
-from pipeline.geometry.floor.parts import cut_by_zones, floor_patches, fold_patch, slab
-from pipeline.geometry.openings.shaft_parts import roof_slabs
 from pipeline.mjcf.fittings import add_fittings
-from pipeline.mjcf.scene import MineScene, ZoneStrip
+from pipeline.mjcf.scene import MineScene
 from pipeline.store.codecs import Bundle, encode
 from pipeline.store.palette_png import encode_palette_png
-from pipeline.types import ConvexParts, Points3
+from pipeline.types import ConvexParts
 
 _VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # not the flat floor: the floor zones show it
 
@@ -74,7 +68,7 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=spot_light(i),
-            pos=fold_place(scene.floor, light.place_m),
+            pos=light.place_m,
             dir=light.direction,
             type=mujoco.mjtLightType.mjLIGHT_SPOT,
             cutoff=light.cutoff_deg,
@@ -92,7 +86,7 @@ def _set_view(spec: mujoco.MjSpec, scene: MineScene) -> None:
     # Clipping planes scale with the extent. With the extent of a drift, near walls and the far end are both visible.
     look = LOOKS[scene.look]
     spec.stat.extent = EXTENT_M
-    spec.stat.center = (scene.T_world_mine @ [*fold_place(scene.floor, (*scene.anchor_m, 0.5)), 1.0])[:3].round(3)
+    spec.stat.center = (scene.T_world_mine @ [*scene.anchor_m, 0.5, 1.0])[:3].round(3)
     spec.visual.map.znear = 0.005
     spec.visual.map.zfar = 200.0
     spec.visual.headlight.ambient = [look.ambient] * 3
@@ -130,14 +124,6 @@ def _add_rock_class(spec: mujoco.MjSpec, scene: MineScene) -> None:
     visible.geom.contype, visible.geom.conaffinity = 0, 0
 
 
-def fold_place(floor: Floor, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return a place (x, y, z above the floor) m of the plan in the mine frame, to a tenth of a millimetre."""
-    if floor.is_flat:
-        return place_m
-    x, y, z = floor.fold(np.array([place_m]))[0].round(4).tolist()
-    return x, y, z
-
-
 def _add_rock(spec: mujoco.MjSpec, mine: mujoco.MjsBody, parts: ConvexParts) -> None:
     for i in range(len(parts)):
         centre = _add_part(spec, rock_geom(i), parts[i])
@@ -164,8 +150,6 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
     for zone in scene.zones:
         # OpenGL lights vertices, and those of a large floor are far from every lamp, so the floor emits a little light.
         spec.add_material(name=ground_material(zone.name), rgba=zone.rgba, emission=0.25, specular=0.0, shininess=0.0)
-        if not scene.floor.is_flat:
-            continue
         centre = [(zone.west_m + zone.east_m) / 2, (zone.south_m + zone.north_m) / 2, -scene.floor_thickness_m / 2]
         size = [(zone.east_m - zone.west_m) / 2, (zone.north_m - zone.south_m) / 2, scene.floor_thickness_m / 2]
         # Without priority MuJoCo uses the larger friction of two geoms, so that water would not affect a rubber wheel.
@@ -174,20 +158,6 @@ def _add_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> N
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=centre,
             size=size,
-            material=ground_material(zone.name),
-            priority=1,
-            friction=[zone.friction, 0.005, 0.0001],
-            group=GeomGroup.FLOOR,
-        )
-    if scene.floor.is_flat:
-        return
-    for number, (at, patch) in enumerate(zoned_patches(scene.floor, scene.zones)):
-        zone, name = scene.zones[at], floor_wedge(scene.zones[at].name, number)
-        mine.add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=name,
-            pos=_add_part(spec, name, slab(patch, -SLAB_M, 0.0)),
             material=ground_material(zone.name),
             priority=1,
             friction=[zone.friction, 0.005, 0.0001],
@@ -205,24 +175,7 @@ def _add_rough_floor(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene
     return hfield_files(tiles)
 
 
-def zoned_patches(floor: Floor, zones: list[ZoneStrip]) -> list[tuple[int, Points3]]:
-    """Return the convex patches (k, 3) m, mine frame, of a floor with heights, each with the number of its zone."""
-    patches = [fold_patch(floor, patch) for patch in floor_patches(floor)]
-    return cut_by_zones(patches, [zone.east_m for zone in zones[:-1]])
-
-
 def _add_roof(spec: mujoco.MjSpec, mine: mujoco.MjsBody, scene: MineScene) -> None:
-    if not scene.floor.is_flat:
-        for number, wedge in enumerate(roof_slabs(scene.floor, scene.extent.height_m, scene.openings)):
-            mine.add_geom(
-                spec.find_default(ROCK_CLASS),
-                name=roof_wedge(number),
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=roof_wedge(number),
-                group=GeomGroup.ROOF,
-                pos=_add_part(spec, roof_wedge(number), wedge),
-            )
-        return
     west, south, east, north = scene.extent.world_m
     mine.add_geom(
         spec.find_default(ROCK_CLASS),
@@ -257,7 +210,7 @@ def _add_cameras(mine: mujoco.MjsBody, scene: MineScene) -> None:
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     mine.add_camera(
         name=ENTRANCE_CAMERA,
-        pos=fold_place(scene.floor, (*scene.anchor_m, 1.2)),
+        pos=(*scene.anchor_m, 1.2),
         quat=_camera_quat((s, -c, 0.0), (0.0, 0.0, 1.0)),
         fovy=70.0,
     )

@@ -55,7 +55,6 @@ class ContoursParams(Params):
         0.03, ge=0.002, le=1, description="mean distance of the traced wall from the simplified one"
     )
     network: NetworkParams = Field(description="how the drift network is traced")
-    openings: bool = Field(False, description="build the shafts of a survey with heights; not with visible rock")
     correct: Literal["sweeps"] | None = Field(
         None, description="sweeps: the walls follow the survey's sweeps (docs/adr/0015); null: they stay as drawn"
     )

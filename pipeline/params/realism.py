@@ -57,7 +57,6 @@ class RealismParams(Params):
         description="floor zones from west to east, each with name, friction, command_scale, speed_noise_mps, rgba",
     )
     lights: LightParams = Field(description="spot lights along the drifts")
-    fence_openings: bool = Field(True, description="a fence round each opening; false: a robot can fall in")
     look: Annotated[str, one_of(LOOKS)] = Field(PLAIN, description="light, haze and sheen of the rock")
     floor: FloorParams | None = Field(None, description="the visible floor; null: the flat zones alone")
     rough_floor: bool = Field(

@@ -20,7 +20,6 @@ from minexplore.rotations import rotate_inverse
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import GeometryError
-from pipeline.geometry.floor.parts import wall_lines
 from pipeline.geometry.rock.extrude import section_footprint
 
 _FASTEST_MPS, _SPIN_RADPS = 3.0, 3.0
@@ -82,12 +81,9 @@ def stress_walls(
     robot, task = RobotParams(), dataclasses.replace(TaskParams(), max_forward_mps=_FASTEST_MPS)
     batch = RobotBatch(load_world(bundle), task, robot, _ROBOTS, threads)
     rng = np.random.default_rng(seed)
-    floor, height = batch.floor, batch.world.record["height_m"]
-    walls = wall_lines(free, floor)
-    collars = shapely.linearrings(batch.world.open_shafts.outlines_m)
-    solid = walls.difference(shapely.union_all(collars)) if len(collars) else walls
-    edges = (floor.offset_m[:, :1] + zone_edges_m).ravel().tolist()  # in plan, where sheets are moved aside
-    kinds = _targets(walls, floor.unfold_bodies(parts, height / 2), edges, rng)
+    height = batch.world.record["height_m"]
+    walls = free.boundary
+    kinds = _targets(walls, parts, zone_edges_m, rng)
     inside = free.buffer(-robot.radius_m)
     shapely.prepare(inside)
     touched = escapes = throws = 0
@@ -110,7 +106,7 @@ def stress_walls(
                 touched += int(batch.drive(command, rngs, here).sum())
             except RuntimeError as error:
                 raise GeometryError(f"stress test: {error}") from error
-            out, depth = _escaped(batch, here, free, solid, robot.radius_m, height)
+            out, depth = _escaped(batch, here, free, walls, robot.radius_m, height)
             escapes += int(out.sum())
             deepest = max(deepest, depth)
     batch.close()
@@ -178,21 +174,12 @@ def _throw(
 def _escaped(
     batch: RobotBatch, here: np.ndarray, free: Polygon, walls: BaseGeometry, radius_m: float, height_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m.
-
-    The shafts that are not fenced are workings.
-    """
+    """Return which robots (k,) are out of the workings, and the largest depth of an upright robot's disc in rock, m."""
     T = batch.T_world_mine
     local = rotate_inverse(batch.qpos[here, :3] - T[:3, 3], T[:3, :3])
-    place = batch.floor.unfold(local, batch.robot.wheel_radius_m)
-    shafts = batch.world.open_shafts
-    falling = shafts.inside(local) >= 0
-    if len(shafts):
-        shafts.move(place[:, :2], local)
-        place[:, 2] = np.where(falling, 0.0, local[:, 2] - batch.floor.heights_at(place[:, :2]))
+    place = local
     centre = shapely.points(place[:, :2])
     clearance = np.where(shapely.contains_xy(free, place[:, 0], place[:, 1]), 1, -1) * shapely.distance(walls, centre)
-    clearance[falling] = np.inf
     out = ~np.isfinite(place).all(axis=1) | (clearance < 0) | (place[:, 2] < 0) | (place[:, 2] > height_m)
     x, y = batch.qpos[here, 4], batch.qpos[here, 5]
     mast = np.column_stack(
@@ -202,6 +189,5 @@ def _escaped(
             1 - 2 * (x * x + y * y),
         ]
     )
-    up = T[:3, 2] if batch.floor.is_flat else [T[:3, :3] @ batch.floor.frame_at(xy)[:, 2] for xy in place[:, :2]]
-    upright = (mast * up).sum(axis=1) > _UPRIGHT  # a robot on its side is narrower than its disc
+    upright = (mast * T[:3, 2]).sum(axis=1) > _UPRIGHT  # a robot on its side is narrower than its disc
     return out, float(np.maximum(0.0, radius_m - clearance)[upright].max(initial=0.0))

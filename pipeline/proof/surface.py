@@ -14,7 +14,7 @@ from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.rock.relief import Relief, measure_relief
 from pipeline.metrics.rock.sampling import faces_near, sample_triangles
-from pipeline.mjcf.bundle import Unfold, visible_triangles
+from pipeline.mjcf.bundle import visible_triangles
 from pipeline.types import DriftNetwork
 
 _BAND_M = 0.05  # half height of the band of wall around a height
@@ -38,14 +38,13 @@ def report_walls(
     network: DriftNetwork,
     height_m: float,
     seed: int,
-    unfold: Unfold | None = None,
     lines: BaseGeometry | None = None,
 ) -> WallBands:
     """Compare the visible walls at a height and 5 cm over the floor with the collision walls.
 
     These are `lines`, by default the outline's boundary.
     """
-    walls = visible_triangles(model, WALLS, unfold)
+    walls = visible_triangles(model, WALLS)
     return WallBands(*(_gaps_at(walls, free, network, height, seed, lines) for height in (height_m, _FOOT_M)))
 
 
@@ -74,11 +73,10 @@ def report_relief(
     free: Polygon,
     network: DriftNetwork,
     stretches: int,
-    unfold: Unfold | None = None,
     lines: BaseGeometry | None = None,
 ) -> Relief:
     """Measure the shape of the visible walls of a compiled world along `lines`, by default the outline's boundary."""
-    walls, roof = (visible_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
     return relief_of(walls, roof, free, network, stretches, lines)
 
 

@@ -32,7 +32,7 @@ from pipeline.metrics.rock.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
-from pipeline.mjcf.bundle import Unfold, smooth_triangles, visible_triangles
+from pipeline.mjcf.bundle import smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.surface import between, split_long, stretch_centres
 from pipeline.types import DriftNetwork
@@ -108,15 +108,14 @@ def report_texture(
     free: Polygon,
     network: DriftNetwork,
     params: TextureReportParams,
-    unfold: Unfold | None = None,
 ) -> TextureReport:
     """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison.
 
     Rock that follows a floor's heights is measured in the plan.
     """
-    walls, roof = (visible_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
     rock = measure_texture(walls, roof, free, network, params)
-    flat = measure_flat_texture(model, free, network, params, unfold)
+    flat = measure_flat_texture(model, free, network, params)
     return repeatable(
         TextureReport(
             rock.as_paper,
@@ -141,10 +140,9 @@ def measure_flat_texture(
     free: Polygon,
     network: DriftNetwork,
     params: TextureReportParams,
-    unfold: Unfold | None = None,
 ) -> MeasuredTexture:
     """Measure the smooth surface of a compiled world at the same density, in one draw of a quarter of the stretches."""
-    walls, roof = (smooth_triangles(model, piece, unfold) for piece in (WALLS, ROOF))
+    walls, roof = (smooth_triangles(model, piece) for piece in (WALLS, ROOF))
     return measure_texture(walls, roof, free, network, _quarter(params))
 
 

@@ -9,19 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
-import shapely
-from shapely import MultiPolygon, Polygon
-from shapely.geometry.base import BaseGeometry
+from shapely import Polygon
 
 from minexplore.bundle import FREE_SPACE, MINE_BODY, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
-from pipeline.geometry.floor.parts import wall_lines
-from pipeline.geometry.openings.fit import without_openings
 from pipeline.geometry.outline.binarize import left_out
 from pipeline.geometry.outline.half_level import trace_half_level
-from pipeline.geometry.rasterize import fill_polygon
 from pipeline.memory import give_back
 from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
@@ -31,14 +25,9 @@ from pipeline.metrics.topology import compare_topology
 from pipeline.metrics.wall_error import WallError, measure_wall_error
 from pipeline.mjcf.bundle import (
     OpenedBundle,
-    Unfold,
-    model_in_plan,
     open_bundle,
     part_vertices,
-    read_floor,
     read_made_by,
-    read_whole_floor,
-    unfold_surfaces,
 )
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
@@ -48,9 +37,8 @@ from pipeline.proof.rebuilt.built import require_built, tolerance_of
 from pipeline.proof.surface import WallBands, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
-from pipeline.types import DriftNetwork, FreeSpace, Mask, Openings, Survey
+from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
 
-_PIXELS = 1.5  # round an opening, whose border the two masks may see differently
 _AREA_M2 = 1.1e-3  # areas have three decimals
 
 
@@ -98,27 +86,7 @@ class Validator:
         """Return the pixels that show the floor in a view from above, with the roof hidden."""
         record = self.world.record
         T_world_mine = np.array(record.T_world_mine)
-        return render_free_space(self._model, T_world_mine, self.survey.frame, record.top_m, record.bottom_m)
-
-    @functools.cached_property
-    def _model(self) -> mujoco.MjModel:
-        """Return the model as the plan shows it."""
-        return model_in_plan(self.bundle, self.world)
-
-    @functools.cached_property
-    def _unfold(self) -> Unfold | None:
-        """Return what moves the visible rock of a world with heights into the plan."""
-        return unfold_surfaces(self.bundle, self.world.record)
-
-    @functools.cached_property
-    def _drifts(self) -> BaseGeometry:
-        """Return the workings as if openings were floor, as visible rock is made along them."""
-        return without_openings(self.free_space.polygon, Openings(self.world.record.openings))
-
-    @functools.cached_property
-    def _wall_lines(self) -> BaseGeometry:
-        """Return the walls of the drifts in plan; the seams between sheets are none."""
-        return wall_lines(self._drifts, read_whole_floor(self.bundle, self.world.record))
+        return render_free_space(self.world.model, T_world_mine, self.survey.frame, record.height_m)
 
     @functools.cached_property
     def wall_error(self) -> WallError:
@@ -132,11 +100,11 @@ class Validator:
         """Return which free columns of the plan are open in the world."""
         record = self.world.record
         return cast_columns(
-            self._model,
+            self.world.model,
             np.array(record.T_world_mine),
             self.cleaned,
             self.survey.frame,
-            record.top_m,
+            record.height_m,
             tolerance_of(self.params),
             GeomGroup.FLOOR,
             GeomGroup.COLLISION,
@@ -145,14 +113,12 @@ class Validator:
     @functools.cached_property
     def texture(self) -> TextureReport:
         """Return the texture report."""
-        free, unfold = self._drifts, self._unfold
-        return report_texture(self.world.model, free, self.network, self.params.texture, unfold)
+        return report_texture(self.world.model, self.free_space.polygon, self.network, self.params.texture)
 
     @functools.cached_property
     def relief(self) -> Relief:
         """Return the shape of the visible walls."""
-        free, stretches = self._drifts, self.params.texture.stretches
-        return report_relief(self.world.model, free, self.network, stretches, self._unfold, self._wall_lines)
+        return report_relief(self.world.model, self.free_space.polygon, self.network, self.params.texture.stretches)
 
     @functools.cached_property
     def containment(self) -> dict[str, Any]:
@@ -163,7 +129,7 @@ class Validator:
     def walls(self) -> WallBands:
         """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
-        return report_walls(self.world.model, self._drifts, self.network, height, seed, self._unfold, self._wall_lines)
+        return report_walls(self.world.model, self.free_space.polygon, self.network, height, seed)
 
     @property
     def certificate(self) -> Certificate:
@@ -219,16 +185,10 @@ def _navigability(validator: Validator) -> dict[str, Any]:
 
 
 def _topology(validator: Validator) -> dict[str, Any]:
-    frame, record = validator.survey.frame, validator.world.record
-    floor, openings = read_floor(validator.bundle, record), Openings(record.openings).collars
     masks = validator.cleaned, validator.world_free
-    if openings:  # the network of drifts is that without them
-        holes = shapely.polygons([opening.outline_m for opening in openings])
-        drawn = fill_polygon(MultiPolygon(shapely.buffer(holes, _PIXELS / frame.px_per_m).tolist()), frame)
-        masks = masks[0] | drawn, masks[1] | drawn
     return {
         "drift_m": validator.network.total_length_m,
-        **vars(compare_topology(*masks, frame, *validator._tracing, floor)),
+        **vars(compare_topology(*masks, validator.survey.frame, *validator._tracing)),
     }
 
 

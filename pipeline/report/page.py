@@ -16,9 +16,8 @@ from pydantic import TypeAdapter
 
 from minexplore import __version__
 from pipeline.metrics.limits import format_limit
-from pipeline.mjcf.bundle import WorldRecord, read_floor, read_record
+from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import Limit, ValidationParams
-from pipeline.report.figures.levels import draw_levels, draw_long_section, leg_grades
 from pipeline.report.figures.mine import draw_mine, to_svg
 from pipeline.report.figures.scene import scene_page
 from pipeline.report.figures.style import to_image
@@ -64,14 +63,13 @@ class _Figure:
 class WorldView:
     """What of a report depends on what a world is: its record, its plan, its 3D view (HTML), and the metrics' limits.
 
-    `levels` are pictures and grades of a mine with heights, `volume` what of its survey one volume is.
+    `volume` is what of its survey one volume is.
     """
 
     record: Any
     plan: Figure
     scene: str
     limits: dict[str, Limit]
-    levels: dict[str, Any] | None = None
     volume: dict[str, Any] | None = None
 
 
@@ -87,7 +85,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
     changed : dict
         Parameter to (default, value of this world), where they differ.
     view : WorldView, optional
-        Of a world that is one volume; None is a level mine, or one with heights.
+        Of a world that is one volume; None is a level mine.
 
     Returns
     -------
@@ -134,7 +132,6 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         certificate=_read(root, "validation/certificate.json", dict),
         replay=_replay(root),
         network=network,
-        levels=view.levels,
         volume=view.volume,
         widths=_width_quantiles(network),
         manifests=manifests,
@@ -151,7 +148,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
 
 
 def _view(root: Path, survey: Survey, free_space: FreeSpace, network: DriftNetwork) -> WorldView:
-    """Return what the report shows of a level mine, or of one with heights."""
+    """Return what the report shows of a level mine."""
     bundle = root / "realism" / "world"
     record = read_record(bundle)
     params = read_manifest(root / "validation" / "manifest.json").params
@@ -160,7 +157,6 @@ def _view(root: Path, survey: Survey, free_space: FreeSpace, network: DriftNetwo
         draw_mine(free_space.polygon, network, record),
         scene_page(bundle, record, free_space, network),
         TypeAdapter(ValidationParams).validate_python(params).limits,
-        _levels(root, record, survey, free_space, network),
     )
 
 
@@ -202,24 +198,6 @@ def _replay(root: Path) -> dict[str, Any] | None:
     if not report.get("sweeps"):
         return None
     return {**report, "picture": _embedded(_read(root, "validation/replay.png", Image))}
-
-
-def _levels(
-    root: Path, record: WorldRecord, survey: Survey, free_space: FreeSpace, network: DriftNetwork
-) -> dict[str, Any] | None:
-    """Return the pictures and grades of a mine with heights, or None if it is flat."""
-    if not record.heights:
-        return None
-    floor, datum_m = read_floor(root / "realism" / "world", record), survey.heights.datum_m if survey.heights else 0.0
-    pictures = {
-        "plans": draw_levels(free_space.polygon, network, floor, datum_m),
-        "section": draw_long_section(floor, record.height_m, datum_m),
-    }
-    svgs = {name: to_svg(figure) for name, figure in pictures.items()}
-    return {
-        **{name: svg[svg.index(b"<svg") :].decode() for name, svg in svgs.items()},
-        "grades": leg_grades(network, floor, datum_m),
-    }
 
 
 def _width_quantiles(network: DriftNetwork) -> list[float]:

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floors.floor import Floor
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
 from pipeline.surface.chunks import cut_chunks
-from pipeline.surface.folded.fold import FoldedSurface
-from pipeline.surface.folded.open_seams import open_seams
-from pipeline.surface.folded.sheet_walls import lay_sheet_walls
 from pipeline.surface.mesh.lattice import CrossSection, Lattice, lay_lattice
 from pipeline.surface.mesh.rough import RoughSurface, displace_lattice
 from pipeline.surface.mesh.simplify import Mesher, Simplification
@@ -67,23 +62,18 @@ def widen_spacing(params: SurfaceParams, free: BaseGeometry, height_m: float) ->
 
 
 def lay_rough_lattice(
-    params: SurfaceParams, free: BaseGeometry, network: DriftNetwork | None, height_m: float, floor: Floor | None = None
+    params: SurfaceParams, free: BaseGeometry, network: DriftNetwork | None, height_m: float
 ) -> Lattice:
-    """Lay the lattice of the workings by the configured spacings and cross-section; a floor with heights folds it.
+    """Lay the lattice of the workings by the configured spacings and cross-section.
 
     Raises
     ------
     GeometryError
         If two walls are nearer to each other than the spacing.
     """
-    rough, profile, floor = params.rough, cross_section(params, height_m), floor or Floor()
-    if len(floor.offset_m) > 1:
-        walls = lay_sheet_walls(free, floor, rough.spacing_m, network)
-        lattice = open_seams(lay_lattice(walls, profile, rough.spacing_m, rough.roof_spacing_m), profile)
-    else:
-        walls = lay_walls(free, rough.spacing_m, network, rough.thinnest_rock_m)
-        lattice = lay_lattice(walls, profile, rough.spacing_m, rough.roof_spacing_m)
-    return replace(lattice, floor=floor)
+    rough = params.rough
+    walls = lay_walls(free, rough.spacing_m, network, rough.thinnest_rock_m)
+    return lay_lattice(walls, cross_section(params, height_m), rough.spacing_m, rough.roof_spacing_m)
 
 
 def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief) -> RoughSurface:
@@ -110,9 +100,9 @@ def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.nda
     return relief_of_noise(lattice, *relief, modulation, np.random.default_rng(rough.seed))
 
 
-def chunk_files(rough: RoughSurface, params: SurfaceParams, folded: FoldedSurface | None = None) -> Bundle:
-    """Return the rough surface's chunks as `NAME.msh`, where the floor folds them to."""
+def chunk_files(rough: RoughSurface, params: SurfaceParams) -> Bundle:
+    """Return the rough surface's chunks as `NAME.msh`."""
     build, texture = params.rough, params.texture
     shading = build.normals, build.crease_deg
-    chunks = cut_chunks(rough, build.tile_m, texture.repeat_m, *shading, texture.tether_m, folded)
+    chunks = cut_chunks(rough, build.tile_m, texture.repeat_m, *shading, texture.tether_m)
     return {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}

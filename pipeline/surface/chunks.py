@@ -7,11 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from minexplore import bundle
-from minexplore.floors.folding import Folding
-from minexplore.floors.stretch import raise_m
-from pipeline.surface.folded.fold import FoldedSurface, fold_surface, shade_folded
 from pipeline.surface.mesh.lattice import ROOF, WALL, Lattice
-from pipeline.surface.mesh.normals import ShadedMesh
+from pipeline.surface.mesh.normals import ShadedMesh, shade_mesh
 from pipeline.surface.mesh.rough import RoughSurface
 from pipeline.surface.mesh.simplify import SurfaceMesh
 from pipeline.surface.texture.coordinates import relax_texture
@@ -28,7 +25,6 @@ def cut_chunks(
     normals: bool = False,
     crease_deg: float = 180.0,
     tether_m: float | None = None,
-    folded: FoldedSurface | None = None,
 ) -> dict[str, Mesh]:
     """Cut walls and roof into square tiles of the plan, so that a renderer can skip most of them.
 
@@ -43,22 +39,18 @@ def cut_chunks(
         Faces that meet at a sharper angle share no normal.
     tether_m : float, optional
         Let the texture follow the displaced surface by `relax_texture`; without it, it is that of the plan's walls.
-    folded : FoldedSurface, optional
-        Where the vertices are in space; by default where the floor folds them to. Tiles and texture are of the plan.
 
     Returns
     -------
     dict of Mesh
-        The name holds the piece, and the tile's column and row from the south-west. Faces face the workings. A chunk
-        belongs to one sheet.
+        The name holds the piece, and the tile's column and row from the south-west. Faces face the workings.
     """
-    lattice, mesh, folded = rough.lattice, rough.mesh, folded or fold_surface(rough)
-    shaded = shade_folded(rough, folded, crease_deg) if normals else _unshaded(mesh)
+    lattice, mesh = rough.lattice, rough.mesh
+    shaded = shade_mesh(mesh.vertices, mesh.faces, crease_deg) if normals else _unshaded(mesh)
     along = _along_walls(lattice, texture_m)
     centre = lattice.vertices[mesh.source[mesh.faces]].mean(axis=1)[:, :2]
     # A face along a straight wall may have its middle, rounded, a hair beyond the wall.
     tile = np.maximum(np.floor((centre - lattice.vertices[:, :2].min(axis=0)) / tile_m), 0).astype(int)
-    tile += lattice.floor.places_at(centre)  # so that no tile has faces of two sheets
 
     def cut(piece: int) -> dict[str, Mesh]:
         of_piece = np.flatnonzero(mesh.piece == piece)
@@ -67,15 +59,14 @@ def cut_chunks(
             whole = _chunk(rough, mesh.vertices, shaded, of_piece, piece, along, texture_m, offset)
             axes = texture_axes(rough, of_piece, piece)
             laid_m = whole.texcoords[whole.faces] * texture_m
-            faces = folded.number[mesh.faces[of_piece]]
-            offset = relax_texture(folded.vertices, faces, laid_m, axes, tether_m)[folded.number] / texture_m
+            offset = relax_texture(mesh.vertices, mesh.faces[of_piece], laid_m, axes, tether_m) / texture_m
         in_tile = _merge_single_faces(tile[of_piece], centre[of_piece])
         order = np.lexsort(in_tile.T[::-1])
         first = np.flatnonzero(np.any(np.diff(in_tile[order], axis=0, prepend=-1) != 0, axis=1))
         chunks = {}
         for part in np.split(order, first[1:]):
             name = bundle.chunk_mesh(_CHUNKS[piece], *in_tile[part[0]])
-            chunks[name] = _chunk(rough, folded.vertices, shaded, of_piece[part], piece, along, texture_m, offset)
+            chunks[name] = _chunk(rough, mesh.vertices, shaded, of_piece[part], piece, along, texture_m, offset)
         return chunks
 
     with ThreadPoolExecutor(2) as pool:
@@ -140,9 +131,7 @@ def _chunk(
         column = rough.lattice.column[mesh.source[shaded.source[used]]]
         repeat = u[column] + late * repeats[column] + _beside(rough, shaded.source[used]) / texture_m
         places = _places_on_surface(rough, shaded.source[used])
-        stretch = Folding(rough.lattice.floor).stretch_at(places[:, :2])
-        above = places[:, 2] if stretch is None else raise_m(places[:, 2], stretch)
-        texcoords = np.column_stack([repeat, above / texture_m])
+        texcoords = np.column_stack([repeat, places[:, 2] / texture_m])
     index = index.reshape(-1, 3).astype(np.int32)
     texcoords = texcoords + offset[shaded.source[used]]
     normals = shaded.normals[used] if len(shaded.normals) else None

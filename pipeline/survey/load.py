@@ -219,8 +219,6 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
     if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
-    if heights is not None and params.volume:
-        heights = replace(heights, as_volume=True)
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry

@@ -148,7 +148,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
     if found.levels is not None:
         levels = found.levels
-        return _Workings(levels.polygons, georeference, levels.heights, levels.legs, levels.floors)
+        return _Workings(levels.polygons, georeference, None, levels.legs, levels.floors)
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))

@@ -15,7 +15,6 @@ from pipeline.export.checks.prove import prove
 from pipeline.export.checks.rays import RAYS, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.labels import group_of
 from pipeline.export.scene import box_corners, hull_triangles, placed_part
-from pipeline.mjcf.bundle import read_floor
 from pipeline.proof.rebuilt.remake import read_free_space
 
 
@@ -48,7 +47,7 @@ def test_a_lost_light_and_a_changed_friction_fail(world):
 def rays_at(world, groups):
     """Return the test of rays at the geoms of some groups."""
     T, free = np.array(world.opened.record.T_world_mine), read_free_space(world.bundle).polygon
-    draw = starts_in_plan(free, read_floor(world.bundle, world.opened.record))
+    draw = starts_in_plan(free)
     return RayTest(draw, cast_at_model(world.opened.model, T, groups))
 
 

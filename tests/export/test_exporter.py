@@ -21,8 +21,6 @@ from pipeline.errors import ArtifactError, InputError, LimitError
 from pipeline.export.exporter import EXPORT_RECORD, export_world
 from pipeline.export.formats.known import FORMATS, require_format
 from pipeline.export.scene import ExportScene, Files
-from tests.export.exported import ExportedWorld
-from tests.heights import RAMP
 from tests.mines import sealed
 from tests.project import ROOT
 
@@ -126,16 +124,6 @@ def test_a_bundle_with_a_changed_mesh_is_refused(small_world, world, tmp_path):
 def test_a_format_without_its_package_is_refused_with_the_packages_name():
     with pytest.raises(InputError, match="--to usd: usd-core is not installed"):
         require_format("usd")
-
-
-def test_a_world_with_heights_is_exported_without_visible_rock(mine_of_legs, tmp_path):
-    world = ExportedWorld.at(mine_of_legs(RAMP, "preset=light").bundle)
-    proof = export_world(world.bundle, "gltf", tmp_path / "out", "none", world.params).proof
-    assert proof.rays.keys() == {"touched"}
-    assert world.opened.record.heights is not None
-    assert proof.certificate.holds
-    assert proof.lights.file == len(world.scene.lights)
-    assert [path.name for path in (tmp_path / "out").glob("*.glb")] == [f"{world.scene.facts.name}-collision.glb"]
 
 
 @pytest.mark.slow

@@ -10,15 +10,12 @@ LONGER = {  # and why
     "pipeline/mjcf/bundle.py": "what world.json states, beside its reading and sealing",
     "pipeline/types.py": "the types that stages hand on",
     "pipeline/proof/texture.py": "the paper's six scores with their two readings, which share their points",
-    "pipeline/proof/validator.py": "the figures of stage 6, each a property that uses others",
     "pipeline/survey/load.py": "stage 1: one reader a kind of survey",
     "benchmarks/faults/injection.py": "the faults of the mutants, a function each",
     "benchmarks/pictures/draw_sheet.py": "a drawing sheet with all that surrounds workings on paper",
     # Folded floors, which go with the volume.
     "minexplore/floors/floor.py": "folded floors",
-    "pipeline/geometry/openings/fit.py": "openings in folded floors",
-    "pipeline/mjcf/floor_cover.py": "the visible floor, level or folded",
-    "pipeline/proof/rebuilt/visible.py": "the visible rock, level or folded",
+    "pipeline/proof/rebuilt/visible.py": "the visible rock made again, a check a function",
 }
 
 

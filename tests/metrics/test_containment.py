@@ -4,7 +4,7 @@ import shapely
 
 from pipeline.geometry.rock.collision import exact_prisms
 from pipeline.metrics.containment import cover_walls, open_area_m2
-from pipeline.metrics.reach import compare_reach, compare_sheets, reached_cells
+from pipeline.metrics.reach import compare_reach, reached_cells
 from pipeline.types import Frame
 
 FREE = shapely.box(0, 0, 20, 5)
@@ -67,16 +67,6 @@ def test_a_robot_reaches_connected_cells_and_a_wall_across_a_drift_changes_the_g
     assert other.only_plan_m2 == pytest.approx(20 * 96 / 16)
     assert not other.same_graph
     assert reached_cells(clearance, 0.35, (0, 0)).sum() == 0
-
-
-def test_sheets_that_lie_in_rows_are_each_compared_once():
-    frame = Frame(4.0, 0.0, 160.0, 200, 160)  # 50 m by 40 m
-    cells = np.zeros((160, 200), bool)
-    cells[10:30, 4:196] = cells[110:130, 4:196] = True
-    boxes = [(0.0, 5.0, 50.0, 15.0), (0.0, 30.0, 50.0, 40.0)]
-    found = compare_sheets(cells, cells, frame, boxes, 0.35, 0.25, 2.0)
-    assert found.reached_m2 == pytest.approx(cells.sum() / 16)
-    assert found.dead_ends_plan == 4
 
 
 @pytest.mark.parametrize("shift", [2, 4, 6])

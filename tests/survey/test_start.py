@@ -1,30 +1,18 @@
-"""Where robots start: a place that the user states, or the highest end of the drifts."""
+"""Where robots start: a place that the user states, or the first with room."""
 
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.geometry.floor.sheets import ends_from_above
 from pipeline.geometry.maps.occupancy import first_anchor
 from pipeline.survey.start import start_in_plan
-from pipeline.types import DriftNetwork, Heights, Occupancy
+from pipeline.types import Heights, Occupancy
 from tests.composed import compose
 
 # Two drifts over each other along the same line, the lower one drawn 100 m north of the other.
 UPPER = [(0.0, 0.0, 20.0), (60.0, 0.0, 20.0)]
 LOWER = [(0.0, 100.0, 0.0), (60.0, 100.0, 0.0)]
 STACKED = Heights(lines=[UPPER, LOWER], datum_m=500.0, offset_m=[(0.0, 0.0), (0.0, 100.0)])
-
-
-class Slope:
-    """A floor that rises to the east."""
-
-    def heights_at(self, places_m):
-        return places_m[:, 0]
-
-
-def network_of(nodes, dead_ends):
-    return DriftNetwork(nodes, [], [], dead_ends, 0, 1, 0.0, [], [(0.0, 0.0)], 0.0, 0.25)
 
 
 @pytest.mark.parametrize(("elevation", "y"), [(521.0, 0.0), (500.0, 100.0)])
@@ -45,12 +33,6 @@ def test_a_start_far_from_every_drift_is_refused_with_its_key(start):
 def test_an_elevation_in_a_level_mine_is_refused():
     with pytest.raises(InputError, match="an elevation needs a survey whose drifts have them"):
         start_in_plan((0.0, 0.0, 5.0), None)
-
-
-def test_the_ends_of_drifts_come_from_above_and_junctions_are_none():
-    nodes = {"low": (0.0, 0.0), "top": (80.0, 5.0), "junction": (90.0, 0.0)}
-    assert ends_from_above(network_of(nodes, ["low", "top"]), Slope()) == [(80.0, 5.0), (0.0, 0.0)]
-    assert ends_from_above(network_of(nodes, []), Slope())[0] == (90.0, 0.0)  # a ring has no end
 
 
 def test_robots_start_at_the_first_place_with_room():

@@ -16,10 +16,10 @@ from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.load import _read
 from pipeline.types import DriftNetwork, Heights, Leg, Workings
-from stages.compile3d import model_floor
 from stages.contours import trace_free_space
 from tests.composed import compose
 from tests.project import ROOT
+from tests.survey.levels.test_level_floors import heights_at
 
 WORKINGS = shapely.box(0, 0, 80, 5).union(shapely.box(40, 0, 45, 40))
 EAST, NORTH, GRADE = 500_000.0, 7_000_000.0, 0.1
@@ -67,7 +67,7 @@ def labels(tmp_path):
 
 
 def read(plan, heights):
-    params = VectorSurveyParams(kind="vector", name="a", file="data/x", volume=False)
+    params = VectorSurveyParams(kind="vector", name="a", file="data/x")
     found = heights.as_posix() if heights else None
     survey = _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
     return survey.plan, survey.survey, survey.workings
@@ -76,8 +76,13 @@ def read(plan, heights):
 def floor_of(plan, survey, workings, monkeypatch):
     monkeypatch.chdir(ROOT)
     config = compose(["preset=light"])
-    traced = trace_free_space(config.contours, plan, survey, Workings(workings))
-    return model_floor(config.compile3d, traced["free_space"].polygon, traced["topology"], survey, (2.0, 2.5))
+    return trace_free_space(config.contours, plan, survey, Workings(workings))["floors"]
+
+
+def heights_of(floors, places):
+    """Return the elevation of the floor at each place; there is one."""
+    found = [heights_at(floors, *place) for place in places.tolist()]
+    return np.array(found)[:, 0] + floors.datum_m
 
 
 @pytest.mark.parametrize("source", [raster, contours, labels])
@@ -86,18 +91,7 @@ def test_the_floor_follows_a_surface_within_a_centimetre_along_the_drifts(tmp_pa
     floor = floor_of(plan, survey, workings, monkeypatch)
     known = PLACES if source is raster else PLACES[:4]  # beyond the last height the floor is level
     wanted = 100 + GRADE * known[:, 0]
-    np.testing.assert_allclose(floor.heights_at(known) + survey.heights.datum_m, wanted, atol=0.012)
-
-
-def test_the_floor_follows_walls_with_elevations(tmp_path, monkeypatch):
-    walls = shapely.transform(
-        shapely.force_3d(shapely.segmentize(WORKINGS, 3.0)),
-        lambda p: np.column_stack([np.add(p[:, :2], [EAST, NORTH]), 100 + GRADE * p[:, 0]]),
-        include_z=True,
-    )
-    plan, survey, workings = read(write(tmp_path / "walls.gpkg", [walls], "Polygon Z", 3), None)
-    floor = floor_of(plan, survey, workings, monkeypatch)
-    np.testing.assert_allclose(floor.heights_at(PLACES) + survey.heights.datum_m, 100 + GRADE * PLACES[:, 0], atol=0.03)
+    np.testing.assert_allclose(heights_of(floor, known), wanted, atol=0.012)
 
 
 def test_between_the_rings_of_a_polygon_there_is_no_wall(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from minexplore.bundle import FLOOR, MINE_BODY, MODEL, GeomGroup
+from minexplore.bundle import MINE_BODY, MODEL, GeomGroup
 from minexplore.rotations import quaternion
 from pipeline.export.labels import group_of
 from pipeline.export.scene import ConvexPart, ReadScene, hull_of
@@ -44,8 +44,6 @@ def certify_parts(bundle: Path, opened: OpenedBundle, read: ReadScene, params: V
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         model = _write_model(folder, read.parts, np.array(opened.record.T_world_mine))
-        if opened.record.heights is not None:
-            (folder / FLOOR).write_bytes((bundle / FLOOR).read_bytes())
         world = dataclasses.replace(opened, model=model)
         tracing = params.network_cell_m, params.network_min_leg_m
         figures = measure_containment(folder, world, read_free_space(bundle), settings, tracing)

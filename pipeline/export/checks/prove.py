@@ -13,7 +13,7 @@ from pipeline.export.checks.clauses import OF_PHYSICS, certify_parts
 from pipeline.export.checks.pieces import PART_GROUPS, LabelMatch, match_labels, pieces_of_model
 from pipeline.export.checks.rays import RayMatch, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.scene import ExportScene, ReadScene, hull_triangles
-from pipeline.mjcf.bundle import OpenedBundle, read_floor
+from pipeline.mjcf.bundle import OpenedBundle
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.rebuilt.remake import read_free_space
@@ -99,8 +99,7 @@ def _cast(bundle: Path, opened: OpenedBundle, read: ReadScene) -> dict[str, RayM
     for geom in range(model.ngeom):
         if is_shade(model.geom(geom).name):
             model.geom_group[geom] = _HIDDEN
-    free, floor = read_free_space(bundle).polygon, read_floor(bundle, opened.record)
-    draw, T = starts_in_plan(free, floor), np.array(opened.record.T_world_mine)
+    draw, T = starts_in_plan(read_free_space(bundle).polygon), np.array(opened.record.T_world_mine)
     touched = np.concatenate([np.zeros((0, 3, 3)), *map(hull_triangles, read.parts)])
     rays = {"touched": RayTest(draw, cast_at_model(model, T, PART_GROUPS)).compare(touched, SEED)}
     if opened.record.has_visible_rock:

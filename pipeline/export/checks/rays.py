@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floors.floor import Floor
 from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
 from pipeline.export.frames import apply
@@ -92,7 +91,7 @@ class RayTest:
         return np.abs(np.array(ranges) - exact).max(axis=0) > AGREE_M
 
 
-def starts_in_plan(free: BaseGeometry, floor: Floor) -> Draw:
+def starts_in_plan(free: BaseGeometry) -> Draw:
     """Return what draws starts over the floor of a mine that has a plan.
 
     Raises
@@ -110,7 +109,7 @@ def starts_in_plan(free: BaseGeometry, floor: Floor) -> Draw:
         chosen = rng.choice(len(pieces), count, p=shapely.area(pieces) / shapely.area(pieces).sum())
         weights = rng.dirichlet(np.ones(3), count)
         places = (weights[:, :, None] * corners[chosen]).sum(axis=1)
-        return np.asarray(floor.fold(np.column_stack([places, rng.uniform(*_HEIGHTS_M, count)])))
+        return np.column_stack([places, rng.uniform(*_HEIGHTS_M, count)])
 
     return draw
 

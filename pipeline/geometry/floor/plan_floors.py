@@ -15,7 +15,7 @@ _ANY_DEG = 90.0  # a volume has floors of any steepness
 def plan_floors(outline: BaseGeometry, survey: Survey, network: DriftNetwork) -> FloorMesh:
     """Return the floor of a plan's outline (m, mine frame), whose heights are known in its drifts.
 
-    It has no faces if the plan has no heights, or is not built as one volume.
+    It has no faces if the plan has no heights.
 
     Raises
     ------
@@ -23,7 +23,7 @@ def plan_floors(outline: BaseGeometry, survey: Survey, network: DriftNetwork) ->
         If a height is far from every drift, or contradicts another; the message names the place.
     """
     heights = survey.heights
-    if heights is None or not heights.as_volume:
+    if heights is None:
         return NO_FLOORS
     lines = floor_lines(heights, network, survey.entrance_m or network.main_drift_m[0])
     floor = build_floor(outline, lines, _ANY_DEG)

@@ -8,69 +8,14 @@ from networkx.utils import UnionFind
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.leg_graph import OpenEnd, ends_at
 from pipeline.geometry.network.skeleton import trace_network
-from pipeline.types import DriftNetwork, Heights, Leg
+from pipeline.types import DriftNetwork, Leg
 
 Place = tuple[float, float]
 _SAME_M = 0.001  # between a seam's end and the outline's vertex there
 SeamPlaces = tuple[Place, Place]  # the middle of a seam in the plan of either sheet, m
-
-
-def plan_seams(heights: Heights | None) -> list[SeamPlaces]:
-    """Return the middle of each seam in the plan of both its sheets."""
-    found = []
-    for seam in heights.seams if heights else []:
-        middle = np.mean(seam.ends_m, axis=0)
-        one, two = (middle + heights.offset_m[k] for k in seam.sheets)  # type: ignore[union-attr]
-        found.append(((float(one[0]), float(one[1])), (float(two[0]), float(two[1]))))
-    return found
-
-
-def floor_seams(floor: Floor) -> list[SeamPlaces]:
-    """Return the middle of each seam of a floor in the plan of both its sheets."""
-    return [((a[0], a[1]), (b[0], b[1])) for a, b in floor.seams().tolist()]
-
-
-def simplify_sheets(outline: MultiPolygon, heights: Heights, tolerance_m: float) -> MultiPolygon:
-    """Return sheets without the vertices that lie within a tolerance of their walls; the ends of seams stay.
-
-    The outline of a sheet is a union of quadrilaterals and discs, with edges of tenths of a millimetre where they meet.
-    A sheet whose simplified outline would be invalid, or lose an island, stays as it is.
-
-    Parameters
-    ----------
-    outline : shapely MultiPolygon, m, plan
-    heights : Heights
-    tolerance_m : float
-        Greatest distance of a vertex from the result (Douglas & Peucker 1973, doi:10.3138/FM57-6770-U75U-7727).
-    """
-    kept = [np.array(seam.ends_m) + heights.offset_m[k] for seam in heights.seams for k in seam.sheets]
-    places = np.concatenate(kept) if kept else np.zeros((0, 2))
-    found = []
-    for part in outline.geoms:
-        rings = [
-            _simplify_ring(np.asarray(ring.coords), places, tolerance_m) for ring in (part.exterior, *part.interiors)
-        ]
-        simple = Polygon(rings[0], rings[1:]) if all(len(ring) > 3 for ring in rings) else part
-        found.append(simple if simple.is_valid else part)
-    return MultiPolygon(found)
-
-
-def _simplify_ring(ring: np.ndarray, kept_m: np.ndarray, tolerance_m: float) -> np.ndarray:
-    """Simplify a closed ring (k, 2) m piece by piece between its vertices at the kept places."""
-    ring, places = ring[:-1, :2], kept_m.reshape(-1, 1, 2)
-    fixed = set(np.flatnonzero((np.linalg.norm(places - ring, axis=2) < _SAME_M).any(axis=0)).tolist())
-    first = int(np.linalg.norm(ring - ring.mean(axis=0), axis=1).argmax())  # a corner
-    fixed |= {first, int(np.linalg.norm(ring - ring[first], axis=1).argmax())}
-    at = sorted(fixed)
-    pieces = []
-    for a, b in zip(at, [*at[1:], at[0] + len(ring)], strict=True):
-        piece = shapely.LineString(ring[np.arange(a, b + 1) % len(ring)])
-        pieces.append(shapely.get_coordinates(piece.simplify(tolerance_m, preserve_topology=False))[:-1])
-    return np.concatenate([*pieces, pieces[0][:1]])
 
 
 def whole_of(polygons: MultiPolygon) -> BaseGeometry:
@@ -176,10 +121,3 @@ def _trace_alike(
         sheet if sheet.cell_m == finest else trace_network(part, finest, min_leg_m, spacing_m, edges)
         for sheet, (part, edges) in zip(sheets, pairs, strict=True)
     ]
-
-
-def ends_from_above(network: DriftNetwork, floor: Floor) -> list[Place]:
-    """Return the dead ends (x, y) m, plan, the highest first: a portal is above the mine. Without ends, all nodes."""
-    names = network.dead_ends or list(network.nodes_m)
-    heights = floor.heights_at(np.array([network.nodes_m[name] for name in names]))
-    return [network.nodes_m[names[k]] for k in np.argsort(-heights, kind="stable")]

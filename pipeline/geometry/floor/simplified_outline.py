@@ -8,12 +8,11 @@ import numpy as np
 from shapely import MultiPolygon, Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.floor.sheets import SeamPlaces, simplify_sheets, trace_sheets
 from pipeline.geometry.network.skeleton import require_same_network, trace_alike
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.geometry.outline.trace import simplify_outline, simplify_to_wall_error
 from pipeline.geometry.wall_distance import largest_error_m
-from pipeline.types import DriftNetwork, Heights
+from pipeline.types import DriftNetwork
 
 _HALVINGS = 3  # of a wall error that would change the drift network
 
@@ -74,21 +73,6 @@ def simplify_by_wall_error(traced: Polygon, wall_error_m: float, grid: NetworkGr
             return SimplifiedOutline(outline, network, moved_m)
         refused = GeometryError(f"{setting}: a wall would move by {moved_m:g} m")
     raise refused
-
-
-def simplify_folded(
-    traced: MultiPolygon, heights: Heights, seams: list[SeamPlaces], tolerance_m: float, grid: NetworkGrid
-) -> SimplifiedOutline:
-    """Simplify the outline of each sheet by a tolerance; places at seams stay.
-
-    Raises
-    ------
-    GeometryError
-        If a sheet's outline cannot be simplified.
-    """
-    outline = simplify_sheets(traced, heights, tolerance_m)
-    network = trace_sheets(outline, seams, grid.cell_m, grid.min_leg_m, grid.spacing_m)
-    return SimplifiedOutline(outline, network, tolerance_m)
 
 
 def _same_network(traced: Polygon, outline: Polygon, grid: NetworkGrid, setting: str) -> DriftNetwork:

@@ -10,8 +10,7 @@ from scipy.ndimage import binary_erosion
 from shapely import Polygon
 from shapely.strtree import STRtree
 
-from minexplore.bundle import NAV2_PICTURE, sheet_map
-from minexplore.floors.floor import Floor
+from minexplore.bundle import NAV2_PICTURE
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon
@@ -121,32 +120,3 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
 def nav2_map(grid: Occupancy) -> tuple[np.ndarray, str]:
     """Return the grid as a ROS Nav2 map of the plan, where sheets lie side by side: pixels (rows, cols), `map.yaml`."""
     return nav2_files(grid.free, grid.origin_m, grid.cell_m, NAV2_PICTURE)
-
-
-def sheet_nav2_maps(grid: Occupancy, floor: Floor) -> dict[str, tuple[np.ndarray, str]]:
-    """Return a ROS Nav2 map of each sheet in its true place in the mine frame, if there are several.
-
-    A map is as large as its sheet with a cell of rock or two round it. It ends where the sheet does: at a seam the next
-    sheet's map goes on. A remark in its YAML file states the lowest and the highest place of the sheet's floor.
-
-    Returns
-    -------
-    dict
-        Pixels (rows, cols) and text of the YAML file, by the name of that file.
-    """
-    sheets = len(floor.offset_m)
-    if sheets == 1:
-        return {}
-    row, col = np.nonzero(grid.free)
-    sheet_of = floor.sheets_at(grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m)
-    found = {}
-    for sheet, (low_m, high_m) in enumerate(floor.spans_m.tolist()):
-        first, end = floor.box_of(sheet, grid.origin_m, grid.cell_m)
-        free = np.zeros((end - first)[::-1], bool)
-        free[row[sheet_of == sheet] - first[1], col[sheet_of == sheet] - first[0]] = True
-        name, picture = sheet_map(sheet)
-        pixels, text = nav2_files(
-            free, grid.origin_m + first * grid.cell_m - floor.offset_m[sheet], grid.cell_m, picture
-        )
-        found[name] = pixels, f"# sheet {sheet} of {sheets}: floor {low_m:.3f} to {high_m:.3f} m high\n{text}"
-    return found

@@ -73,11 +73,6 @@ class BaseSurveyParams(FloorRules):
         "elevation_m; GeoTIFF; contour lines, points or labels",
     )
 
-    volume: bool = Field(
-        default=True,
-        description="areas and plans with heights are built as one closed volume; false: as a folded plan",
-    )
-
     @model_validator(mode="after")
     def _heights_have_one_source(self) -> BaseSurveyParams:
         if self.grade is not None and self.heights is not None:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.geometry.openings.fit import without_openings
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.made_by import MadeBy
 from pipeline.proof.rebuilt.fittings import require_fittings
 from pipeline.proof.rebuilt.remake import Tracing, read_free_space, require_remade
-from pipeline.proof.rebuilt.same_floor import require_floor
 from pipeline.proof.rebuilt.same_model import require_same_model
 from pipeline.proof.rebuilt.visible import require_visible
-from pipeline.types import FreeSpace, Openings
+from pipeline.types import FreeSpace
 
 
 def tolerance_of(params: MadeBy) -> float:
@@ -38,12 +36,10 @@ def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpac
         With the file, the value and the limit.
     """
     free_space = read_free_space(folder)
-    require_floor(folder, record, free_space.polygon, params.steepest_deg)
     tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
     grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)
     if record.has_visible_rock:
-        drifts = without_openings(free_space.polygon, Openings(record.openings))
-        require_visible(folder, record, drifts, grid)
-        require_fittings(folder, record, drifts, params.fittings)
+        require_visible(folder, record, free_space.polygon, grid)
+        require_fittings(folder, record, free_space.polygon, params.fittings)
     return free_space

@@ -19,24 +19,21 @@ from minexplore.bundle import (
     encode_msh,
     is_cover,
     is_fitting,
-    is_of_opening,
     mesh_file,
     mesh_of,
     puddle_geom,
     shade_geom,
 )
-from minexplore.floors.floor import Floor
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
+from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.loading import read_spec
-from pipeline.mjcf.openings import show_openings
 from pipeline.params.fittings import FittingsParams, FloorParams, FurnitureParams
 from pipeline.proof.rebuilt.visible import rough_meshes
 from pipeline.store.codecs import Bundle, decode, encode
-from pipeline.types import DriftNetwork, Openings
+from pipeline.types import DriftNetwork
 
 _APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
 _TEXTURED_M = 5e-3
@@ -45,9 +42,9 @@ _Hang = Callable[[FurnitureParams], Bundle]
 
 
 def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: FittingsParams) -> None:
-    """Make the visible floor, the furniture and the openings of a bundle again and compare every face.
+    """Make the visible floor and the furniture of a bundle again and compare every face.
 
-    The first two may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
+    Both may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
     `params.furniture`, hung on the bundle's own rock, which `visible` checks.
 
     Raises
@@ -57,20 +54,13 @@ def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: F
     """
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
     cover = {name for name in names if is_fitting(name) and is_cover(name)}
-    furniture = {name for name in names if is_fitting(name) and not (is_cover(name) or is_of_opening(name))}
+    furniture = {name for name in names if is_fitting(name) and not is_cover(name)}
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
-    floor = read_whole_floor(folder, record)
     rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in rough_meshes(names)}
-    if record.openings:
-        shown = show_openings(Openings(record.openings), floor, rough, record.height_m, record.fenced)
-        made = {name: decode_msh(data) for name, data in shown.items()}
-        differs = _first_difference(folder, {name for name in names if is_of_opening(name)}, made)
-        if differs:
-            raise ArtifactError(differs)
     if cover:
-        _require_floor(folder, record, free, network, cover, params.floor, floor)
+        _require_floor(folder, record, free, network, cover, params.floor)
     if furniture:
-        hang = partial(hang_furniture, network=network, rough=rough, height_m=record.height_m, floor=floor)
+        hang = partial(hang_furniture, network=network, rough=rough, height_m=record.height_m)
         _require_furniture(folder, furniture, list(params.furniture.items()), hang)
 
 
@@ -81,17 +71,14 @@ def _require_floor(
     network: DriftNetwork,
     names: set[str],
     params: FloorParams | None,
-    floor: Floor,
 ) -> None:
     if params is None:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
-    meshes = cover_floor(params, free, network, record.zones, floor, Openings(record.openings))
+    meshes = cover_floor(params, free, network, record.zones)
     made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
     differs = _first_difference(folder, names, made)
     if differs:
         raise ArtifactError(f"{differs}, by realism.floor")
-    if record.heights:  # it has no level planes
-        return
     flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
     spec = read_spec(folder / MODEL)  # require_same_model has compared the planes
     level = float(spec.geom(shade_geom(0)).pos[2]) / SHADE_LEVELS[0]

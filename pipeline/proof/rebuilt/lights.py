@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 
 from minexplore.bundle import MODEL
-from minexplore.floors.floor import Floor
 from pipeline.errors import ArtifactError
 from pipeline.geometry.polyline import arc_length
 from pipeline.mjcf.scene import SpotLight, place_lights
@@ -19,11 +18,10 @@ from pipeline.types import DriftNetwork
 _OFF_M = 0.02  # along the drift: places have three decimals, and rounding adds up over a line
 _TURNED = 0.05  # of the direction: it follows from two places 4 m apart
 _LONGEST_M = 1e9
-_LIGHT_M = 3.0  # about the height of a light above its floor
 
 
-def remake_lights(folder: Path, stated: mujoco.MjSpec, network: DriftNetwork, floor: Floor) -> list[SpotLight]:
-    """Return the lights as the builder places them along the main drift or all drifts, in plan, z from the floor.
+def remake_lights(folder: Path, stated: mujoco.MjSpec, network: DriftNetwork) -> list[SpotLight]:
+    """Return the lights as the builder places them along the main drift or all drifts.
 
     Height, pitch and cut-off angle are those of the first light; the distance is read off two lights of one line.
 
@@ -35,9 +33,9 @@ def remake_lights(folder: Path, stated: mujoco.MjSpec, network: DriftNetwork, fl
     lights = list(stated.lights)
     if not lights:
         return []
-    places = floor.unfold(np.array([light.pos for light in lights]), _LIGHT_M)
+    places = np.array([light.pos for light in lights])
     found = places[:, :2]
-    height, cutoff = float(places[0, 2] if floor.is_flat else places[0, 2].round(3)), float(lights[0].cutoff)
+    height, cutoff = float(places[0, 2]), float(lights[0].cutoff)
     pitch = math.degrees(math.asin(min(1.0, max(-1.0, -lights[0].dir[2] / np.linalg.norm(lights[0].dir)))))
     best = _LONGEST_M
     for lines in ([np.array(network.main_drift_m)], [np.array(leg.stations_m) for leg in network.legs]):
@@ -50,10 +48,9 @@ def remake_lights(folder: Path, stated: mujoco.MjSpec, network: DriftNetwork, fl
             best = min(best, float(off.max()))
             if off.max() <= _OFF_M and np.abs(turned).max() <= _TURNED:
                 # The distance was read off rounded places: the lights' own places are within that error.
-                at = places if floor.is_flat else np.column_stack([found, np.full(len(found), height)])
                 return [
                     SpotLight(tuple(map(float, place)), tuple(map(float, own.dir)), cutoff)  # type: ignore[arg-type]
-                    for place, own in zip(at, lights, strict=True)
+                    for place, own in zip(places, lights, strict=True)
                 ]
     raise ArtifactError(
         f"{folder / MODEL}: light {lights[0].name} and {len(lights) - 1} more: not at even distances along the drifts "

@@ -10,14 +10,10 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely import MultiLineString, Polygon
 
-from minexplore.bundle import FLOOR, MODEL, is_rock
-from minexplore.floors.floor import Floor
+from minexplore.bundle import MODEL, is_rock
 from pipeline.errors import ArtifactError
-from pipeline.geometry.floor.parts import wall_parts
-from pipeline.geometry.openings.shaft_parts import fence_parts, shaft_parts
 from pipeline.geometry.rock.partition import Box, cut_lines
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.types import Openings
 
 _PLACE_M = 2e-4  # centres have four decimals, vertices 32 bits
 _OVERLAP_M = 4e-4  # of two parts along their common edges
@@ -75,23 +71,3 @@ def _corners(free: Polygon, world_m: Box, tile_m: float | None) -> np.ndarray:
     crossings = shapely.get_coordinates(free.boundary.intersection(borders))
     tiles = np.stack(np.meshgrid(eastings, northings), axis=-1).reshape(-1, 2)
     return np.concatenate([shapely.get_coordinates(free), tiles, crossings])
-
-
-def require_walls(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, free: Polygon, floor: Floor) -> None:
-    """Compare the collision parts of a mine with heights with those that the builder makes of outline and floor.
-
-    Raises
-    ------
-    ArtifactError
-        With the first part that differs.
-    """
-    openings = Openings(record.openings)
-    made = wall_parts(free, floor, record.height_m, openings) + shaft_parts(openings, floor, record.height_m)
-    made += fence_parts(openings, floor, record.fenced)
-    rock = [geom for geom in stated.geoms if is_rock(geom.name)]
-    if len(made) != len(rock):
-        raise ArtifactError(f"{folder / MODEL}: {len(rock)} collision parts, the builder makes {len(made)}")
-    for geom, part in zip(rock, made, strict=True):
-        vertices = np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
-        if vertices.shape != part.shape or np.abs(vertices - part).max() > _PLACE_M:
-            raise ArtifactError(f"{folder / MODEL}: geom {geom.name}: not the part that the builder makes of {FLOOR}")

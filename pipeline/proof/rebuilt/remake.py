@@ -26,17 +26,15 @@ from minexplore.bundle import (
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
-from pipeline.geometry.floor.parts import cell_columns, cell_offsets, sheet_walls
-from pipeline.geometry.floor.sheets import count_islands, filled, floor_seams, trace_sheets
-from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid, sheet_nav2_maps
+from pipeline.geometry.floor.sheets import count_islands, filled, trace_sheets
+from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.maps.octree import build_octree, to_bt
-from pipeline.geometry.openings.fit import without_openings
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.differences import first_difference
 from pipeline.proof.rebuilt.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
-from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Occupancy, Openings
+from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Occupancy
 
 _M2 = 1.1e-3  # areas and lengths of the record have three decimals
 _CM = 1.1e-2  # the network's lengths have two; another machine's library may round the other way
@@ -84,7 +82,7 @@ def require_remade(
     _require_map_and_octree(folder, record, grid)
     _require_spawn(folder, record, grid)
     if record.has_visible_rock:
-        require_smooth(folder, record, without_openings(free, Openings(record.openings)))
+        require_smooth(folder, record, free)
     return grid
 
 
@@ -100,7 +98,7 @@ def read_free_space(folder: Path) -> FreeSpace:
     free_space: FreeSpace = decode(path, FreeSpace)
     free = free_space.polygon
     if not isinstance(free, Polygon | MultiPolygon) or free.is_empty or free.has_z:
-        raise ArtifactError(f"{path}: geometry: {free.geom_type}, want one polygon of two coordinates, or one a sheet")
+        raise ArtifactError(f"{path}: geometry: {free.geom_type}, want one polygon of two coordinates")
     if not np.isfinite(shapely.get_coordinates(free)).all() or not free.is_valid:
         raise ArtifactError(f"{path}: geometry: not a valid polygon: {shapely.is_valid_reason(free)}")
     numbers = [*vars(free_space.frame).values(), *vars(free_space.areas).values(), free_space.tolerance_m]
@@ -120,8 +118,8 @@ def _require_figures(folder: Path, record: WorldRecord, free_space: FreeSpace, t
             raise ArtifactError(f"{folder / RECORD}: {differs}, as {FREE_SPACE} states")
     if not 0 <= free_space.tolerance_m <= tolerance_m:
         raise ArtifactError(f"{path}: tolerance_m = {free_space.tolerance_m}, want 0 to {tolerance_m}")
-    if len(shapely.get_parts(free)) != (record.heights.sheets if record.heights else 1):
-        raise ArtifactError(f"{path}: geometry: {len(shapely.get_parts(free))} polygons, want one a sheet")
+    if len(shapely.get_parts(free)) != 1:
+        raise ArtifactError(f"{path}: geometry: {len(shapely.get_parts(free))} polygons, want one")
     outer = filled(free)
     plan = shapely.box(*free_space.frame.extent_m)
     made = Areas(
@@ -173,9 +171,8 @@ def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: 
     if not any(math.isclose(stated.cell_m, cell) for cell in cells):
         raise ArtifactError(f"{path}: cell_m = {stated.cell_m}, want one of {cells}")
     grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
-    floor, drifts = read_floor(folder, record), without_openings(free, Openings(record.openings))
     try:
-        made = trace_sheets(drifts, floor_seams(floor), *grid)
+        made = trace_sheets(free, [], *grid)
     except GeometryError as error:
         raise ArtifactError(f"{folder / FREE_SPACE}: {error}") from error
     differs = first_difference(json.loads(encode(path, stated)), json.loads(encode(path, made)), _CM)
@@ -191,7 +188,7 @@ def _require_grid(folder: Path, record: WorldRecord, free: Polygon) -> Occupancy
     """Compare every cell of the clearance grid, free or not, and its clearance."""
     path = folder / CLEARANCE_GRID
     stated: Occupancy = decode(path, Occupancy)
-    made = occupancy_grid(free, float(stated.cell_m), record.world_m, sheet_walls(read_floor(folder, record)))
+    made = occupancy_grid(free, float(stated.cell_m), record.world_m)
     row, col = np.nonzero(made.free != stated.free)
     centres = made.origin_m + (np.column_stack([col, row]) + 0.5) * made.cell_m
     wrong = np.flatnonzero(distances_to_walls(free, centres) > _BORDER_M)
@@ -208,16 +205,14 @@ def _require_grid(folder: Path, record: WorldRecord, free: Polygon) -> Occupancy
 
 
 def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) -> None:
-    floor = read_floor(folder, record)
-    for name, (pixels, text) in {NAV2_MAP: nav2_map(grid), **sheet_nav2_maps(grid, floor)}.items():
-        path = folder / name
-        if path.read_bytes() != text.encode():
-            raise ArtifactError(f"{path}: not the map of the clearance grid; want {text!r}")
-        picture = decode(path.with_suffix(".png"), Image)
-        if picture.shape != pixels.shape or (picture != pixels).any():
-            raise ArtifactError(f"{path.with_suffix('.png')}: pixels differ from the clearance grid")
-    heights, moved = cell_columns(grid, floor, record.height_m), cell_offsets(grid, floor)
-    if (folder / OCTREE).read_bytes() != to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, *heights, moved)):
+    path, (pixels, text) = folder / NAV2_MAP, nav2_map(grid)
+    if path.read_bytes() != text.encode():
+        raise ArtifactError(f"{path}: not the map of the clearance grid; want {text!r}")
+    picture = decode(path.with_suffix(".png"), Image)
+    if picture.shape != pixels.shape or (picture != pixels).any():
+        raise ArtifactError(f"{path.with_suffix('.png')}: pixels differ from the clearance grid")
+    made = to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, record.height_m))
+    if (folder / OCTREE).read_bytes() != made:
         raise ArtifactError(
             f"{folder / OCTREE}: not the octree of the clearance grid and the height {record.height_m} m"
         )

@@ -32,15 +32,15 @@ from minexplore.schema import check_world
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
-from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.compiled import text_of
 from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
-from pipeline.proof.rebuilt.prisms import require_prisms, require_walls
+from pipeline.proof.rebuilt.prisms import require_prisms
 from pipeline.store.codecs import decode
-from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, Openings, SolidExtent
+from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
 _LEVELS = 1  # of 255: another processor may round the other way
@@ -66,10 +66,7 @@ def require_same_model(
     """
     files = check_world(folder).files
     stated = read_spec(folder / MODEL)
-    floor = read_floor(folder, record)
-    if not floor.is_flat:
-        require_walls(folder, record, stated, free, floor)
-    elif prisms:
+    if prisms:
         require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith((MESHES, HFIELDS)) or name == ROCK_TEXTURE}
@@ -89,7 +86,6 @@ def require_same_model(
 def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stated: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return the specification of the world that the builder makes of the bundle's parts."""
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
-    floor = read_floor(folder, record)
     rock = [geom for geom in stated.geoms if is_rock(geom.name)]
     vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]
     offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
@@ -103,9 +99,9 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         extent=SolidExtent(record.height_m, record.world_m),
         parts=ConvexParts(placed, offsets),
         rock_friction=record.rock_friction,
-        floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]) if record.heights is None else 0.0,
+        floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]),
         zones=record.zones,
-        lights=remake_lights(folder, stated, network, floor),
+        lights=remake_lights(folder, stated, network),
         smooth=_smooth(stated),
         rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
         texture=decode(folder / ROCK_TEXTURE, Image) if record.has_visible_rock else NO_PICTURE,
@@ -116,8 +112,6 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         fittings={f"{name}.msh": chunks[name] for name in sorted(chunks) if is_fitting(name)},
         puddles=tuple(zone.name for zone in record.zones if puddle_geom(zone.name) in named),
         water_m=float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0,
-        floor=floor,
-        openings=Openings(record.openings),
         is_rough=record.rough_floor,
     )
     spec = build_spec(scene)

@@ -9,14 +9,11 @@ import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import FLOOR_CHAMFER, ROOF, WALLS, mesh_file, smooth_mesh
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.bundle import WorldRecord, read_whole_floor, unfold_surfaces
-from pipeline.proof.rebuilt.same_surface import surfaces_differ, triangles_differ
+from pipeline.mjcf.bundle import WorldRecord
+from pipeline.proof.rebuilt.same_surface import surfaces_differ
 from pipeline.store.codecs import decode
-from pipeline.surface.folded.smooth_sheets import fold_smooth, smooth_sheets
-from pipeline.surface.mesh.smooth import FLOOR
+from pipeline.surface.mesh.smooth import FLOOR, smooth_surface
 from pipeline.types import Mesh
 
 
@@ -31,30 +28,22 @@ class SmoothSizes:
 
 def smooth_sizes(folder: Path, record: WorldRecord) -> SmoothSizes:
     """Read the sizes of the smooth surface off its meshes, to a tenth of a millimetre."""
-    floor, repeat_m = read_whole_floor(folder, record), texture_repeat_m(folder, record)
-    chamfer, roof = (_above_floor(folder, floor, piece, repeat_m) for piece in (FLOOR_CHAMFER, ROOF))
+    repeat_m = texture_repeat_m(folder)
+    chamfer, roof = (_above_floor(folder, piece) for piece in (FLOOR_CHAMFER, ROOF))
     return SmoothSizes(
         round(float(chamfer.max()), 4), round(record.height_m - float(roof.min()), 4), round(repeat_m, 4)
     )
 
 
-def _above_floor(folder: Path, floor: Floor, piece: str, repeat_m: float) -> np.ndarray:
-    """Return the heights (n,) m above the floor, in the plan, of a piece whose texture is laid there."""
+def _above_floor(folder: Path, piece: str) -> np.ndarray:
+    """Return the heights (n,) m of a piece above the floor."""
     mesh: Mesh = decode(folder / mesh_file(smooth_mesh(piece)), Mesh)
-    if floor.is_flat:
-        return mesh.vertices[:, 2]
-    return Folding(floor).above(mesh.texcoords * repeat_m, mesh.vertices[:, 2])[0]
+    return mesh.vertices[:, 2]
 
 
-def texture_repeat_m(folder: Path, record: WorldRecord) -> float:
+def texture_repeat_m(folder: Path) -> float:
     """Return the length that one repeat of the texture covers, m, by the smooth floor chamfer; 0 if it has none."""
     floor: Mesh = decode(folder / mesh_file(smooth_mesh(FLOOR_CHAMFER)), Mesh)
-    if record.heights:  # sheets are moved aside in the texture's plan
-        one, two = floor.faces[:, 0], floor.faces[:, 1]
-        laid, built = ((at[one] - at[two]).ravel() for at in (floor.texcoords, floor.vertices[:, :2]))
-        # Over all edges: far from the origin one edge is known to a tenth of a millimetre in 32 bits.
-        repeats = float(laid @ laid)
-        return round(float(built @ laid) / repeats, 4) if repeats else 0.0
     widest = int(np.abs(floor.texcoords).max(axis=1).argmax())
     axis = int(np.abs(floor.texcoords[widest]).argmax())
     repeats = float(floor.texcoords[widest, axis])
@@ -69,27 +58,23 @@ def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
     ArtifactError
         With the file and how it differs.
     """
-    floor, sizes = read_whole_floor(folder, record), smooth_sizes(folder, record)
+    sizes = smooth_sizes(folder, record)
     chamfers, repeat_m = (sizes.floor_chamfer_m, sizes.roof_chamfer_m), sizes.repeat_m
     if not (0.01 < repeat_m < 1000 and min(chamfers) > 1e-3 and sum(chamfers) < record.height_m):
         raise ArtifactError(
             f"{folder / mesh_file(smooth_mesh(ROOF))}: chamfers of {chamfers} m, a texture of {repeat_m} m; "
             f"want chamfers above 0 that fit under {record.height_m} m"
         )
-    flat = smooth_sheets(free, floor, record.height_m, *chamfers, repeat_m)
-    made, unfold = fold_smooth(flat, floor), unfold_surfaces(folder, record)
+    made = smooth_surface(free, record.height_m, *chamfers, repeat_m)
     for piece in (name for name in made if name != FLOOR):
         path = folder / mesh_file(smooth_mesh(piece))
         found: Mesh = decode(path, Mesh)
         if found.normals is not None:
             differs: str | None = "a normal, want none"
-        elif unfold is None or piece == WALLS:
+        else:
             differs = surfaces_differ(found, made[piece])
-        else:  # where long edges are split depends on how GEOS cut the piece into triangles
-            triangles = flat[piece].vertices[flat[piece].faces]
-            differs = triangles_differ(unfold(found.vertices[found.faces]), triangles, split=True)
         # The walls have the outline's own points in its order; roof and chamfer are textured from above.
-        above = (found.vertices[:, :2] + floor.offsets_at(found.texcoords * repeat_m)) / repeat_m
+        above = found.vertices[:, :2] / repeat_m
         wanted = (
             made[piece].texcoords if piece == WALLS and len(found.texcoords) == len(made[piece].texcoords) else above
         )

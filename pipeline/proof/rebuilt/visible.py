@@ -14,21 +14,15 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from minexplore.bundle import MESHES, RECORD, WALLS, is_fitting, mesh_file, mesh_of
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
-from minexplore.floors.stretch import KNEE_M, raise_m
 from minexplore.looks import PLAIN
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
-from pipeline.geometry.floor.parts import wall_lines
-from pipeline.geometry.floor.seams import seam_lines
-from pipeline.geometry.openings.shaft_parts import sections_shown
-from pipeline.mjcf.bundle import WorldRecord, read_whole_floor
+from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.same_surface import NearestFace
 from pipeline.proof.rebuilt.smooth import SmoothSizes, smooth_sizes
 from pipeline.store.codecs import decode
-from pipeline.surface.folded.smooth_sheets import smooth_sheets
 from pipeline.surface.mesh.smooth import FLOOR as SMOOTH_FLOOR
+from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
@@ -38,8 +32,6 @@ _BEHIND = 0.05  # cosine
 _TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
 _ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
 _FOOT_M = 1e-4  # above the floor
-_ON_SEAM_M = 0.01
-_ON_SHAFT_M = 0.025  # a hole in the roof may be smaller than its shaft by two centimetres
 _FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
 _FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
 _FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
@@ -62,14 +54,13 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     ArtifactError
         With the file or place, the value and the limit.
     """
-    floor, sizes = read_whole_floor(folder, record), smooth_sizes(folder, record)
+    sizes = smooth_sizes(folder, record)
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
-    folding = Folding(floor)
-    rough = {name: _read_chunk(folder, record, folding, name) for name in rough_meshes(names)}
-    smooth = _smooth_triangles(record, free, floor, sizes)
+    rough = {name: _read_chunk(folder, name) for name in rough_meshes(names)}
+    smooth = _smooth_triangles(record, free, sizes)
     near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
-    walls = cKDTree(shapely.get_coordinates(shapely.segmentize(wall_lines(free, floor), _FINE_M)))
-    far, relaxed = [np.zeros((0, 2))], record.look != PLAIN or floor.is_stretched
+    walls = cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
+    far, relaxed = [np.zeros((0, 2))], record.look != PLAIN
     for name, chunk in rough.items():
         _require_near(folder / mesh_file(name), chunk, near, sizes.repeat_m, relaxed=relaxed)
         far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
@@ -77,8 +68,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     _require_tiles(folder, rough)
     seen = np.concatenate([chunk.places_m[chunk.mesh.faces] for chunk in rough.values()]) if rough else smooth
     if rough:
-        holes = [section for opening in record.openings for section in sections_shown(opening, floor)]
-        _require_closed(folder, list(rough.values()), free, floor, walls, record.height_m, holes)
+        _require_closed(folder, list(rough.values()), free, walls, record.height_m)
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
             _require_clear(folder, seen, walls, grid, height)
@@ -101,10 +91,10 @@ def rough_meshes(names: Iterable[str]) -> list[str]:
     return [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
 
 
-def _smooth_triangles(record: WorldRecord, free: Polygon, floor: Floor, sizes: SmoothSizes) -> np.ndarray:
+def _smooth_triangles(record: WorldRecord, free: Polygon, sizes: SmoothSizes) -> np.ndarray:
     """Return the triangles (n, 3, 3) m of the smooth surface in the plan, without its floor."""
     chamfers = sizes.floor_chamfer_m, sizes.roof_chamfer_m
-    pieces = smooth_sheets(free, floor, record.height_m, *chamfers, sizes.repeat_m)
+    pieces = smooth_surface(free, record.height_m, *chamfers, sizes.repeat_m)
     return np.concatenate([mesh.vertices[mesh.faces] for name, mesh in pieces.items() if name != SMOOTH_FLOOR])
 
 
@@ -125,11 +115,9 @@ def _require_tiles(folder: Path, chunks: dict[str, _Chunk]) -> None:
             )
 
 
-def _read_chunk(folder: Path, record: WorldRecord, folding: Folding, name: str) -> _Chunk:
+def _read_chunk(folder: Path, name: str) -> _Chunk:
     mesh: Mesh = decode(folder / mesh_file(name), Mesh)
-    places = folding.unfold(mesh.vertices, record.height_m)
-    stretch = folding.stretch_at(places[:, :2])
-    return _Chunk(mesh, places, places[:, 2] if stretch is None else raise_m(places[:, 2], stretch))
+    return _Chunk(mesh, mesh.vertices, mesh.vertices[:, 2])
 
 
 def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
@@ -226,16 +214,11 @@ def _require_closed(
     folder: Path,
     chunks: list[_Chunk],
     free: Polygon,
-    floor: Floor,
     walls: cKDTree,
     height_m: float,
-    holes: list[np.ndarray],
 ) -> None:
-    """Check that the chunks together have no flipped and no double face, and end on the floor and round shafts alone.
-
-    `holes` are the sections (k, 2) m in plan that holes in the roof may have.
-    """
-    # Vertices on the border of two chunks are equal to the last bit, also where two sheets meet.
+    """Check that the chunks together have no flipped and no double face, and end on the floor alone."""
+    # Vertices on the border of two chunks are equal to the last bit.
     points = np.concatenate([chunk.mesh.vertices for chunk in chunks]).astype(np.float32) + np.float32(
         0.0
     )  # no negative zeros
@@ -254,12 +237,11 @@ def _require_closed(
     alone = _is_in(edge, order[~_is_in(order, back)])  # sorted numbers are searched for in sorted ones: `isin` is slow
     rim = np.concatenate([numbers[:, [0, 1]], numbers[:, [1, 2]], numbers[:, [2, 0]]])[alone]
     lifted = np.abs(places[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
-    lifted[lifted] = ~_round_shafts(places[rim[lifted]], holes)
     if lifted.any() or not len(rim):
         at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
         raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
     rim = rim[np.abs(places[rim][:, :, 2]).max(axis=1) <= _FOOT_M]
-    _require_foot(folder, places[rim][:, :, :2], free, floor, walls)
+    _require_foot(folder, places[rim][:, :, :2], free, walls)
     links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
     pieces, _ = connected_components(links, directed=False)
     if pieces != 1:
@@ -282,22 +264,9 @@ def _is_in(numbers: np.ndarray, ordered: np.ndarray) -> np.ndarray:
     return np.asarray(ordered[at] == numbers)
 
 
-def _round_shafts(rim: np.ndarray, holes: list[np.ndarray]) -> np.ndarray:
-    """Return whether edges (k, 2, 3) m are of the rim, above robots, of one whole hole where a shaft comes down."""
-    around = np.zeros(len(rim), bool)
-    for hole in map(Polygon, holes):
-        off = shapely.distance(hole.exterior, shapely.points(rim[:, :, :2])).max(axis=1, initial=0.0)
-        own = (off < _ON_SHAFT_M) & (rim[:, :, 2].min(axis=1, initial=np.inf) > KNEE_M)
-        lines = shapely.node(shapely.multilinestrings(rim[own][:, :, :2]))  # down a steep face the rim may cross itself
-        shown = shapely.union_all(shapely.get_parts(shapely.polygonize(shapely.get_parts(lines))))
-        around |= own & (shown.symmetric_difference(hole).area < _ON_SHAFT_M * hole.length)
-    return around
-
-
-def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, floor: Floor, walls: cKDTree) -> None:
-    """Check that the rim (k, 2, 2) m on the floor, closed over seams, has the rings of each sheet's outline."""
-    lines = [*shapely.linestrings(rim), *_over_seams(rim, floor)]
-    foot = shapely.get_parts(shapely.polygonize(lines))
+def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, walls: cKDTree) -> None:
+    """Check that the rim (k, 2, 2) m on the floor has the rings of the outline."""
+    foot = shapely.get_parts(shapely.polygonize(shapely.linestrings(rim)))
     parts = shapely.get_parts(free)
     rings = len(foot) == len(parts) + sum(len(part.interiors) for part in parts)
     for part in parts:
@@ -308,20 +277,6 @@ def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, floor: Floor, wa
         raise ArtifactError(
             f"{folder / RECORD}: visible rock: its foot on the floor is not the outline of the workings"
         )
-
-
-def _over_seams(rim: np.ndarray, floor: Floor) -> list[shapely.LineString]:
-    """Return the lines over the seams that close the rim: in each sheet, between its two ends at the seam."""
-    ends, count = np.unique(rim.reshape(-1, 2), axis=0, return_counts=True)
-    ends, lines = ends[count % 2 == 1], []
-    for seam in seam_lines(floor):
-        for line in seam.lines_m:
-            along = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
-            reach = shapely.LineString([line[0] - _FOOT_AWAY_M * along, line[1] + _FOOT_AWAY_M * along])
-            on = ends[shapely.dwithin(reach, shapely.points(ends), _ON_SEAM_M)]
-            if len(on) == 2:
-                lines.append(shapely.LineString(on))
-    return lines
 
 
 def _require_clear(folder: Path, triangles: np.ndarray, walls: cKDTree, grid: Occupancy, height_m: float) -> None:

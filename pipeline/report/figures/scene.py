@@ -12,12 +12,11 @@ import trimesh
 from trimesh.viewer.notebook import scene_to_html
 
 from minexplore.bundle import MESHES, ROOF, WALLS
-from minexplore.floors.floor import Floor
 from pipeline.errors import ArtifactError
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.raycast import upright_walls
 from pipeline.geometry.rock.partition import triangulate
-from pipeline.mjcf.bundle import WorldRecord, read_floor
+from pipeline.mjcf.bundle import WorldRecord
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mesh
 
@@ -67,11 +66,7 @@ def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trim
     visible rock the walls are the outline's, upright, and the roof is level.
     """
     scene = trimesh.Scene()
-    if record.heights:
-        bounds = _add_folded(scene, read_floor(bundle, record), record.height_m)
-    else:
-        bounds = _add_flat(scene, bundle, record, free_space)
-    look_at(scene, *bounds)
+    look_at(scene, *_add_flat(scene, bundle, record, free_space))
     return scene
 
 
@@ -83,20 +78,6 @@ def look_at(
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
     short, long = sorted((east - west, north - south))
     scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
-
-
-def _add_folded(scene: trimesh.Scene, floor: Floor, height_m: float) -> list[float]:
-    """Add the floor of a mine with heights, coloured by elevation, and its walls; return the bounds, m."""
-    places = floor.vertices[floor.faces] - np.pad(floor.offset_m, [(0, 0), (0, 1)])[floor.sheet][:, None]
-    roof, walls = floor.raised(height_m), []
-    for face, edge in floor.wall_edges():
-        aside = np.append(floor.offset_m[floor.sheet[face]], 0.0)
-        foot, top = floor.vertices[list(edge)] - aside, roof.vertices[list(edge)] - aside
-        walls += [[foot[0], foot[1], top[1]], [foot[0], top[1], top[0]]]
-    corners = np.array(walls).reshape(-1, 3)
-    scene.add_geometry(coloured(corners, np.arange(len(corners)).reshape(-1, 3), _ROCK_RGB))
-    add_bands(scene, places)
-    return [*places.min(axis=(0, 1)).tolist(), *places.max(axis=(0, 1)).tolist()]
 
 
 def add_bands(scene: trimesh.Scene, places: np.ndarray) -> None:

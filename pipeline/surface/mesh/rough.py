@@ -9,13 +9,11 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
 from pipeline.errors import GeometryError
 from pipeline.geometry.rock.partition import triangulate
 from pipeline.surface.mesh.displacement import Bounds, bound_displacement, damp, displaced
 from pipeline.surface.mesh.lattice import Lattice
-from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
+from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, SurfaceMesh
 from pipeline.surface.mesh.walls import foot_of
 
@@ -71,8 +69,6 @@ def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Boun
         wrong = _defects(points, faces[changed], vertices, moved, lattice)
         if not len(wrong) and mesher.simplification and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
-        if not len(wrong) and not lattice.floor.is_flat:
-            wrong = _crossings_when_folded(points, faces, lattice.floor)
         if not len(wrong):
             return RoughSurface(lattice, vertices, wanted_m, given, mended, mesher.surface(vertices))
         mended = np.concatenate([mended, wrong])
@@ -100,15 +96,6 @@ def _defects(
         shared = pool.submit(find_shared_edges, points, changed)
         folds, knots = _folds(vertices, fine, lattice), _knots(vertices, lattice)
         return np.concatenate([crossings.result(), shared.result(), folds, knots])
-
-
-def _crossings_when_folded(points: np.ndarray, faces: np.ndarray, floor: Floor) -> np.ndarray:
-    """Return the places (k, 3) m, in plan, of crossings of the folded faces, also of faces of two sheets."""
-    folded = Folding(floor).fold(points)
-    crossings = find_crossings(folded, faces)
-    if not len(crossings):
-        return crossings
-    return np.asarray(points[cKDTree(folded).query(crossings)[1]])
 
 
 def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndarray:
@@ -159,3 +146,18 @@ def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
         number = dict(zip(map(tuple, corners.tolist()), range(len(on_floor)), strict=True))
     index = place[np.array([number[tuple(xy)] for xy in points.tolist()])]
     return rough.mesh.vertices, np.concatenate([rough.mesh.faces, index[floor]])
+
+
+def check_rough(rough: RoughSurface, faces: np.ndarray) -> MeshReport:
+    """Check that the rough surface encloses one volume and faces inwards, as `check_mesh` does.
+
+    `faces` (m, 3) are those of the mesh closed by a floor. `displace_lattice` has tried all edges of the rock against
+    the rock; what may still cross is the floor and the rock that reaches down to it.
+
+    Raises
+    ------
+    GeometryError
+        If it has a crack or a flipped face, intersects itself, or is in several pieces.
+    """
+    vertices = rough.mesh.vertices
+    return check_mesh(vertices, faces, faces[vertices[faces, 2].min(axis=1) <= 0])

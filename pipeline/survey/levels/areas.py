@@ -54,14 +54,6 @@ def places_in(shape: BaseGeometry) -> np.ndarray:
     return shapely.get_coordinates([shapely.segmentize(shape, _SAMPLE_M), *inner])
 
 
-def nearest_heights(areas: list[Area], places_m: np.ndarray) -> np.ndarray:
-    """Return the height (n,) m, at places (n, 2) m, of the area whose wall is nearest to each."""
-    points = shapely.points(places_m)
-    apart = np.array([shapely.distance(area.polygon.boundary, points) for area in areas])
-    heights = np.array([area.heights_at(places_m) for area in areas])
-    return np.asarray(heights[apart.argmin(axis=0), np.arange(len(places_m))])
-
-
 def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
     """Return the areas that walls enclose at their heights.
 

@@ -1,4 +1,4 @@
-"""Levels of a drawing: walls with elevations as areas, and these as sheets or as the floors of one volume."""
+"""Levels of a drawing: walls with elevations enclose areas, which are the floors of one volume."""
 
 from __future__ import annotations
 
@@ -14,28 +14,26 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.levels.areas import Area, areas_of
 from pipeline.survey.levels.floors import floors_of_areas
-from pipeline.survey.levels.sheets import lay_out_levels
 from pipeline.survey.levels.walls import Wall, lie_over, split_steep, walls_in_space
 from pipeline.survey.start import start_over
 from pipeline.survey.vector.shapes import Shapes
-from pipeline.types import NO_FLOORS, NO_LEGS, FloorMesh, Georeference, Heights, SurveyedLegs
+from pipeline.types import FloorMesh, Georeference, SurveyedLegs
 
 _MOST_LAYERS = 8  # that a message names
 
 
 @dataclass(frozen=True)
 class DrawnLevels:
-    """Levels seen from above (m, mine frame): sheets with heights, or the floors and shafts of one volume."""
+    """Levels seen from above (m, mine frame), and the floors and shafts of their volume."""
 
     polygons: MultiPolygon
-    heights: Heights | None = None
-    legs: SurveyedLegs = NO_LEGS
-    floors: FloorMesh = NO_FLOORS
+    legs: SurveyedLegs
+    floors: FloorMesh
 
 
 @dataclass(frozen=True)
 class LevelReading:
-    """Areas with heights: levels over each other, or all areas of one volume; None if the walls are those of one plan.
+    """The areas of one volume; None if the walls are those of one plan.
 
     Then `is_wall` is for each shape whether it is read in that plan: the axes of shafts are not.
     """
@@ -52,7 +50,7 @@ def read_levels(
     params: VectorSurveyParams,
     elevations: dict[str, float] | None,
 ) -> LevelReading:
-    """Return the levels that walls with elevations enclose, if they lie over each other or become one volume.
+    """Return the levels that walls with elevations enclose; of stated seeds, the walls are read as one plan.
 
     Parameters
     ----------
@@ -78,32 +76,27 @@ def read_levels(
     walls, axes = split_steep(found)
     if not walls:
         return LevelReading(None, [True] * len(moved))
+    if params.seeds_m and lie_over(walls):
+        raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
     try:
-        areas = areas_of(path, walls, params.snap_m)
-        if params.volume and areas:
-            return LevelReading(_whole_levels(path, areas, axes, params), [True] * len(moved))
-        drawn = lay_out_levels(path, areas, [] if params.seeds_m else axes, params.snap_m, params.piece)
+        areas = [] if params.seeds_m else areas_of(path, walls, params.snap_m)
+        levels = _whole_levels(path, areas, axes, params) if areas else None
     except InputError:
         if elevations or lie_over(walls):
             raise
-        drawn = None
-    else:
-        if drawn is None and lie_over(walls):
-            raise InputError(
-                f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
-                "level, or put each level and each ramp on a layer of its own"
-            )
-        if drawn is not None and params.seeds_m:
-            raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
-        if left_out:
-            names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
-            done = "are read in plan with the others" if drawn is None else "are left out"
-            warn_user(
-                f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; "
-                "--elevation LAYER=M states one"
-            )
-    if drawn is not None or not axes:
-        levels = None if drawn is None else DrawnLevels(*drawn)
+        levels = None
+    if levels is None and lie_over(walls):
+        raise InputError(
+            f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
+            "level, or put each level and each ramp on a layer of its own"
+        )
+    if left_out:
+        names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
+        done = "are read in plan with the others" if levels is None else "are left out"
+        warn_user(
+            f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; --elevation LAYER=M states one"
+        )
+    if levels is not None or not axes:
         return LevelReading(levels, [True] * len(moved))
     x, y, z = axes[0][0]
     warn_user(
@@ -118,4 +111,4 @@ def _whole_levels(path: Path, areas: list[Area], axes: list[Wall], params: Vecto
     """Return the floors of areas that are built as one volume, and the shafts between them."""
     found = floors_of_areas(path, areas, axes, params.snap_m, params.piece)
     legs = replace(found.shafts, start_m=start_over(params.entrance_m, found.floors.datum_m))
-    return DrawnLevels(found.seen, legs=legs, floors=found.floors)
+    return DrawnLevels(found.seen, legs, found.floors)

@@ -4,14 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from minexplore.bundle import GeomGroup, is_floor
-from minexplore.envs.robot_batch import RobotBatch
 from minexplore.floors.local_floor import simplify_floor
-from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import RobotParams
-from minexplore.task import TaskParams
-from minexplore.world import load_world
-from tests.heights import UNDER
 
 LOW, HIGH = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
 WEST, EAST = [(-9, -9), (0, -9), (0, 9), (-9, 9)], [(0, -9), (9, -9), (9, 9), (0, 9)]
@@ -110,58 +103,3 @@ LEVEL = wedge(WEST, lambda x, y: 0.0)
 )
 def test_beside_a_part_that_is_no_slab_all_wedges_are_kept(corners):
     assert kinds([wedge(EAST, lambda x, y: 0.0), corners]) == ([], [0, 1])
-
-
-@pytest.fixture(scope="module")
-def mine(mine_of_legs):
-    return mine_of_legs(UNDER, "preset=light")
-
-
-def test_the_floor_of_every_local_model_is_that_of_the_world(mine):
-    world = load_world(mine.bundle)
-    models, floor, rng = LocalModels(world, TaskParams(), RobotParams()), world.floor, np.random.default_rng(0)
-    whole = models.spec(None).compile()
-    there = mujoco.MjData(whole)
-    mujoco.mj_forward(whole, there)
-    kinds, off = [], []
-    for tile in np.unique(models.tiles_of(world.places_m(0.35)), axis=0):
-        model = models.model(tuple(tile.tolist()))
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
-        kinds += [int(model.geom_type[k]) for k in range(model.ngeom) if is_floor(model.geom(k).name)]
-        places = rng.uniform(*models.reach(tile), (20, 2))
-        places = places[floor.covers(places)]
-        for above in models.T_world_mine[:3, 3] + floor.fold(np.column_stack([places, np.full(len(places), 0.5)])):
-            (here, own), (away, theirs) = (ray(*m, above, GeomGroup.FLOOR) for m in ((model, data), (whole, there)))
-            if 0 <= away < 1:  # else beside the floor, or between two wedges
-                off.append(abs(here - away))
-                assert model.geom_friction[own, 0] == whole.geom_friction[theirs, 0]
-    assert len(off) > 1000
-    assert max(off) < 0.001
-    assert np.mean(np.isin(kinds, [int(BOX), int(PLANE)])) > 0.7
-
-
-def test_a_drive_over_planes_and_boxes_is_that_over_the_wedges(mine):
-    count, here = 30, np.arange(30)
-    world, task = load_world(mine.bundle), TaskParams(terrain=False)  # noise aside: physics is compared
-    local, whole = (RobotBatch(world, task, RobotParams(), count, whole=w) for w in (False, True))
-    rngs, rng = [np.random.default_rng(k) for k in here], np.random.default_rng(1)
-    for robots in (local, whole):
-        robots.reset(here, rngs)
-    places = world.places_m(0.6)
-    for robot, (x, y) in enumerate(places[rng.integers(len(places), size=count)]):
-        local.place(robot, x, y, rng.uniform(-np.pi, np.pi))
-    off = []
-    for step in range(50):
-        if step % 10 == 0:
-            actions = rng.uniform(-1, 1, (count, 2))
-        whole.state[:] = local.state
-        hit = [robots.step(actions, rngs).info["collision"] for robots in (local, whole)]
-        apart = [1000 * (local.heights(here) - whole.heights(here)), *np.degrees(local.attitudes(here).T)]
-        apart[1:] -= np.degrees(whole.attitudes(here).T)
-        off.append(np.abs(np.column_stack(apart))[~(hit[0] | hit[1])])
-    off = np.concatenate(off)  # height in mm, pitch and roll in degrees
-    assert len(off) > 1000
-    assert (np.median(off, axis=0) < [0.01, 0.002, 0.002]).all()
-    # A sprung castor follows the edge between two wedges, where MuJoCo's contact of a mesh leans to either side.
-    assert (np.quantile(off, 0.999, axis=0) < [1.5, 0.8, 0.3]).all()

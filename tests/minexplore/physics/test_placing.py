@@ -12,7 +12,6 @@ import minexplore
 from minexplore.physics.placing import PlacementWarning
 from minexplore.physics.robot import ROCK_BODY
 from minexplore.world import World, load_world
-from tests.heights import UNDER
 from tests.mines import BuiltMine
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
@@ -110,17 +109,6 @@ def test_it_says_once_what_differs_and_keeps_it_in_the_model(tee: BuiltMine):
     for part in ("geom floor", "timestep 0.01 s (environments: 0.005 s)", "integrator RK4", "conaffinity of 13 geoms"):
         assert part in str(said[0].message)
     assert spec.text("placement").data in str(said[0].message)
-
-
-def test_a_robot_stands_just_above_a_floor_with_heights_whatever_the_slope(mine_of_legs):
-    world = load_world(mine_of_legs(UNDER, "preset=light").bundle)
-    for place, _ in zip(world.places_m(1.6)[::97], range(8), strict=False):
-        _, data = placed(world, ASSETS / "ant.xml", (*place, 0.5), reach_m=4.0)
-        distances = [contact.dist for contact in data.contact]
-        assert min(distances, default=0.0) > -1e-3  # nothing is in the floor
-        mujoco.mj_step(data.model, data, nstep=round(1.0 / data.model.opt.timestep))
-        torso = to_mine(world, data.body("robot/torso").xpos[None])
-        assert world.floor.unfold(torso)[0, 2] > 0.15  # nor did it fall through it
 
 
 def test_a_flyer_is_put_in_the_air_where_it_is_asked_to_be(tee: BuiltMine):

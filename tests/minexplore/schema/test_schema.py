@@ -334,3 +334,9 @@ def test_the_default_world_is_checked_in_fifty_milliseconds():
         reading.append(middle - start)
         checking.append(time.process_time() - middle)
     assert min(checking) - min(reading) < 0.05
+
+
+def test_a_world_whose_floor_an_older_version_folded_is_refused_in_one_line(files):
+    folded = sealed(files, heights={"low_m": 0.0, "high_m": 5.0})
+    with pytest.raises(BundleError, match=r"world\.json: made by an older version with a folded floor; make it again"):
+        check_files(FOLDER, folded, hash_files(folded))

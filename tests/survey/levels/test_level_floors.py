@@ -5,8 +5,6 @@ import pytest
 import shapely
 from shapely import Polygon
 
-from pipeline.params.survey import VectorSurveyParams
-from pipeline.survey.vector_survey import read_vector_survey
 from pipeline.types import lines_of
 from tests.survey.levels.test_drawn_levels import (
     DATUM_M,
@@ -16,8 +14,10 @@ from tests.survey.levels.test_drawn_levels import (
     MINE,
     RIGHT,
     UPPER,
+    area_m2,
     at,
     closed,
+    drawn,
     fork,
     write,
 )
@@ -25,15 +25,6 @@ from tests.survey.levels.test_drawn_levels import (
 DRIFT = [(0, 0), (60, 0), (60, 5), (0, 5)]
 UNDER = [(10, -20), (15, -20), (15, 40), (10, 40)]
 TWO = {"upper": [closed(at(DRIFT, 0))], "lower": [closed(at(UNDER, -DROP_M))]}
-
-
-def read(path, **values):
-    params = VectorSurveyParams.model_validate({"kind": "vector", "name": "a", "file": "data/x", **values})
-    return read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
-
-
-def area_m2(floors):
-    return shapely.area(shapely.polygons(floors.vertices[floors.faces][:, :, :2])).sum()
 
 
 def heights_at(floors, x, y):
@@ -48,7 +39,7 @@ def heights_at(floors, x, y):
 
 def test_a_room_has_the_heights_of_its_walls_and_the_lowest_is_the_datum(tmp_path):
     slope = [(x, y, 0.05 * x) for x, y in DRIFT]
-    found = read(write(tmp_path / "a.dxf", {"a": [closed(slope)]}))
+    found = drawn(write(tmp_path / "a.dxf", {"a": [closed(slope)]}))
     assert (found.heights, found.floors.datum_m) == (None, DATUM_M)
     assert area_m2(found.floors) == pytest.approx(300)
     assert heights_at(found.floors, 20.0, 2.5) == [1.0]
@@ -57,7 +48,7 @@ def test_a_room_has_the_heights_of_its_walls_and_the_lowest_is_the_datum(tmp_pat
 
 @pytest.mark.parametrize("suffix", [".dxf", ".gpkg"])
 def test_levels_and_their_ramp_are_one_mesh_without_a_step_and_the_shaft_is_a_leg(tmp_path, suffix):
-    found = read(write(tmp_path / f"mine{suffix}", MINE))
+    found = drawn(write(tmp_path / f"mine{suffix}", MINE))
     floors, wanted = found.floors, sum(Polygon(closed(ring)).area for ring in (UPPER, LOWER, RIGHT + LEFT[::-1]))
     assert area_m2(floors) == pytest.approx(wanted, abs=0.01)
     assert floors.datum_m == DATUM_M - DROP_M
@@ -70,23 +61,23 @@ def test_levels_and_their_ramp_are_one_mesh_without_a_step_and_the_shaft_is_a_le
 
 def test_levels_that_do_not_meet_are_all_built_and_a_piece_chooses_one(tmp_path, capsys):
     path = write(tmp_path / "a.dxf", TWO)
-    assert area_m2(read(path).floors) == pytest.approx(600)
+    assert area_m2(drawn(path).floors) == pytest.approx(600)
     said = " ".join(capsys.readouterr().err.split())
     assert "2 pieces of its levels and ramps do not meet; all are built, and --piece (survey.piece) builds one" in said
-    one = read(path, piece=(12.5, 30.0, DATUM_M - DROP_M))
+    one = drawn(path, piece=(12.5, 30.0, DATUM_M - DROP_M))
     assert (area_m2(one.floors), one.floors.datum_m) == (pytest.approx(300), DATUM_M - DROP_M)
 
 
 def test_stated_elevations_lift_levels_that_are_drawn_in_one_plane(tmp_path):
     path = write(tmp_path / "a.dxf", TWO, flat=("upper", "lower"))
-    found = read(path, elevations_m={"upper": 100.0, "lower": 80.0})
+    found = drawn(path, elevations_m={"upper": 100.0, "lower": 80.0})
     assert heights_at(found.floors, 12.5, 2.5) == [0, 20]
     assert found.floors.datum_m == 80
 
 
 def test_a_ramp_drawn_into_its_level_ends_where_the_level_begins(tmp_path):
     ramp = closed([(50, 0, 0), (60, 0, 0), (100, 0, -4), (100, 5, -4), (60, 5, 0), (50, 5, 0)])
-    found = read(write(tmp_path / "a.dxf", {"level": [closed(at(DRIFT, 0))], "ramp": [ramp]}))
+    found = drawn(write(tmp_path / "a.dxf", {"level": [closed(at(DRIFT, 0))], "ramp": [ramp]}))
     assert area_m2(found.floors) == pytest.approx(300 + 200)
     assert heights_at(found.floors, 55.0, 2.5) == [4]
     assert heights_at(found.floors, 80.0, 2.5) == [2]
@@ -95,7 +86,7 @@ def test_a_ramp_drawn_into_its_level_ends_where_the_level_begins(tmp_path):
 def test_two_drifts_of_a_level_may_cross(tmp_path):
     slope = [(x, y, 0.05 * x) for x, y in DRIFT]
     across = [(x, y, 0.05 * x) for x, y in UNDER]
-    floors = read(write(tmp_path / "a.dxf", {"one": [closed(slope)], "two": [closed(across)]})).floors
+    floors = drawn(write(tmp_path / "a.dxf", {"one": [closed(slope)], "two": [closed(across)]})).floors
     assert area_m2(floors) == pytest.approx(300 + 300 - 25)
     assert heights_at(floors, 12.5, 2.5) == [0.625]
 
@@ -103,7 +94,7 @@ def test_two_drifts_of_a_level_may_cross(tmp_path):
 def test_raises_and_blind_shafts_keep_their_ends_and_one_that_meets_no_floor_is_left_out(tmp_path, capsys):
     axes = [[(5, 2.5, 0), (5, 2.5, 9)], [(50, 2.5, 0), (50, 2.5, -30)], [(200, 0, 0), (200, 0, -9)]]
     slope = [(x, y, -0.05 * x) for x, y in DRIFT]
-    found = read(write(tmp_path / "a.dxf", {"level": [closed(slope)], "shafts": axes}))
+    found = drawn(write(tmp_path / "a.dxf", {"level": [closed(slope)], "shafts": axes}))
     low, legs = found.floors.datum_m - DATUM_M, found.legs
     assert len(lines_of(legs.names)) == 4
     assert legs.positions_m[:, 2] + low == pytest.approx([9, -0.25 + 0.6, -2.5 + 0.6, -30 + 0.5])
@@ -114,14 +105,14 @@ def test_raises_and_blind_shafts_keep_their_ends_and_one_that_meets_no_floor_is_
 
 def test_a_stated_start_is_kept_over_the_datum(tmp_path):
     path = write(tmp_path / "a.dxf", TWO)
-    start = read(path, entrance_m=(30.0, 2.5, DATUM_M)).legs.start_m
+    start = drawn(path, entrance_m=(30.0, 2.5, DATUM_M)).legs.start_m
     assert start.tolist() == [30.0, 2.5, DROP_M]
 
 
 def test_areas_that_meet_in_a_corner_alone_are_built_apart_with_a_warning(tmp_path, capsys):
     corner = [(60, 5), (70, 5), (70, 15), (60, 15)]
     layers = {"one": [closed(at(DRIFT, 0))], "two": [closed(at(corner, 0))], "low": [closed(at(UNDER, -DROP_M))]}
-    found = read(write(tmp_path / "a.dxf", layers))
+    found = drawn(write(tmp_path / "a.dxf", layers))
     assert area_m2(found.floors) == pytest.approx(300 + 300 + 100)
     said = " ".join(capsys.readouterr().err.split())
     assert "1 pairs of areas meet but share no edge, and are not joined, the first at (60.0, 5.0), 400.0 m high" in said
@@ -130,7 +121,7 @@ def test_areas_that_meet_in_a_corner_alone_are_built_apart_with_a_warning(tmp_pa
 
 def test_a_ramp_that_leaves_its_level_at_a_small_angle_is_cut_along_the_wall(tmp_path):
     """The corner of the ramp inside the level is no corner of what is left of it."""
-    floors = read(write(tmp_path / "fork.dxf", fork(20.0, 0.06))).floors
+    floors = drawn(write(tmp_path / "fork.dxf", fork(20.0, 0.06))).floors
     corners = floors.vertices[floors.faces]
     middle = corners.mean(axis=1)
     outlines = shapely.STRtree(shapely.polygons(corners[:, :, :2]).tolist())

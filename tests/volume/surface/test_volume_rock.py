@@ -203,7 +203,7 @@ def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(files, 
 
 def test_a_light_preset_gives_a_volume_no_visible_rock(box):
     light = compose(["+mine=heights", "preset=light"])
-    found = model_surface(light.surface, *[None] * 5, volume=box / "compiled")
+    found = model_surface(light.surface, *[None] * 3, volume=box / "compiled")
     assert list(found["rough"]) == ["none.txt"]
     assert json.loads((box / "world" / "world.json").read_text())["overlay"] == "none"  # of VolumeWorld
     assert not list((box / "world").glob("*/*"))

@@ -1,1 +1,0 @@
-"""Shafts and raises in a folded floor."""
