@@ -18,7 +18,6 @@ _FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision
 _FLAT_M = 0.3
 _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to 1.2 m, which no displacement crosses
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
-_DIGITS = 9  # of joined tiles: thin rock and narrow facets are less than 0.1 mm wide at their ends
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
 
 
@@ -53,17 +52,20 @@ def displace_rock(
     the files of meshes.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m)
-    mesher = Mesher(fine, simplification, _DIGITS)
+    mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
     moved, mended = np.ones(len(given), bool), np.zeros((0, 3))
     for repair in range(_ROUNDS + 1):
         vertices = _in_32_bits(fine.vertices + given[:, None] * fine.direction)
         points, faces, changed = mesher.mesh(vertices, moved)
-        points = _in_32_bits(points)
+        points, kept = _in_32_bits(points), _have_three_corners(faces)
+        faces, changed = faces[kept], changed[kept]
         wrong = np.concatenate([find_crossings(points, faces, faces[changed]), find_shared_edges(points, faces)])
         if not len(wrong) and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
         if not len(wrong) or repair == _ROUNDS:
-            return DisplacedRock(fine, vertices, given, replace(mesher.surface(vertices), vertices=points), mended, wrong)
+            mesh = mesher.surface(vertices)
+            mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
+            return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
         mended = np.concatenate([mended, wrong])
         flat_m = _FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1)
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=max(_RADIUS_M, 2 * flat_m))
@@ -79,6 +81,11 @@ def displace_rock(
 
 def _in_32_bits(points: np.ndarray) -> np.ndarray:
     return points.astype(np.float32).astype(np.float64)
+
+
+def _have_three_corners(faces: np.ndarray) -> np.ndarray:
+    """Return which faces (m,) have three corners: the two sides of a narrow facet may be one line in 32 bits."""
+    return (faces != np.roll(faces, 1, axis=1)).all(axis=1)
 
 
 def _bounded(fine: FineRock, wanted_m: np.ndarray, room: Room, bounds: Bounds, foot_m: float) -> np.ndarray:
