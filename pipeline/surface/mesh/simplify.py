@@ -68,9 +68,12 @@ _F = TypeVar("_F", bound=Faceted)
 class Mesher(Generic[_F]):
     """Make meshes of a lattice again and again, and each time only in the tiles whose points have moved."""
 
-    def __init__(self, lattice: _F, simplification: Simplification | None = None) -> None:
-        """Divide the lattice's faces into tiles; without a simplification, meshes have every point of the lattice."""
-        self.lattice, self.simplification = lattice, simplification
+    def __init__(self, lattice: _F, simplification: Simplification | None = None, digits: int | None = _DIGITS) -> None:
+        """Divide the lattice's faces into tiles; without a simplification, meshes have every point of the lattice.
+
+        Points are rounded to these digits, m, or with None not at all. Points of two tiles that are then equal are one.
+        """
+        self.lattice, self.simplification, self._digits = lattice, simplification, digits
         if simplification:
             centre = lattice.vertices[lattice.faces].mean(axis=1)[:, :2]
             cell = np.floor((centre - centre.min(axis=0)) / simplification.tile_m).astype(np.int64)
@@ -98,7 +101,7 @@ class Mesher(Generic[_F]):
             return vertices, faces, moved_faces
         new = np.logical_or.reduceat(moved_faces[self._order], self._first)
         for k in np.flatnonzero(new).tolist():
-            self._parts[k] = _simplified(vertices, *self._local[k], float(self._share[k]))
+            self._parts[k] = _simplified(vertices, *self._local[k], float(self._share[k]), self._digits)
         changed = np.repeat(new, [len(part) for _, part in self._parts])
         self._mesh = self._joined()
         return *self._mesh, changed
@@ -127,7 +130,7 @@ class Mesher(Generic[_F]):
         points = np.concatenate([p for p, _ in self._parts])
         first = np.cumsum([0, *(len(p) for p, _ in self._parts)])
         faces = np.concatenate([f + at for (_, f), at in zip(self._parts, first, strict=False)])
-        units = np.rint(points * 10**_DIGITS).astype(np.int64)
+        units = points if self._digits is None else np.rint(points * 10**self._digits).astype(np.int64)
         order = np.lexsort(units.T[::-1])  # stable: of equal points the first is kept
         new = np.any(np.diff(units[order], axis=0, prepend=units[order[:1]] - 1) != 0, axis=1)
         number = np.empty(len(points), np.int32)
@@ -142,10 +145,10 @@ def _local_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _simplified(
-    vertices: np.ndarray, used: np.ndarray, faces: np.ndarray, share: float
+    vertices: np.ndarray, used: np.ndarray, faces: np.ndarray, share: float, digits: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (n, 3) m and faces (m, 3) of one tile with about a share of its faces."""
     if len(faces) < _LEAST_FACES or share >= 1:
         return vertices[used], faces
     points, kept = fast_simplification.simplify(vertices[used], faces, 1 - share, preserve_border=True)
-    return np.round(points, _DIGITS) + 0.0, kept  # + 0.0: no negative zeros
+    return points if digits is None else np.round(points, digits) + 0.0, kept  # + 0.0: no negative zeros

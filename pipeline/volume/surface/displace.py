@@ -12,11 +12,12 @@ from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.volume.surface.fine import FineRock
 
-_ROUNDS = 10
+_ROUNDS = 9
 _RADIUS_M, _FACTOR = 0.6, 0.5  # about a crossing, as the rough surface of a level mine has it
-_FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision walls
+_FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision walls, within
+_FLAT_M = 0.3
+_WIDER_AFTER = 7  # rounds: then within twice as much in each, up to 1.2 m, which no displacement crosses
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
-_DIGITS = 4  # 0.1 mm
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
 
 
@@ -46,31 +47,45 @@ def displace_rock(
     """Displace the rock by `wanted_m` (n,) m, positive into the workings, within its bounds.
 
     Floors stay, and the rock over them within `foot_m` moves the less the nearer it is. Where the mesh crosses itself
-    or four faces share an edge, the displacement is halved, and after some rounds taken back. What then still crosses
-    does so in the volume itself.
+    or four faces share an edge, the displacement is halved, and after some rounds taken back in growing circles, where
+    the mesh is not simplified either. What then still crosses does so in the volume itself. Points have 32 bits, as in
+    the files of meshes.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m)
-    mesher = Mesher(fine, simplification)
+    mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
     moved, mended = np.ones(len(given), bool), np.zeros((0, 3))
     for repair in range(_ROUNDS + 1):
-        vertices = fine.vertices + given[:, None] * fine.direction
-        vertices = np.where(given[:, None] == 0, vertices, np.round(vertices, _DIGITS))  # facets that touch stay exact
+        vertices = _in_32_bits(fine.vertices + given[:, None] * fine.direction)
         points, faces, changed = mesher.mesh(vertices, moved)
+        points, kept = _in_32_bits(points), _have_three_corners(faces)
+        faces, changed = faces[kept], changed[kept]
         wrong = np.concatenate([find_crossings(points, faces, faces[changed]), find_shared_edges(points, faces)])
         if not len(wrong) and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
         if not len(wrong) or repair == _ROUNDS:
-            return DisplacedRock(fine, vertices, given, mesher.surface(vertices), mended, wrong)
+            mesh = mesher.surface(vertices)
+            mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
+            return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
         mended = np.concatenate([mended, wrong])
+        flat_m = _FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1)
+        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=max(_RADIUS_M, 2 * flat_m))
+        moved = np.isfinite(near)
         if repair >= _REFINE_AFTER:
-            mesher.refine(wrong)
-        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=_RADIUS_M)
+            mesher.refine(wrong if repair < _FLAT_AFTER else fine.vertices[moved])
         if repair < _FLAT_AFTER:
             given = damp(given, near, _RADIUS_M, _FACTOR)
         else:
-            given = damp(given, np.maximum(near - _RADIUS_M / 2, 0.0), _RADIUS_M / 2, 0.0)
-        moved = np.isfinite(near)
+            given = damp(given, np.maximum(near - flat_m, 0.0), flat_m, 0.0)
     raise AssertionError("unreachable")
+
+
+def _in_32_bits(points: np.ndarray) -> np.ndarray:
+    return points.astype(np.float32).astype(np.float64)
+
+
+def _have_three_corners(faces: np.ndarray) -> np.ndarray:
+    """Return which faces (m,) have three corners: the two sides of a narrow facet may be one line in 32 bits."""
+    return (faces != np.roll(faces, 1, axis=1)).all(axis=1)
 
 
 def _bounded(fine: FineRock, wanted_m: np.ndarray, room: Room, bounds: Bounds, foot_m: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from pipeline.volume.world.content import MineVolume
 
 FLOOR = 2  # beside WALL and ROOF: floors stay where they are and are not written
 _ROOF_NZ = 0.7  # of a normal out of the free space, as the labels of facets have it
-_MERGED_M = 1.5e-3  # by which facets of several legs that are nearly one plane may move
+_MERGED_M = 1e-4  # by which thin facets may move: the 32 bits of meshes turn thinner ones over; the border stays
 _SMOOTHED_M = 0.5  # over which the way into the workings turns at an edge
 
 
@@ -50,7 +50,7 @@ class FineRock:
 def refine(volume: MineVolume, spacing_m: float) -> FineRock:
     """Cut the facets of a volume until no edge is longer than a spacing.
 
-    Facets of several legs are merged before, and what is no floor is wall or roof by its slope.
+    Facets thinner than 0.1 mm are merged before, and what is no floor is wall or roof by its slope.
     """
     merged = _solid(volume.vertices, volume.faces, volume.label == Label.FLOOR).simplify(_MERGED_M)
     vertices, faces, of_floor = _arrays(merged.refine_to_length(spacing_m))

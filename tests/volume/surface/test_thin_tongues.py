@@ -1,0 +1,72 @@
+"""The visible rock about tongues of rock that are thinner than a millimetre at their ends."""
+
+import dataclasses
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from pipeline.compose import compose
+from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
+from pipeline.volume.surface.build import displaced_rock
+from pipeline.volume.surface.chunks import cut_rock
+from pipeline.volume.surface.fine import FLOOR, refine
+from pipeline.volume.surface.proof import _borders_m
+from pipeline.volume.union import Label
+from pipeline.volume.world.content import MineVolume
+
+SURFACE = compose(["+mine=heights"]).surface
+EAST = 500.0  # m: 32 bits have 0.03 mm there
+
+
+def room(outline):
+    """Return the room of 3 m height over an outline, as a volume."""
+    mesh = manifold3d.CrossSection([outline]).extrude(3.0).to_mesh64()
+    vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    up = normal[:, 2] / np.linalg.norm(normal, axis=1)
+    label = np.select([up < -0.9, up > 0.9], [Label.FLOOR, Label.ROOF], Label.WALL).astype(np.int32)
+    return MineVolume(vertices, faces, label, np.zeros(len(faces), np.int32))
+
+
+def straight_tongue(end_m):
+    """Return a room of 8 m with a tongue of rock, 0.2 m thick at the wall."""
+    tongue = [(EAST + 8, 303.4), (EAST + 3, 303.5 - end_m / 2), (EAST + 3, 303.5 + end_m / 2), (EAST + 8, 303.6)]
+    return room([(EAST, 300), (EAST + 8, 300), *tongue, (EAST + 8, 307), (EAST, 307)])
+
+
+def curved_tongue(end_m):
+    """Return a room with a curved tongue of rock whose two sides have their corners at different places."""
+    sides = []
+    for count, side in ((30, 1), (37, -1)):
+        angle, half_m = np.linspace(np.pi, 1.5 * np.pi, count), np.linspace(0.1, end_m, count) / 2
+        ring_m = 3.0 + side * half_m
+        sides.append(np.column_stack([EAST + 6 + ring_m * np.cos(angle), 308 + ring_m * np.sin(angle)]))
+    tongue = np.concatenate([sides[0], sides[1][::-1]]).tolist()
+    return room([(EAST, 308), *tongue, (EAST + 12, 308), (EAST + 12, 301), (EAST, 301)][::-1])
+
+
+def test_fine_rock_keeps_every_corner_of_the_floor_where_rock_is_thinner_than_a_millimetre():
+    volume = straight_tongue(6e-4)
+    fine = refine(volume, 0.14)
+    corners = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    away_m, _ = cKDTree(fine.vertices[np.unique(fine.faces[fine.piece == FLOOR])]).query(corners)
+    assert away_m.max() < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("volume", [straight_tongue(2e-4), curved_tongue(1e-3)], ids=["straight", "curved"])
+def test_rock_about_a_thin_tongue_crosses_itself_nowhere_in_its_files_and_meets_the_floor(volume):
+    rock = displaced_rock(SURFACE, volume)
+    assert len(rock.crossings) == 0
+    assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
+    assert np.std(rock.given_m) > 0.05  # it is rough elsewhere
+    chunks = cut_rock(rock, SURFACE)
+    written = {name: dataclasses.replace(one, vertices=one.vertices.astype(np.float32)) for name, one in chunks.items()}
+    vertices, faces = join_meshes(written)
+    assert len(find_crossings(vertices, faces)) == 0
+    assert len(find_shared_edges(vertices, faces)) == 0
+    assert _borders_m(vertices, faces, volume.vertices, volume.faces[volume.label == Label.FLOOR]) == (0.0, 0.0)
