@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.volume.network import SurveyNetwork, network_of
 from tests.heights import HEADER, levels, spiral, table
-from tests.project import Project
 
 ROOF_M, HALF_M = 3.5, 1.0  # where nobody measured: as today's default height, and as stated for Sakany
 _TEE = """A,1,0,0,2.5,2.5,100,3.5,0
@@ -68,26 +63,3 @@ CASES = {
         "Sakany", "data/sakany/Sakany_nodes.dat", ("--half-width", "1.0"), False, 50_000, 50_000, False, 200, 25.0
     ),
 }
-
-
-def build_today(name: str, case: GateCase, folder: Path) -> dict[str, Any]:
-    """Build a case by `python -m pipeline new` without visible rock in a copy of the project; return its figures."""
-    place = folder / "project"
-    project = Project.at(place) if place.exists() else Project(place, tiny=False)
-    world = place / "artifacts" / "worlds" / name
-    shutil.rmtree(world, ignore_errors=True)
-    start = time.perf_counter()
-    source = str(case.path(folder))
-    done = project.module("pipeline", "new", name, "--from", source, *case.options, "preset=light")
-    return read_today(world, done.returncode, done.stderr, time.perf_counter() - start)
-
-
-def read_today(world: Path, code: int, said: str, seconds: float) -> dict[str, Any]:
-    """Return the figures of a world that `pipeline new` built, with its exit code and its last messages."""
-    row: dict[str, Any] = {"exit_code": code, "said": said[-2000:], "seconds": seconds, "world": str(world)}
-    metrics = world / "validation" / "metrics.json"
-    if not metrics.is_file():
-        return row
-    found = json.loads(metrics.read_text())
-    row |= {"parts": found["collision"]["parts"], "certificate": found["certificate"]}
-    return row

@@ -1,4 +1,4 @@
-"""The gate of the volume: a prototype beside the folded floors on five surveys. A run goes on where one stopped.
+"""Five surveys as one closed volume each: floors, shell, bodies, speed. A run goes on where one stopped.
 
 `python -m benchmarks volume-gate` runs it.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import re
 import resource
 import sys
 import time
@@ -22,7 +21,7 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.volume import speed
-from benchmarks.comparisons.volume.cases import CASES, GateCase, build_today
+from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.pictures import draw
 from pipeline.store.files import write_atomically
 from pipeline.volume.enclosure import measure_enclosure
@@ -75,7 +74,7 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     return row
 
 
-def measure_physics(case: GateCase, folder: Path, level: Path, today: Path, seed: int = 0) -> dict[str, Any]:
+def measure_physics(case: GateCase, folder: Path, level: Path, seed: int = 0) -> dict[str, Any]:
     """Build a case, or the part about its middle, and return the figures of bodies among the parts."""
     rng = np.random.default_rng(seed)
     network = case.network(folder)
@@ -85,7 +84,7 @@ def measure_physics(case: GateCase, folder: Path, level: Path, today: Path, seed
     parts, _ = without_refused(build_shell(volume, _bar))
     row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}
     driver, row["local_parts"] = speed.drivers(volume, parts, rng)
-    driver |= {name: speed.world_driver(one) for name, one in (("level", level), ("today", today)) if one.is_dir()}
+    driver["level"] = speed.world_driver(level)
     rates = [{name: one.rate(run) for name, one in driver.items()} for run in range(_RUNS)]
     row["steps_per_s"] = {name: median(rate[name] for rate in rates) for name in driver}
     row["standing"] = dataclasses.asdict(physics.measure_standing(volume, parts, rng))
@@ -109,43 +108,33 @@ def _off(floor: dict[str, Any]) -> float:
     return max([floor["error_m"], *(abs(place["off_m"]) for place in floor["elsewhere"])])
 
 
-def _pair(name: str, ours: dict[str, Any], today: dict[str, Any]) -> list[str]:
-    """Return a case's column: prototype | today."""
+def _column(ours: dict[str, Any]) -> list[str]:
+    """Return a case's column."""
     floor, before, shut, robots, balls = (ours[k] for k in ("floor", "before", "enclosure", "robots", "balls"))
-    proof, length = today.get("certificate", {}), ours["length_m"]
-    kept = re.search(r"kept is the one of (\d+) m", today["said"])
-    share = float(kept[1]) / length if kept else 1.0
-    stands, rate = ours["standing"], ours["steps_per_s"]
+    length, stands, rate = ours["length_m"], ours["standing"], ours["steps_per_s"]
     build = ours["union_s"] + ours["floors_s"] + ours["shell_s"]
-    refused = "; ".join(k for k, limit in (("floor_error_m", 0.01), ("rest_drift_m", 0.01)) if proof.get(k, 0) > limit)
-    verdict = "passes" if not today["exit_code"] else f"exit {today['exit_code']}: {refused or 'refused'}"
-    missing = f"{shut['missing_m2']:.2g} of {shut['measured_m2']:,.0f} m2"
     thin = f"{shut['thin_m2']:.2g} m2 under 20, {100 * shut['full_share']:.1f} % at 300"
-    seconds = f"{ours['union_s']:.1f} + {ours['floors_s']:.1f} + {ours['shell_s']:.1f} = {build:.0f}"
     follows = f"{1000 * floor['error_m']:.1f}, {1000 * floor['median_m']:.2f}, {100 * floor['over_1cm']:.2f} %"
     return [
-        f"{100 * floor['share_built']:.1f} % of {length:,.0f} m | {100 * share:.0f} %",
-        f"{follows}; in other workings {len(floor['elsewhere'])} legs; union alone {1000 * _off(before):.0f} | "
-        f"{1000 * proof.get('floor_error_m', np.nan):.1f}",
+        f"{100 * floor['share_built']:.1f} % of {length:,.0f} m",
+        f"{follows}; in other workings {len(floor['elsewhere'])} legs; union alone {1000 * _off(before):.0f}",
         f"{1000 * floor['way_step_m']:.1f}, {1000 * floor['step_m']:.1f}, {len(floor['ledges'])} ledges; "
-        f"union alone {1000 * before['step_m']:.0f} | none",
-        f"{100 * floor['steep_share']:.2f} % | none",
-        f"{robots['escapes']} in {robots['contacts']:,} | {proof.get('escapes', 'not thrown')}",
-        f"{balls['escapes']} in {balls['contacts']:,} | not thrown",
+        f"union alone {1000 * before['step_m']:.0f}",
+        f"{100 * floor['steep_share']:.2f} %",
+        f"{robots['escapes']} in {robots['contacts']:,}",
+        f"{balls['escapes']} in {balls['contacts']:,}",
         f"{ours['intrusion_m3']:.2g} m3, {1e6 * ours['intrusion_m3'] / shut['surface_m2']:.2g} um; again over "
-        f"{shut['measured_m2']:,.0f} m2: {shut['intrusion_m3']:.2g} m3 | {proof.get('intrusion_um', np.nan):.2g} um",
-        f"{missing} | {proof.get('missing_um', np.nan):.2g} um",
-        f"{ours['refused']}, {1e4 * ours['refused_m2']:.2g} cm2 | 0",
-        f"{1000 * shut['thinnest_m']:.1f}; {thin} | 300",
-        f"{ours['parts'] / length:.1f} ({ours['parts']:,}) | {today.get('parts', 0) / max(share * length, 1):.1f}",
-        f"{seconds} | {today['seconds']:.0f} in all",
+        f"{shut['measured_m2']:,.0f} m2: {shut['intrusion_m3']:.2g} m3",
+        f"{shut['missing_m2']:.2g} of {shut['measured_m2']:,.0f} m2",
+        f"{ours['refused']}, {1e4 * ours['refused_m2']:.2g} cm2",
+        f"{1000 * shut['thinnest_m']:.1f}; {thin}",
+        f"{ours['parts'] / length:.1f} ({ours['parts']:,})",
+        f"{ours['union_s']:.1f} + {ours['floors_s']:.1f} + {ours['shell_s']:.1f} = {build:.0f}",
         f"{rate['all']:,.0f} of {ours['of_parts']:,} ({ours['of_m']:,.0f} m); {rate['local']:,.0f} among "
-        f"{ours['local_parts']} | {rate.get('today', np.nan):,.0f}",
-        f"{rate['all'] / rate['level']:.2f}; {rate['local'] / rate['level']:.2f} of {rate['level']:,.0f} | "
-        f"{rate.get('today', np.nan) / rate['level']:.2f}",
-        f"{1000 * stands['rest_m']:.1f}, {100 * stands['climb_share']:.0f} %, {stands['both_off_s']:.2f} s | "
-        f"{1000 * proof.get('rest_drift_m', np.nan):.1f}, {100 * proof.get('climb_share', np.nan):.0f} %",
-        f"{ours['peak_gb']:.1f} GB | {verdict}",
+        f"{ours['local_parts']}",
+        f"{rate['all'] / rate['level']:.2f}; {rate['local'] / rate['level']:.2f} of {rate['level']:,.0f}",
+        f"{1000 * stands['rest_m']:.1f}, {100 * stands['climb_share']:.0f} %, {stands['both_off_s']:.2f} s",
+        f"{ours['peak_gb']:.1f} GB",
     ]
 
 
@@ -156,27 +145,24 @@ ROWS = (
     "floor steeper than 20 deg",
     "robots that escape, in contacts",
     "balls that escape, in contacts",
-    "intrusion, in all and by m2 of surface (today by m of wall)",
+    "intrusion, in all and by m2 of surface",
     "surface without a part behind it",
     "parts that MuJoCo refuses",
     "thinnest part, mm",
     "parts a metre",
-    "build: union + floors + shell, s (today all stages, on a busy machine)",
+    "build: union + floors + shell, s",
     "physics steps/s among all parts; among those in reach",
     "the same, of the level default mine's",
     "robots at rest, mm in 5 s; that climb at 0.15 m/s; longest off both wheels",
-    "memory; today's limits",
+    "memory",
 )
 
 
-def tables(rows: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> str:
+def tables(rows: dict[str, dict[str, Any]]) -> str:
     """Return one table a case."""
     text = ""
-    for name, (ours, today) in rows.items():
-        cells = [row_of.split(" | ") for row_of in _pair(name, ours, today)]
-        table = markdown_table(
-            ("", "prototype", "today"), ((row, *pair) for row, pair in zip(ROWS, cells, strict=True))
-        )
+    for name, ours in rows.items():
+        table = markdown_table(("", "volume"), zip(ROWS, _column(ours), strict=True))
         text += f"## {CASES[name].title}\n\n{table}\n"
     return text
 
@@ -199,19 +185,14 @@ def main() -> int:
         folder = FOLDER / name
         folder.mkdir(parents=True, exist_ok=True)
         case = CASES[name]
-        today = _kept(FOLDER / f"{name}-today.json", lambda c=case, n=name: build_today(n, c, FOLDER))  # type: ignore[misc]
-        world = Path(today["world"]) / "realism" / "world"
         _kept(FOLDER / f"{name}.json", lambda c=case, f=folder: measure(c, f))  # type: ignore[misc]
-        _kept(
-            FOLDER / f"{name}-physics.json",
-            lambda c=case, f=folder, w=world: measure_physics(c, f, a.level, w),  # type: ignore[misc]
-        )
+        _kept(FOLDER / f"{name}-physics.json", lambda c=case, f=folder: measure_physics(c, f, a.level))  # type: ignore[misc]
     rows = {}
     for name in CASES:
-        files = [FOLDER / f"{name}{end}.json" for end in ("", "-physics", "-today")]
+        files = [FOLDER / f"{name}{end}.json" for end in ("", "-physics")]
         if all(file.is_file() for file in files):
-            ours, bodies, today = (json.loads(file.read_text()) for file in files)
-            rows[name] = (ours | bodies, today)
+            ours, bodies = (json.loads(file.read_text()) for file in files)
+            rows[name] = ours | bodies
     write_table(PAGE, tables(rows))
     draw({CASES[n].title: FOLDER / n / "solved.npz" for n in rows}, Path("docs") / PICTURE)
     return 0
