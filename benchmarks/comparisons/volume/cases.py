@@ -1,4 +1,4 @@
-"""The five surveys of the gate, and what the folded floors make of them today."""
+"""Five surveys whose volumes are measured."""
 
 from __future__ import annotations
 
