@@ -61,18 +61,10 @@ CASES = (
     CorpusMember(
         "wheal-pell",
         "surveyed",
-        "The longest drivable part of Wheal Pell, a mine in Cornwall, with visible rock.",
+        "The longer piece of Wheal Pell, a mine in Cornwall, whole, with visible rock.",
         "MIT",
         "Ari Cooper-Davis and others",
         ("--from", "data/wheal_pell/pell.3d"),
-    ),
-    CorpusMember(
-        "sakany",
-        "surveyed",
-        "The longest drivable part of the cave Sakany, whose width is assumed, with visible rock.",
-        "CC0-1.0",
-        "Jean-Pierre Cassou; karstnet",
-        ("--from", "data/sakany/Sakany_nodes.dat", "--half-width", "1"),
     ),
 )
 

@@ -85,6 +85,6 @@ def test_a_picture_of_one_pixel_is_no_evidence(tmp_path):
 def test_the_members_are_the_surveyed_mines_twenty_of_each_style_and_twenty_with_heights():
     members = [DEFAULT, *CASES, *generated(20), *with_heights(20)]
     kinds = [member.kind for member in members]
-    assert len({member.name for member in members}) == len(members) == 103
+    assert len({member.name for member in members}) == len(members) == 102
     assert all(kinds.count(style) == 20 for style in STYLES)
     assert sum(member.name.startswith("heights-") for member in members) == 20
