@@ -147,7 +147,7 @@ def metric_of(spans: FloorSpans) -> float:
 def slowness(world: World, task: TaskParams) -> np.ndarray:
     """Return the least time a metre (s,), s/m along the floor, of a robot on each span.
 
-    The steepest floor of a zone says how fast a robot slides in it; where nothing holds it, it gains what it falls.
+    A robot slides as fast as the steepest floor of its zone lets it. Without friction it gains the speed of a fall.
     """
     assert world.volume is not None
     facets = world.volume.facets

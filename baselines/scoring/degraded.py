@@ -1,4 +1,4 @@
-"""What explorers see of a mine by worse senses, and what they lose: the file that keeps it, and its table."""
+"""Coverage of explorers with degraded sensors or counted poses: the file that keeps it, and the table of losses."""
 
 from __future__ import annotations
 
