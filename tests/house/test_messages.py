@@ -13,7 +13,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from benchmarks.reference_tables import options_table
+from benchmarks.tables.reference import options_table
 from pipeline.params.config import Config
 from pipeline.params.survey import SurveyParams
 from pipeline.remarks import options_of
