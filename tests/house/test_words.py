@@ -21,7 +21,7 @@ BANNED = {
     r"\bdo(es)? not close by\b": "misclosure",
     r"^\s*\"\"\"Say\b": "Warn",
 }
-# *Sheet* is a piece of folded floor. These read drawings on paper and vector files.
+# *Sheet* is no word for a drawing. These read drawings on paper and vector files.
 DRAWINGS = (
     "pipeline/geometry/drawing",
     "pipeline/survey/drawing",
@@ -34,6 +34,9 @@ DRAWINGS = (
     "docs/how-to/drawings.md",
 )
 COMMAND = re.compile(r"drawn-sheets|drawn_sheets")
+# Pages for readers, and words of floors that were a folded plan; data sheets and spreadsheets are what others call so.
+PAGES = ("docs/start.md", "docs/security.md", "docs/index.md", "docs/how-to", "docs/reference", "README.md")
+FOLDED = r"(?i)(?<!data)(?<!data )(?<!spread)\bsheets?\b|\bunfold|\bfold(?:s|ed floors?)?\b"
 PICTURES = {"Image", "Figure", "str", "None", "tuple[Image, tuple[int, int, int, int]]", "tuple[int, int, int, int]"}
 
 
@@ -72,6 +75,26 @@ def test_a_drawing_on_paper_is_no_sheet():
         for line in lines_with(r"(?i)sheet", COMMAND.sub("", path.read_text()))
     ]
     assert not found
+
+
+def test_pages_for_readers_have_no_words_of_folded_floors():
+    found = [
+        f"{path.relative_to(ROOT)}:{line}"
+        for path in files(PAGES)
+        for line in lines_with(FOLDED, COMMAND.sub("", path.read_text()))
+    ]
+    assert not found
+
+
+@pytest.mark.parametrize(
+    "line", ["a spiral has several sheets", "| sheet | a piece |", "it is folded floors", "to fold it"]
+)
+def test_a_word_of_folded_floors_is_found(line):
+    assert lines_with(FOLDED, line)
+
+
+def test_data_sheets_and_folders_are_no_words_of_folded_floors():
+    assert not lines_with(FOLDED, "its data sheet, a spreadsheet and a folder, folded on paper")
 
 
 def test_functions_that_draw_return_pictures():
