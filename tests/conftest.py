@@ -38,6 +38,8 @@ EXACT_WALLS = ["contours.trace=pixels", "contours.tolerance_m=0.21"]
 SMALL_PICTURES = ["surface.texture.size_px=256", "realism.preview_width_px=400"]
 SHARED = ROOT.parent / "shared" / "data"
 
+gc.disable()  # while modules are imported and tests collected, nothing of them becomes garbage: a fifth of that time
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put tests of whole pipelines first: one worker builds them, the other starts with the second half."""
@@ -48,6 +50,7 @@ def pytest_collection_finish() -> None:
     """Leave modules and collected tests out of all later collections of garbage."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

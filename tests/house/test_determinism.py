@@ -34,6 +34,7 @@ def test_other_kernels_and_thread_counts_give_the_same_lock(repro, tmp_path, ker
     assert (repro.folder / "dvc.lock").read_text() == (other.folder / "dvc.lock").read_text()
 
 
+@pytest.mark.slow  # the lock of the test above holds these bands, too; this one finds the module
 def test_other_kernels_fit_the_same_bands():
     code = (
         "from pipeline.surface.relief.spectrum import *; from pipeline.metrics.rock.published import REAL_SWEEP\n"

@@ -41,7 +41,7 @@ def check_mine(seed, drifts, folder, contacts=0):
 
 
 def test_a_random_mine_becomes_a_world_that_matches_its_plan(tmp_path):
-    check_mine(seed=10, drifts=5, folder=tmp_path)
+    check_mine(seed=3, drifts=3, folder=tmp_path)
 
 
 @pytest.mark.slow
