@@ -28,8 +28,8 @@ class RobotPlaces:
         return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
 
     def plan_places(self, robots: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
-        return self.ground.plan_places(robots, self._mine_places(robots))
+        """Return the places (k, 2) m of robots in the mine frame, seen from above."""
+        return self._mine_places(robots)[:, :2]
 
     def zones_under(self, robots: np.ndarray) -> np.ndarray:
         """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""

@@ -26,9 +26,10 @@ from minexplore.bundle import (
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
-from pipeline.geometry.floor.sheets import count_islands, filled, trace_sheets
 from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.maps.octree import build_octree, to_bt
+from pipeline.geometry.network.skeleton import trace_network
+from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.differences import first_difference
@@ -172,7 +173,7 @@ def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: 
         raise ArtifactError(f"{path}: cell_m = {stated.cell_m}, want one of {cells}")
     grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
     try:
-        made = trace_sheets(free, [], *grid)
+        made = trace_network(free, *grid)
     except GeometryError as error:
         raise ArtifactError(f"{folder / FREE_SPACE}: {error}") from error
     differs = first_difference(json.loads(encode(path, stated)), json.loads(encode(path, made)), _CM)
