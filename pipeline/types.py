@@ -266,7 +266,7 @@ class Areas:
 class FreeSpace:
     """The traced workings with islands as holes (m, mine frame), simplified by `tolerance_m`.
 
-    A mine of several sheets has a polygon a sheet.
+    Seen from above, the workings of a volume may be several polygons.
     """
 
     polygon: Polygon | MultiPolygon
