@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from pydantic import TypeAdapter
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
@@ -98,7 +98,7 @@ def read_free_space(folder: Path) -> FreeSpace:
     path = folder / FREE_SPACE
     free_space: FreeSpace = decode(path, FreeSpace)
     free = free_space.polygon
-    if not isinstance(free, Polygon | MultiPolygon) or free.is_empty or free.has_z:
+    if not isinstance(free, Polygon) or free.is_empty or free.has_z:
         raise ArtifactError(f"{path}: geometry: {free.geom_type}, want one polygon of two coordinates")
     if not np.isfinite(shapely.get_coordinates(free)).all() or not free.is_valid:
         raise ArtifactError(f"{path}: geometry: not a valid polygon: {shapely.is_valid_reason(free)}")
@@ -119,8 +119,6 @@ def _require_figures(folder: Path, record: WorldRecord, free_space: FreeSpace, t
             raise ArtifactError(f"{folder / RECORD}: {differs}, as {FREE_SPACE} states")
     if not 0 <= free_space.tolerance_m <= tolerance_m:
         raise ArtifactError(f"{path}: tolerance_m = {free_space.tolerance_m}, want 0 to {tolerance_m}")
-    if len(shapely.get_parts(free)) != 1:
-        raise ArtifactError(f"{path}: geometry: {len(shapely.get_parts(free))} polygons, want one")
     outer = filled(free)
     plan = shapely.box(*free_space.frame.extent_m)
     made = Areas(
