@@ -25,7 +25,6 @@ from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, obstacles, placed_parts
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
-from pipeline.proof.standing import measure_standing
 from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace
 
@@ -67,7 +66,7 @@ def measure_containment(
     threads: int = 1,
     progress: Progress = iter,
 ) -> dict[str, Any]:
-    """Measure walls, floor, roof, reachable area, robots that stand and climb, and the stress test of a bundle.
+    """Measure walls, floor, roof, reachable area, and the stress test of a bundle.
 
     Parameters
     ----------
@@ -90,8 +89,6 @@ def measure_containment(
     wall_m = free.length
     figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures |= _reach(folder, world, free_space, params, network)
-    if params.limits.keys() & {"rest_drift_m", "climb_share"}:
-        figures |= dataclasses.asdict(measure_standing(folder, params.seed))
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
         stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
@@ -165,7 +162,7 @@ def _reach(
 def _cells_within(area: BaseGeometry, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers (k,) of the cells whose middles lie in an area, and these (k, 2) m.
 
-    Row by row: a plan of many sheets is nearly empty, and places of all its cells take gigabytes.
+    Row by row: places of all cells of a large plan take gigabytes.
     """
     shapely.prepare(area)
     cols, found = np.arange(frame.width_px), [(np.zeros(0, np.int64), np.zeros((0, 2)))]
