@@ -28,7 +28,7 @@ TOPOLOGY = "topology.json"
 OCTREE = "free_space.bt"
 NAV2_MAP, NAV2_PICTURE = "map.yaml", "map.png"
 PREVIEW = "preview.png"
-FLOOR = "floor.npz"  # only of a mine with heights
+FOLDED_FLOOR = "floor.npz"  # of worlds that older versions made, which are refused
 VOLUME, PARTS, CELLS = "volume.npz", "parts.npz", "cells.npz"  # only of a world that is one volume
 ROCK_TEXTURE = "textures/rock.png"
 MADE_BY = "made_by.json"  # what the bundle states to be made by; no part of the world, and not in its hash
@@ -44,7 +44,7 @@ FRAMES = {
 }
 
 # Bodies of the MJCF. The mine's body carries the mine frame. What is seen and never touched is in two bodies: the
-# rock's surface, and the fittings, which are the visible floor, its puddles, what hangs in a drift, and openings.
+# rock's surface, and the fittings, which are the visible floor, its puddles, and what hangs in a drift.
 MINE_BODY = "mine"
 SURFACE_BODY = "surface"
 FITTINGS_BODY = "fittings"
@@ -66,17 +66,13 @@ MESHES = "meshes/"  # folder of visible meshes
 _MESH_SUFFIX = ".msh"
 HFIELDS = "hfields/"  # folder of the heights of a rough floor
 
-COLLAR_CORNERS = 4  # of an opening in the floor
-SLAB_M = 0.25  # thickness of floor and roof of a mine with heights, and how far its walls reach beyond both
-
 _MAP, _GROUND, _SPOT = "map_", "ground_", "spot_"
-_FLOOR, _ROCK, _SURFACE, _SMOOTH, _WEDGE = "floor_", "rock_", "surface_", "smooth_", "roof_"
+_FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
 
 
 # Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
 # every robot. Lines run along a rib or under the roof.
 FURNITURE = ("bolts", "cable", "duct", "pipe", "weldmesh")
-OPENING_FITTINGS = ("fence", "shaft")  # on the faces of an opening's collision parts
 _LET_BEAMS_PASS = "weldmesh"
 WATER_MATERIAL, SHADE_MATERIAL = "water", "shade"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
@@ -84,7 +80,7 @@ _COVER, _FITTING, _PUDDLE, _SHADE = "cover_", "fitting_", "puddle_", "shade_"
 _ROUGH = "rough_"
 
 # Patterns of names that end in a number. Other patterns are those of a zone or of a mesh in the functions below.
-ROCK_NAMES, ROOF_WEDGES, SPOT_NAMES = rf"{_ROCK}\d{{4,6}}", rf"{_WEDGE}\d{{5}}", rf"{_SPOT}\d{{2,5}}"
+ROCK_NAMES, SPOT_NAMES = rf"{_ROCK}\d{{4,6}}", rf"{_SPOT}\d{{2,5}}"
 SHADE_NAMES, COVER_MESHES = rf"{_SHADE}\d", rf"{_COVER}\d{{3,4}}_\d{{2,4}}_\d{{2,4}}"
 ROUGH_FLOORS = r"rough_\d{3,4}_\d{2,4}_\d{2,4}"
 SHEET_MAPS = rf"{_MAP}\d{{2,4}}\.(?:yaml|png)"
@@ -155,11 +151,6 @@ def spot_light(number: int) -> str:
     return f"{_SPOT}{number:02d}"
 
 
-def has_heights(record: Mapping[str, Any]) -> bool:
-    """Return whether a world's floor has heights, by its record; without them it is one level plane."""
-    return "heights" in record
-
-
 def has_rough_floor(record: Mapping[str, Any]) -> bool:
     """Return whether robots stand on the visible floor of a world, by its record, and not on level planes."""
     return "rough_floor" in record
@@ -170,30 +161,23 @@ def is_volume(record: Mapping[str, Any]) -> bool:
     return record.get("format") == VOLUME_FORMAT
 
 
-def sheet_map(sheet: int) -> tuple[str, str]:
-    """Return the files of the Nav2 map of one sheet of a mine with heights: map and picture."""
-    return f"{_MAP}{sheet:02d}.yaml", f"{_MAP}{sheet:02d}.png"
-
-
-def sheet_maps(record: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the files of the Nav2 map of each sheet, by a world's record; a world of one sheet has none."""
-    heights = record.get("heights")
-    sheets = heights["sheets"] if heights else 1
-    return [sheet_map(sheet) for sheet in range(sheets)] if sheets > 1 else []
+def sheet_map(storey: int) -> tuple[str, str]:
+    """Return the files of the Nav2 map of one storey of a volume: map and picture."""
+    return f"{_MAP}{storey:02d}.yaml", f"{_MAP}{storey:02d}.png"
 
 
 def is_floor(geom: str) -> bool:
-    """Return whether a geom of this name is a floor zone, or a wedge of the floor."""
+    """Return whether a geom of this name is a floor zone, or a part of the floor of a volume."""
     return geom.startswith(_FLOOR)
 
 
 def floor_wedge(zone: str, number: int) -> str:
-    """Return the name of the geom and mesh of one wedge of a floor with heights, in a zone."""
+    """Return the name of the geom and mesh of one convex part under the floor of a volume, in a zone."""
     return f"{floor_geom(zone)}_{number:05d}"
 
 
 def zone_of_wedge(geom: str) -> str:
-    """Return the name of the zone geom that a wedge of the floor belongs to."""
+    """Return the name of the zone geom that a part under the floor belongs to."""
     return geom.rpartition("_")[0]
 
 
@@ -217,14 +201,9 @@ def hfield_file(name: str) -> str:
     return f"{HFIELDS}{name}.png"
 
 
-def roof_wedge(number: int) -> str:
-    """Return the name of the geom and mesh of one wedge of the roof of a mine with heights."""
-    return f"{_WEDGE}{number:05d}"
-
-
 def is_roof(geom: str) -> bool:
-    """Return whether a geom of this name is the roof or a wedge of it."""
-    return geom == ROOF_GEOM or geom.startswith(_WEDGE)
+    """Return whether a geom of this name is the level roof."""
+    return geom == ROOF_GEOM
 
 
 def rock_geom(number: int) -> str:
@@ -277,19 +256,9 @@ def furniture_mesh(kind: str, col: int, row: int) -> str:
     return f"{kind}_{col:02d}_{row:02d}"
 
 
-def opening_mesh(kind: str, number: int) -> str:
-    """Return the name of the mesh of one of `OPENING_FITTINGS` of an opening, by number."""
-    return f"{kind}_{number:04d}"
-
-
-def is_of_opening(mesh: str) -> bool:
-    """Return whether a mesh of this name shows the lining of a shaft, or the fence round its collar."""
-    return mesh.partition("_")[0] in OPENING_FITTINGS
-
-
 def is_fitting(mesh: str) -> bool:
-    """Return whether a mesh of this name is part of the visible floor, of the furniture or of an opening."""
-    return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE or is_of_opening(mesh)
+    """Return whether a mesh of this name is part of the visible floor or of the furniture."""
+    return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE
 
 
 def stops_beams(mesh: str) -> bool:
@@ -318,7 +287,7 @@ def fitting_material(mesh: str, zones: Sequence[str]) -> str:
 
 
 def fitting_kind(material: str) -> str | None:
-    """Return the kind of furniture or of opening that a material is of; None for other materials."""
+    """Return the kind of furniture that a material is of; None for other materials."""
     return material.removeprefix(_FITTING) if material.startswith(_FITTING) else None
 
 

@@ -7,7 +7,7 @@ import hashlib
 import os
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MODEL, RECORD, BundleError, line_of
-from minexplore.floors.floor import Floor
 from minexplore.floors.floor_zones import FloorZone, read_zones
-from minexplore.floors.open_shafts import OpenShafts
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
 
@@ -29,12 +27,18 @@ _LOADING = threading.Lock()
 
 
 @dataclass(frozen=True)
+class Floor:
+    """Whether a world's floor is one level plane. Training of graph policies asks for it by this name."""
+
+    is_flat: bool
+
+
+@dataclass(frozen=True)
 class World:
     """A bundle that was checked and read.
 
-    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m, plan). The plan is
-    the mine frame seen from above, but for workings that pass over others: `floor` folds it into the mine frame. In a
-    world that is one `volume` the plan is the mine frame, and a cell has the largest clearance of the floors in it.
+    `clearance_m[i, j]` is the distance to rock at origin + (j + 0.5, i + 0.5) * cell, 0 in rock (m). The plan is the
+    mine frame seen from above. In a world that is one `volume` a cell has the largest clearance of the floors in it.
     """
 
     folder: Path
@@ -44,13 +48,17 @@ class World:
     origin_m: np.ndarray
     cell_m: float
     floor_zones: list[FloorZone]
-    floor: Floor = field(default_factory=Floor)
     volume: VolumeArrays | None = None
 
     @property
     def has_heights(self) -> bool:
         """Return whether the floor is not one level plane."""
-        return self.volume is not None or not self.floor.is_flat
+        return self.volume is not None
+
+    @property
+    def floor(self) -> Floor:
+        """Return whether the floor is flat."""
+        return Floor(not self.has_heights)
 
     def spec(self) -> mujoco.MjSpec:
         """Return the world's MJCF to attach robots to.
@@ -114,11 +122,6 @@ class World:
         return np.array([zone.east_m for zone in self.floor_zones[:-1]])
 
     @functools.cached_property
-    def open_shafts(self) -> OpenShafts:
-        """Return the shafts that robots can fall into."""
-        return OpenShafts(self.record, self.floor)
-
-    @functools.cached_property
     def zone_names(self) -> np.ndarray:
         """Return the zones' names, west to east."""
         return np.array([zone.name for zone in self.floor_zones])
@@ -179,4 +182,4 @@ def _read(folder: Path, checked: CheckedWorld) -> World:
     zones = read_zones(folder / RECORD, record.get("zones"))
     transform = np.array(record["T_world_mine"])
     origin, cell = grid["origin_m"], float(grid["cell_m"])
-    return World(folder, record, transform, grid["clearance_m"], origin, cell, zones, checked.floor, checked.volume)
+    return World(folder, record, transform, grid["clearance_m"], origin, cell, zones, checked.volume)

@@ -96,49 +96,12 @@ class Workings:
 
 
 @dataclass(frozen=True)
-class Seam:
-    """An edge that two sheets share: their numbers, and its ends in the mine frame, m."""
-
-    sheets: tuple[int, int]
-    ends_m: tuple[tuple[float, float], tuple[float, float]]
-
-
-@dataclass(frozen=True)
-class Shaft:
-    """A shaft of a survey: shots too steep to drive, down from a station of a drift to one below or to a blind end.
-
-    `place_m` is the upper station in the plan of `sheet`, `heading_rad` the drift's heading there, and `side_m` the
-    surveyed width, None if there is none. `top_m` and `bottom_m` are the floor's heights at its ends. `below` is the
-    sheet of the lower station, None at a blind end.
-
-    A raise leads up from a station of a drift to a blind end or to the surface: its `sheet` is None. `place_m`,
-    heading and width are those of the lower station, in the plan of `below`.
-
-    `bends_m` are places of its axis; a plumb shaft has none. `long_m` is how long a stope is along its drift.
-    """
-
-    stations: tuple[str, str]
-    place_m: tuple[float, float]
-    heading_rad: float
-    side_m: float | None
-    sheet: int | None
-    below: int | None
-    top_m: float
-    bottom_m: float
-    bends_m: tuple[tuple[float, float, float], ...] = ()
-    long_m: float | None = None
-
-
-@dataclass(frozen=True)
 class Heights:
     """What a survey says of the floor's height: lines along which it is known, spots, or a grade from the entrance.
 
     Lines and spots are (x, y, z) in m, plan; z is the elevation less `datum_m`. A `grade` is rise over run along the
-    drifts, away from the entrance. `offset_m` is how far each sheet is moved aside in plan; the first is not moved.
-    Spots that are `sampled` are points of a surface, linear between them, that holds in the drifts.
-    `roofs` are (m, share) at the points of the lines: the roof is as many metres, and that share of
-    `compile3d.height_m`, over the floor; it is empty if the survey knows none. With `as_volume` the mine is built as
-    one volume.
+    drifts, away from the entrance. Spots that are `sampled` are points of a surface, linear between them, that holds in
+    the drifts.
     """
 
     lines: list[list[tuple[float, float, float]]] = field(default_factory=list)
@@ -146,11 +109,6 @@ class Heights:
     grade: float | None = None
     sampled: bool = False
     datum_m: float = 0.0
-    offset_m: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
-    seams: list[Seam] = field(default_factory=list)
-    roofs: list[list[tuple[float, float]]] = field(default_factory=list)
-    shafts: list[Shaft] = field(default_factory=list)
-    as_volume: bool = False
 
 
 @dataclass(frozen=True)
@@ -308,7 +266,7 @@ class Areas:
 class FreeSpace:
     """The traced workings with islands as holes (m, mine frame), simplified by `tolerance_m`.
 
-    A mine of several sheets has a polygon a sheet.
+    Seen from above, the workings of a volume may be several polygons.
     """
 
     polygon: Polygon | MultiPolygon

@@ -14,7 +14,6 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.floor.plan_floors import plan_floors
-from pipeline.geometry.floor.sheets import count_islands, filled
 from pipeline.geometry.floor.simplified_outline import (
     NetworkGrid,
     SimplifiedOutline,
@@ -25,6 +24,7 @@ from pipeline.geometry.network.plan_network import plan_network, seen_network
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
 from pipeline.geometry.outline.half_level import cover_of, trace_half_level
+from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams

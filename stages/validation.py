@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
-from pipeline.geometry.floor.sheets import whole_of
 from pipeline.memory import give_back
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.metrics.size import load_per_m2
@@ -69,7 +68,7 @@ def validate_world(
 
             pictures = pictures | {"agreement": draw_deviation(found.scan.points_m, found.scan.off_m, survey.frame)}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
-    validator = Validator(params, world, cleaned, raw, survey, traced=whole_of(traced.polygons))
+    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
     groups = [group for group in MEASURES if is_measured(group, params)]
     if params.extent == "certificate":
         metrics = {group: validator.measure(group) for group in groups}

@@ -24,7 +24,6 @@ from baselines.running.protocol import SEEDS, head_of, run_episodes
 from baselines.scoring.bounds import Bound, read_bounds, write_bound
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.vector import MineVectorEnv
-from minexplore.world import World
 
 LABEL = "oracle-tour"
 _BANDS = 150  # of the horizon; shorter bands give a closer bound and a harder problem
@@ -36,7 +35,6 @@ _BUDGETS = (1.0, 0.92, 0.85, 0.78, 0.7, 0.62)
 def renew(env_id: str, seeds: list[int], limit_s: float, picture: Path) -> None:
     """Bring an environment's bound, tour and picture up to date; what is current is kept."""
     env = make_env(env_id, len(seeds), os.cpu_count() or 1)
-    require_no_folds(env_id, env.world)
     head = head_of(env_id, env, LABEL, OracleTour(1, env.task, env.robot, np.zeros((1, 2))), seeds)
     known, results, times = _known_bound(env_id, head), result_path(LABEL, env_id), _times(env)
     bounded, driven = len(known.time_s) == len(times), is_current(results, head)
@@ -73,12 +71,6 @@ def _renew_flying(env_id: str, env: MineVectorEnv, known: Bound, times: list[flo
         f"({bound.most[-1] / bound.cells:.1%}){'; it was current' if current else ''}",
         flush=True,
     )
-
-
-def require_no_folds(env_id: str, world: World) -> None:
-    """Refuse a world whose plan is folded into floors with heights."""
-    if not world.floor.is_flat:
-        raise BaselineError(f"{env_id}: its floors are a folded plan; bounds are of level mines and of volumes")
 
 
 def _times(env: MineVectorEnv) -> list[float]:

@@ -25,7 +25,7 @@ def network_in_volume(batch: FlyerBatch, band_s: float) -> TimeNetwork:
     BaselineError
         If the mine has heights: a shaft is a way that no network in plan holds.
     """
-    if not batch.world.floor.is_flat:
+    if batch.world.has_heights:
         raise BaselineError(
             f"{batch.world.folder}: the bound of a robot that flies is for level mines; this has heights"
         )

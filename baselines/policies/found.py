@@ -66,7 +66,7 @@ def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = N
     robot : Robot, optional
         The default robot without it. A robot that flies has explorers of its own.
     heights : bool
-        Whether the mine has heights, see `minexplore.floors.floor.Floor.is_flat`: explorers then map it in layers.
+        Whether the mine has heights, see `minexplore.world.World.has_heights`: explorers then map it in layers.
 
     Raises
     ------

@@ -80,9 +80,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     ## Info
     `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
     `pose_m_rad` (x, y, yaw in the mine frame), `height_m` (of the floor under the robot, mine frame), `pitch_rad`,
-    `roll_rad` (against the level); in a world with shafts that are not fenced also `fell`: whether the robot has
-    fallen into one in this episode, which goes on from where it lands. Robots fall at 3 m/s at most. In a world that is
-    one volume also `floor`, the number of the storey, the largest 0, and `leg`, the stations of the survey's leg.
+    `roll_rad` (against the level). In a world that is one volume also `floor`, the number of the storey, the largest 0,
+    and `leg`, the stations of the survey's leg. Robots fall at 3 m/s at most there.
 
     ## Copies
     `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An

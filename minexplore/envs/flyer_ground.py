@@ -19,7 +19,7 @@ _START_M = 1.2  # above the floor; half-way to a lower roof
 
 
 class FlyerGround(PlanGround):
-    """A floor that is drawn in plan, level or folded, under robots that do not touch it."""
+    """A level floor that is drawn in plan, under robots that do not touch it."""
 
     models: FlyerModels  # type: ignore[assignment]
     grid: CubeGrid  # type: ignore[assignment]
@@ -34,30 +34,23 @@ class FlyerGround(PlanGround):
         """
         if world.volume is not None:
             raise ValueError(f"robot = quadrotor: {world.folder} is one volume, in which only the default robot drives")
-        self.world, self.robot, self.floor = world, robot, world.floor  # type: ignore[assignment]
+        self.world, self.robot = world, robot  # type: ignore[assignment]
         self.models = FlyerModels(world, task, robot, whole)
         self.T_world_mine = self.models.T_world_mine
         anchor_m = np.array(world.record["spawn"]["anchor_m"])
-        self.start_m = self.floor.fold(np.array([[*anchor_m, _START_M]]))[0]
+        self.start_m = np.array([*anchor_m, _START_M])
         self.grid = CubeGrid(world, task.cell_m, robot.radius_m, robot.half_height_m, anchor_m, task.region_m)
-        self.can_fall = False
 
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the pose of a robot that is level over a place (2,) m of the plan; see `RobotGround`."""
         x, y = place_m[:2]
-        height_m = float(self.world.record["height_m"])
-        roof_m = height_m + float(self.floor.lifts_at(np.array([[x, y]]), height_m)[0])
-        start = self.floor.fold(np.array([[x, y, min(_START_M, roof_m / 2)]]))
+        start = np.array([[x, y, min(_START_M, float(self.world.record["height_m"]) / 2)]])
         R, t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         ahead = rotate_inverse(np.array([[cos, sin, 0.0]]), R.T)[0]
         flat = ahead[:2] / math.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
         turn = quaternion(np.array([[flat[0], -flat[1], 0], [flat[1], flat[0], 0], [0, 0, 1.0]]))
         return np.concatenate([rotate_inverse(start, R.T)[0] + t, turn])
-
-    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places in the mine frame seen from above: a robot in a shaft is on no sheet."""
-        return places_m[:, :2]
 
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the places, by which models are chosen in three dimensions."""

@@ -1,4 +1,4 @@
-"""What robots of a batch drive on: the one interface that a floor drawn in plan and a volume both have."""
+"""What robots of a batch drive on: the one interface that a level floor and a volume both have."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import FASTEST_FALL_MPS, RobotParams, free_joint_qpos
+from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.physics.robot_kind import Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.sensing.coverage import CellGrid, CoverageGrid
@@ -22,7 +22,6 @@ class RobotGround(Protocol):
 
     models: Any
     T_world_mine: np.ndarray
-    can_fall: bool  # into shafts, which `info` then says
 
     @property
     def grid(self) -> CellGrid:
@@ -38,14 +37,8 @@ class RobotGround(Protocol):
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the free joint's place and quaternion (7,), world frame, of a robot that stands at such a place."""
 
-    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots (k,) in the plan."""
-
     def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
         """Slow the robots (k,) that fall; `qvel` has a row for each of all robots."""
-
-    def fallen(self, places_m: np.ndarray) -> np.ndarray:
-        """Return which robots (k,) have fallen into a shaft."""
 
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Prepare a control step of robots (k,); return the places (k, 2) that `PhysicsStepper.advance` takes."""
@@ -60,17 +53,15 @@ class RobotGround(Protocol):
 
 
 class PlanGround:
-    """A floor that is drawn in plan, level or folded."""
+    """A level floor that is drawn in plan."""
 
     def __init__(self, world: World, task: TaskParams, robot: Robot, count: int, whole: bool) -> None:
         """Read the rock and find the cells that the robot reaches."""
-        self.world, self.robot, self.floor = world, robot, world.floor
+        self.world, self.robot = world, robot
         self.models = LocalModels(world, task, robot, whole)
         self.T_world_mine = self.models.T_world_mine
         self.start_m = np.array(world.record["spawn"]["anchor_m"])
         self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, self.start_m, task.region_m)
-        self.can_fall = len(world.open_shafts) > 0
-        self._faces = np.zeros(count, dtype=int)  # of the floor, under each robot when it was last looked for
 
     def entrance_places(self, clearance_m: float) -> np.ndarray:
         """Return the places (n, 2) m, plan, of the entrance region with a clearance; see `RobotGround`."""
@@ -81,34 +72,16 @@ class PlanGround:
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the pose of a robot at a place (2,) m of the plan; see `RobotGround`."""
         x, y = place_m[:2]
-        pose = free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad, self.floor)
+        pose = free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad)
         pose[:3] += self.models.rough.highest_m(place_m[:2], self.robot.radius_m) * self.T_world_mine[:3, 2]
         return pose
 
-    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places in the plan, in which sheets lie side by side; see `RobotGround`."""
-        if len(self.floor.offset_m) == 1:
-            return places_m[:, :2]
-        faces = self._faces[robots]
-        places = self.floor.follow(places_m, faces, self.robot.wheel_radius_m)
-        self._faces[robots] = faces
-        if self.can_fall:
-            self.world.open_shafts.move(places, places_m)
-        return places
-
     def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
-        """Slow the robots that fall down a shaft; see `RobotGround`."""
-        if self.can_fall:
-            falling = robots[self.world.open_shafts.inside(places_m) >= 0]
-            qvel[falling, 2] = np.maximum(qvel[falling, 2], -FASTEST_FALL_MPS)
-
-    def fallen(self, places_m: np.ndarray) -> np.ndarray:
-        """Return which robots have fallen into a shaft; see `RobotGround`."""
-        return self.world.open_shafts.fallen(places_m) if self.can_fall else np.zeros(len(places_m), bool)
+        """Do nothing: no robot falls on a level floor."""
 
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the places in the plan; see `RobotGround`."""
-        return self.plan_places(robots, places_m)
+        return places_m[:, :2]
 
     def prepare_team(
         self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray

@@ -20,7 +20,7 @@ from minexplore.world import World
 
 _COUNTED = {2: "two", 4: "four"}
 # Arrays with a row for each robot that hold what changes while it drives.
-_CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions", "fell")
+_CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions")
 
 
 class RobotBatch(RobotPlaces):
@@ -40,7 +40,6 @@ class RobotBatch(RobotPlaces):
         if not isinstance(whole, bool):
             raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
-        self.floor = world.floor
         self.ground = self._make_ground(whole)
         self.local_models, self.T_world_mine = self.ground.models, self.ground.T_world_mine
         self._R, self._t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
@@ -58,7 +57,6 @@ class RobotBatch(RobotPlaces):
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, robot.COMMANDS))
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
-        self.fell = np.zeros(count, dtype=bool)
 
     def _make_ground(self, whole: bool) -> RobotGround:
         """Return what the robots move over."""
@@ -70,7 +68,7 @@ class RobotBatch(RobotPlaces):
             x, y, *z = self._sample_place(rngs[i])
             self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi), *z)
         self._forget(robots)
-        self.previous[robots], self.fell[robots] = 0.0, False
+        self.previous[robots] = 0.0
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
             counter[robots] = 0
         ranges, new = self._look(robots)
@@ -125,8 +123,6 @@ class RobotBatch(RobotPlaces):
         command = self._commands(actions, robots)
         collision = self.drive(command, rngs, robots)
         self.collisions[robots] += collision
-        if self.ground.can_fall:
-            self.fell[robots] |= self.ground.fallen(self._mine_places(robots))
         self.previous[robots] = command
         ranges, new = self._look(robots)
         reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
@@ -234,7 +230,6 @@ class RobotBatch(RobotPlaces):
             "height_m": self.heights(robots),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
-            **({"fell": self.fell[robots]} if self.ground.can_fall else {}),
             **self.ground.info(robots, places),
         }
 

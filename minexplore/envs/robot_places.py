@@ -27,10 +27,6 @@ class RobotPlaces:
         """Return the places (k, 3) m of robots' bodies, which are those of axles, in the mine frame."""
         return rotate_inverse(self.qpos[robots, :3] - self._t, self._R)
 
-    def plan_places(self, robots: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots in the plan, in which sheets lie side by side."""
-        return self.ground.plan_places(robots, self._mine_places(robots))
-
     def zones_under(self, robots: np.ndarray) -> np.ndarray:
         """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""
         return self.world.zones_at(self._mine_places(robots)[:, 0])

@@ -1,1 +1,1 @@
-"""Floors: zones, heights, shafts, and the fold of surfaces."""
+"""Floors: their zones, and the arrays of a world that is one volume."""

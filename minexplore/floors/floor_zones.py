@@ -5,15 +5,12 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from minexplore.bundle import BundleError, floor_geom
-from minexplore.floors.floor import Floor
 
 _LIMITS: dict[str, tuple[Callable[[Any], bool], str]] = {  # what a field accepts, and how to say it
     "west_m": (lambda value: True, ""),
@@ -27,7 +24,7 @@ _OTHERS = {"name", "rgba", "south_m", "north_m"}  # what a zone also says
 
 @dataclass(frozen=True)
 class FloorZone:
-    """One floor zone: a strip of the floor from west to east (m, mine frame), the same in all sheets over each other.
+    """One floor zone: a strip of the floor from west to east (m, mine frame), the same on all floors over each other.
 
     `friction` is sliding friction, whatever the wheel's is. `command_scale` multiplies a commanded twist.
     `speed_noise_mps` is the standard deviation of the noise on the forward speed, drawn each control step.
@@ -48,23 +45,6 @@ class FloorZone:
     def without_effects(self) -> FloorZone:
         """Return the zone as dry, firm ground: friction 1, full commands, no noise."""
         return dataclasses.replace(self, friction=1.0, command_scale=1.0, speed_noise_mps=0.0)
-
-
-def zoned_box(world_m: Sequence[float], floor: Floor) -> tuple[float, float, float, float]:
-    """Return the box (west, south, east, north; m, mine frame) that the floor zones divide.
-
-    It is the rock's box `world_m`, which is in plan. Of a mine of several sheets it is a box about the workings in
-    their places, with the margins of that box, to a decimetre.
-    """
-    west, south, east, north = world_m
-    if len(floor.offset_m) == 1:
-        return west, south, east, north
-    plan = floor.vertices[floor.faces.ravel(), :2]
-    mine = plan - np.repeat(floor.offset_m[floor.sheet], 3, axis=0)
-    low = mine.min(axis=0) - plan.min(axis=0) + [west, south]
-    high = mine.max(axis=0) - plan.max(axis=0) + [east, north]
-    (x, y), (u, v) = low.round(1).tolist(), high.round(1).tolist()
-    return x, y, u, v
 
 
 def read_zones(file: Path, zones: Any) -> list[FloorZone]:

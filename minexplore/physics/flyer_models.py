@@ -25,8 +25,7 @@ class FlyerModels(LocalModels):
         box = None
         if tile is not None and not self.whole:
             low, high = self.reach(np.array(tile), _CUBE_M)
-            bottom_m, top_m = (-np.inf, np.inf) if self.world.floor.is_flat else (low[2], high[2])
-            box = Box(low[:2], high[:2], bottom_m, top_m, is_exact=True)
+            box = Box(low[:2], high[:2])
         spec = self.rock_spec(box)
         spec.option.density, spec.option.viscosity = _AIR
         for name in robots:

@@ -20,7 +20,6 @@ from minexplore.bundle import (
     is_roof,
     zone_of_wedge,
 )
-from minexplore.floors.local_floor import simplify_floor
 from minexplore.physics.robot import ROCK_BODY, contact_sensor, separate_contacts, stand_on_facets
 from minexplore.physics.robot_kind import Robot
 from minexplore.physics.rough_floor import read_rough_floor
@@ -30,7 +29,6 @@ from minexplore.tiles import Tile, tiles_at
 from minexplore.world import World
 
 TILE_M = 2.0
-_OVERHEAD = 2.0  # times a robot's height: a roof so high over the highest floor nearby is out of its reach
 MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
 # MuJoCo reserves 13 MB for the contacts of any model, twice a batch: 13 GB of addresses for the 512 batches that are
 # kept. Robots thrown at walls use less than 24 kB; 10 kB hold the contacts of a geom at five places.
@@ -62,16 +60,13 @@ class LocalModels:
         self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
         self._rock = _PartIndex(self.parts)
         self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
-        self._slabs = [g for g in self._spec.geoms if is_floor(g.name) or is_roof(g.name)]
-        self._geoms = {g.name: g for g in self._slabs}
-        self._wedges = {g.name: _part(self._spec, g) for g in self._slabs if g.meshname}
-        self._floor_wedges = _PartIndex([wedge for name, wedge in self._wedges.items() if is_floor(name)])
-        self._roof_wedges = _PartIndex([wedge for name, wedge in self._wedges.items() if is_roof(name)])
-        absent = sorted(set(self._zones) - {_zone_of(geom) for geom in self._slabs}) if world.floor.is_flat else []
-        if absent:
+        self._slabs = [g for g in self._spec.geoms if (is_floor(g.name) or is_roof(g.name)) and not g.meshname]
+        floors = [g for g in self._spec.geoms if is_floor(g.name) and g.meshname]  # only of a volume
+        self._floors = _PartIndex([_part(self._spec, g) for g in floors])
+        absent = sorted(set(self._zones) - {geom.name for geom in self._slabs})
+        if absent and world.volume is None:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
         self.rough = read_rough_floor(world, self._spec)
-        self._roof = world.floor.raised(float(world.record["height_m"]))
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
@@ -94,12 +89,9 @@ class LocalModels:
         """Return a physics model's spec; without a tile it holds all parts."""
         box = None if tile is None or self.whole else self._box(tile)
         spec = self.rock_spec(box)
-        if box is not None and not self.world.floor.is_flat:
-            # Testing every pair of a robot's parts and a dozen wedges takes less time than MuJoCo's trees of boxes do.
-            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         for name in robots:
             self.robot.attach(spec, name)
-            if not self.world.floor.is_flat or len(self.rough):
+            if len(self.rough):
                 stand_on_facets(spec, name)
             contact_sensor(spec, name)
         return spec
@@ -123,84 +115,23 @@ class LocalModels:
     def _add_floor_and_roof(
         self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: Box | None
     ) -> None:
-        """Add the floor zones and the roof, or their wedges, that reach into a box."""
-        slabs = [
-            geom
-            for geom in self._slabs
-            if box is None or (geom.name not in self._wedges and _overlaps(geom, box.low, box.high))
-        ]
-        if box is not None:
-            slabs += self._floor_within(mine, box) + self._roof_within(solid, box)
-        for geom in slabs:
-            wedge, body = self._wedges.get(geom.name), mine if is_floor(geom.name) else solid
-            attributes = {"friction": self._friction(geom), "priority": geom.priority, "group": geom.group}
-            if wedge is not None:
-                _add_part(spec, body, wedge, **attributes)
-            else:
-                body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **attributes)
+        """Add the floor zones and the roof, or the parts under the floors of a volume, that reach into a box."""
+        for geom in self._slabs:
+            if box is None or _overlaps(geom, box.low, box.high):
+                body = mine if is_floor(geom.name) else solid
+                body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **self._contacts(geom))
+        for part in self._floors.parts if box is None else self._floors.within(box):
+            _add_part(spec, mine, part, **self._contacts(self._spec.geom(part.name)))
 
-    def _friction(self, geom: mujoco.MjsGeom) -> list[float]:
-        """Return a geom's friction: sliding as its floor zone has it."""
-        zone = self._zones.get(_zone_of(geom))
-        return list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]]
-
-    def _floor_within(self, mine: mujoco.MjsBody, box: Box) -> list[mujoco.MjsGeom]:
-        """Add planes and boxes in place of wedges of the floor; return the wedges left to add."""
-        wedges = self._floor_wedges.within(box)
-        geoms = [self._geoms[wedge.name] for wedge in wedges]
-        if not wedges or box.has_shaft or box.is_exact:  # planes and boxes would close the shaft
-            return geoms
-        corners, zones = [wedge.vertices + wedge.place for wedge in wedges], [_zone_of(geom) for geom in geoms]
-        primitives, kept = simplify_floor(corners, zones, box.low, box.high)
-        for primitive in primitives:
-            geom = geoms[primitive.wedge]
-            mine.add_geom(
-                name=geom.name,
-                type=primitive.type,
-                pos=primitive.place,
-                quat=primitive.quaternion,
-                size=primitive.size,
-                friction=self._friction(geom),
-                priority=geom.priority,
-                group=geom.group,
-            )
-        return [geoms[number] for number in kept]
-
-    def _roof_within(self, solid: mujoco.MjsBody, box: Box) -> list[mujoco.MjsGeom]:
-        """Add a level roof in place of the wedges of one that no robot reaches; return the wedges left to add."""
-        wedges = self._roof_wedges.within(box)
-        lowest = min((wedge.heights[0] for wedge in wedges), default=-np.inf)
-        geoms = [self._geoms[wedge.name] for wedge in wedges]
-        if box.is_exact:
-            return geoms
-        if lowest - box.floor_m < _OVERHEAD * (self.robot.sensor_height_m + self.robot.scanner_height_m):
-            return geoms
-        half, middle = np.append((box.high - box.low) / 2 + MARGIN_M, MARGIN_M), (box.high + box.low) / 2
-        solid.add_geom(
-            name=geoms[0].name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[*middle, lowest + MARGIN_M],
-            size=half,
-            friction=geoms[0].friction,
-            priority=geoms[0].priority,
-            group=geoms[0].group,
-        )
-        return []
+    def _contacts(self, geom: mujoco.MjsGeom) -> dict[str, Any]:
+        """Return how a geom of floor or roof touches: its sliding friction is that of its floor zone."""
+        zone = self._zones.get(zone_of_wedge(geom.name) if geom.meshname else geom.name)
+        friction = list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]]
+        return {"friction": friction, "priority": geom.priority, "group": geom.group}
 
     def _box(self, tile: Tile) -> Box:
         """Return the box of the mine frame that holds all that a robot in a tile can touch."""
-        low, high = self.reach(np.array(tile))
-        floor = self.world.floor
-        if floor.is_flat:
-            return Box(low, high)
-        nearby = floor.heights_within(low, high)
-        offset = floor.offsets_at((low + high)[None] / 2)[0]
-        # With a margin: the top of a level wedge, in decimals and 32 bits, may be a nanometre below the mesh.
-        bottom, top = float(nearby.min()) - MARGIN_M, float(self._roof.heights_within(low, high).max())
-        deepest = self.world.open_shafts.lowest_within(low, high)
-        if np.isfinite(deepest):  # all that a robot can fall on
-            bottom = min(bottom, deepest - MARGIN_M)
-        return Box(low - offset, high - offset, bottom, top + MARGIN_M, float(nearby.max()), bool(np.isfinite(deepest)))
+        return Box(*self.reach(np.array(tile)))
 
     def reach(self, tile: np.ndarray, size_m: float = TILE_M) -> tuple[np.ndarray, np.ndarray]:
         """Return the south-west and north-east corners (m) of what a robot in a tile can touch in one control step.
@@ -219,9 +150,6 @@ class Box:
     high: np.ndarray
     bottom_m: float = -np.inf
     top_m: float = np.inf
-    floor_m: float = np.inf  # the highest floor in it
-    has_shaft: bool = False  # an open one
-    is_exact: bool = False  # with all wedges of floor and roof: none is replaced by a plane or a box
 
 
 class _PartIndex:
@@ -229,7 +157,7 @@ class _PartIndex:
 
     def __init__(self, parts: list[RockPart]) -> None:
         """Take the parts."""
-        self._parts = parts
+        self.parts = parts
         bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in parts])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
         self._bottom, self._top = np.array([part.heights for part in parts]).reshape(-1, 2).T
@@ -238,7 +166,7 @@ class _PartIndex:
         """Return the parts that may reach into a box."""
         near = ((self._low <= box.high) & (self._high >= box.low)).all(axis=1)
         near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)
-        found = [self._parts[number] for number in np.flatnonzero(near)]
+        found = [self.parts[number] for number in np.flatnonzero(near)]
         return [part for part in found if meets(part.outline, box.low[None], box.high[None])[0]]
 
 
@@ -271,11 +199,6 @@ def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
     place = np.array(geom.pos)
     heights = vertices[:, 2] + place[2]
     return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2], (heights.min(), heights.max()))
-
-
-def _zone_of(geom: mujoco.MjsGeom) -> str:
-    """Return the name of the zone's geom that a piece of floor is, or is a wedge of."""
-    return zone_of_wedge(geom.name) if geom.meshname else str(geom.name)
 
 
 def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: RockPart, **attributes: Any) -> None:

@@ -25,7 +25,6 @@ SPAWN, REPORT = "spawn", "placement"  # the keyframe, and the text with what dif
 _GAP_M = 0.005  # between a robot that stands and the floor; contacts begin below that
 _DEEP_M = 0.01  # a robot that reaches so far into rock does not fit
 _BESIDE_M = 1.0  # of the rock that a spawn is tried in
-_PATCH = 5  # places along either side of a robot's box at which the floor under it is looked up
 _REACH = Span(0.1, math.inf)
 
 
@@ -127,17 +126,13 @@ def _copy(file: RobotFile) -> RobotFile:
 def _stand(world: World, rough: RoughFloor, stance: RobotStance, pose: Pose) -> np.ndarray:
     """Return T_mine_robot (4, 4): from the frame of the robot's file into the mine frame."""
     plan, ahead = np.array([pose.x_m, pose.y_m]), np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0])
-    if pose.z_m is None or world.floor.is_flat:
-        _require_floor(world, plan)
+    _require_floor(world, plan)
     if pose.z_m is not None:
         up = world.T_world_mine[2, :3]  # of the world, in the mine frame: a mine may dip
         foot, turn, lift = np.array([*plan, pose.z_m]), _upright(up, ahead), 0.0
     else:
-        axes = world.floor.frame_at(plan)
-        turn = _upright(axes[:, 2], axes @ ahead)
-        foot = world.floor.fold(np.array([[*plan, 0.0]]))[0]
-        lift = _GAP_M + _above_slope(world, stance, plan, foot, turn)
-        lift += rough.highest_m(plan, stance.radius_m)
+        foot, turn = np.array([*plan, 0.0]), _upright(np.array([0.0, 0.0, 1.0]), ahead)
+        lift = _GAP_M + rough.highest_m(plan, stance.radius_m)
     T_mine_robot = np.eye(4)
     T_mine_robot[:3, :3] = turn
     T_mine_robot[:3, 3] = foot + turn @ [-stance.origin_m[0], -stance.origin_m[1], lift - stance.low_m[2]]
@@ -149,18 +144,6 @@ def _upright(up: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     level = ahead - (ahead @ up) * up
     level = level / np.linalg.norm(level)
     return np.column_stack([level, np.cross(up, level), up])
-
-
-def _above_slope(world: World, stance: RobotStance, plan: np.ndarray, foot: np.ndarray, turn: np.ndarray) -> float:
-    """Return how far (m) the floor under a robot's box rises over the plane that it stands on."""
-    if world.floor.is_flat:
-        return 0.0
-    x, y = (np.linspace(stance.low_m[k], stance.high_m[k], _PATCH) - stance.origin_m[k] for k in (0, 1))
-    own = np.column_stack([np.repeat(x, _PATCH), np.tile(y, _PATCH), np.zeros(_PATCH**2)])
-    under = foot + own @ turn.T
-    places = plan + (under - foot)[:, :2]
-    rise = world.floor.heights_at(places) - under[:, 2]
-    return float(max(0.0, (rise[world.floor.covers(places)] * turn[2, 2]).max(initial=0.0)))
 
 
 def _require_floor(world: World, plan: np.ndarray) -> None:
@@ -181,10 +164,7 @@ def _compose(
     here = (root[:3] - models.T_world_mine[:3, 3]) @ models.T_world_mine[:3, :3]
     box = None
     if math.isfinite(reach_m):
-        up_m = np.inf if models.world.floor.is_flat else reach_m
-        reach = np.array([reach_m, reach_m, up_m])
-        low, high = here - reach, here + reach
-        box = Box(low[:2], high[:2], low[2], high[2], is_exact=True)
+        box = Box(here[:2] - reach_m, here[:2] + reach_m)
     spec = models.rock_spec(box)
     file.take_options(spec)
     file.meet(spec.geoms)

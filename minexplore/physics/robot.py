@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof, is_rough_floor
-from minexplore.floors.floor import Floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
 from minexplore.physics.robot_kind import Robot
@@ -250,15 +249,9 @@ def separate_contacts(spec: mujoco.MjSpec) -> None:
             geom.contype, geom.conaffinity = ROCK_BIT, 0
 
 
-def free_joint_qpos(
-    T_world_mine: np.ndarray, params: Robot, x_m: float, y_m: float, yaw_rad: float, floor: Floor | None = None
-) -> np.ndarray:
-    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of the plan."""
-    if floor is None or floor.is_flat:
-        return pose_on(T_world_mine, params, np.array([x_m, y_m, 0.0]), np.eye(3), yaw_rad)
-    place = np.array([x_m, y_m])
-    stand = floor.fold(np.array([[x_m, y_m, 0.0]]))[0]
-    return pose_on(T_world_mine, params, stand, floor.frame_at(place), yaw_rad)
+def free_joint_qpos(T_world_mine: np.ndarray, params: Robot, x_m: float, y_m: float, yaw_rad: float) -> np.ndarray:
+    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot at a pose of a level floor."""
+    return pose_on(T_world_mine, params, np.array([x_m, y_m, 0.0]), np.eye(3), yaw_rad)
 
 
 def pose_on(

@@ -14,7 +14,7 @@ import numpy as np
 from minexplore.bundle import (
     CELLS,
     CLEARANCE_GRID,
-    FLOOR,
+    FOLDED_FLOOR,
     FREE_SPACE,
     HFIELDS,
     MADE_BY,
@@ -34,14 +34,11 @@ from minexplore.bundle import (
     VOLUME,
     BundleError,
     has_visible_rock,
-    sheet_maps,
 )
-from minexplore.floors.floor import Floor
 from minexplore.schema.agreement.rock import rock_box
 from minexplore.schema.fittings import FITTING_MESH
 from minexplore.schema.meshes import check_meshes
 from minexplore.schema.model import VISIBLE_MESH
-from minexplore.schema.openings import check_opening_meshes
 from minexplore.schema.readers.arrays import read_arrays
 from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.png import GREY, PALETTE, RGB, check_png, inflate_png
@@ -71,18 +68,17 @@ _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in pla
 _BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
 _GRID = {"free": ("|b1", 2), "clearance_m": ("<f4", 2), "origin_m": ("<f8", 1), "cell_m": ("<f8", 0)}
 _MAP = re.compile(
-    r"(?:# sheet \d+ of \d+: floor ([-0-9.]+) to ([-0-9.]+) m high\n)?"
-    r"image: (map(?:_\d+)?\.png)\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
+    r"image: map\.png\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
     r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
     re.ASCII,
 )
-_SHEET_MAP = re.compile(SHEET_MAPS, re.ASCII)
+_STOREY_MAP = re.compile(SHEET_MAPS, re.ASCII)
 
 
 def is_known(name: str) -> bool:
     """Return whether a bundle may have a file of this name."""
-    return name in (*FIXED, FLOOR, CELLS, PARTS, VOLUME, MADE_BY) or bool(
-        _MESH.fullmatch(name) or _HFIELD.fullmatch(name) or _SHEET_MAP.fullmatch(name)
+    return name in (*FIXED, CELLS, PARTS, VOLUME, MADE_BY) or bool(
+        _MESH.fullmatch(name) or _HFIELD.fullmatch(name) or _STOREY_MAP.fullmatch(name)
     )
 
 
@@ -101,6 +97,8 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     total = 0
     for path, name in _walk(folder):
+        if name == FOLDED_FLOOR:
+            raise BundleError(f"{path}: of a world whose floor an older version folded; make the world again")
         if not is_known(name):
             raise BundleError(f"{path}: not listed in {RECORD}, and no file of a world has this name")
         try:
@@ -143,7 +141,7 @@ def _walk(folder: Path) -> list[tuple[Path, str]]:
     return found
 
 
-def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor: Floor) -> dict[str, np.ndarray]:
+def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dict[str, np.ndarray]:
     """Refuse meshes, grid, map or pictures that a world cannot have; return the grid's arrays.
 
     Raises
@@ -151,23 +149,17 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
     BundleError
         Naming the file, the value and the limit.
     """
-    for name in (CELLS, PARTS, VOLUME):
-        if name in files:
-            raise BundleError(f"{name}: only a world that is one volume has such a file")
-    of_sheets = sheet_maps(record)
-    names = [name for pair in of_sheets for name in pair]
     for name in files:
-        if _SHEET_MAP.fullmatch(name) and name not in names:
-            raise BundleError(f"{name}: a map of a sheet; {RECORD} states {len(of_sheets) or 1} sheets")
-    for name in (*FIXED, *names):
+        if name in (CELLS, PARTS, VOLUME) or _STOREY_MAP.fullmatch(name):
+            raise BundleError(f"{name}: only a world that is one volume has such a file")
+    for name in FIXED:
         if name not in files and not (name in VISIBLE and not has_visible_rock(record)):
             raise BundleError(f"{name}: missing")
     if not has_visible_rock(record):
         _refuse_visible(files)
-    low, high = rock_box(record, floor)
+    low, high = rock_box(record)
     low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
-    check_meshes(files, low, high, floor, record["height_m"])
-    check_opening_meshes(files, record, floor)
+    check_meshes(files, low, high)
     for name, kind in _fixed_pictures(record).items():
         width, height = check_png(name, files[name], kind, MOST_PIXELS[name])
         inflate_png(name, files[name])
@@ -175,15 +167,8 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], floor:
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
         if name == PREVIEW and not 64 <= width <= 4096:
             raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
-    for name, picture in ((NAV2_MAP, NAV2_PICTURE), *of_sheets):
-        _check_map(name, picture, files[name])
+    _check_map(files[NAV2_MAP])
     grid = _read_checked_grid(files[CLEARANCE_GRID], record["world_m"])
-    for sheet, (_, picture) in enumerate(of_sheets):
-        first, end = floor.box_of(sheet, grid["origin_m"], float(grid["cell_m"]))
-        size = check_png(picture, files[picture], (GREY,), MOST_CELLS)
-        if size != tuple(end - first):
-            raise BundleError(f"{picture}: {size[0]} x {size[1]} px, want {end[0] - first[0]} x {end[1] - first[1]}")
-        inflate_png(picture, files[picture])
     for name in (FREE_SPACE, TOPOLOGY):
         read_json(name, files[name])
     return grid
@@ -233,12 +218,9 @@ def _read_checked_grid(data: bytes, world_m: list[float]) -> dict[str, np.ndarra
     return grid
 
 
-def _check_map(name: str, picture: str, data: bytes) -> None:
+def _check_map(data: bytes) -> None:
     found = _MAP.fullmatch(data.decode("ascii", "replace"))
-    low, high, image, *values = found.groups() if found else (None, None, None)
-    is_of_sheet, numbers = low is not None, [value for value in (low, high, *values) if value is not None]
-    if image != picture or is_of_sheet != (name != NAV2_MAP) or any(numbers_in(value) is None for value in numbers):
-        first = "" if name == NAV2_MAP else "a remark on the sheet, "
+    if found is None or any(numbers_in(value) is None for value in found.groups()):
         raise BundleError(
-            f"{name}: want {first}image: {picture}, mode, resolution, origin, negate and the two thresholds only"
+            f"{NAV2_MAP}: want image: {NAV2_PICTURE}, mode, resolution, origin, negate and the two thresholds only"
         )

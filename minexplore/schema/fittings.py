@@ -14,7 +14,6 @@ from minexplore.bundle import (
     LINES_ABOVE_M,
     MESHES,
     MODEL,
-    OPENING_FITTINGS,
     RECORD,
     SHADE_MATERIAL,
     SHADE_NAMES,
@@ -25,29 +24,22 @@ from minexplore.bundle import (
     fitting_geom,
     fitting_kind,
     fitting_material,
-    has_heights,
-    has_visible_rock,
     is_cover,
     is_fitting,
     is_fitting_material,
-    is_of_opening,
     mesh_file,
-    opening_mesh,
     puddle_geom,
     shade_geom,
 )
-from minexplore.floors.shaft_axis import has_fence
 from minexplore.looks import FURNITURE_LOOKS, PLAIN, SHADE, SHADE_LEVELS, WATER, cover_rgba
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
 from minexplore.schema.readers.rules import exactly, matching, numbers, numbers_in, same
 from minexplore.schema.readers.xml import Node
 
 _MOST = 100_000
-_KINDS = "|".join([*FURNITURE, *OPENING_FITTINGS])
-FITTING_MESH = (
-    rf"(?:{COVER_MESHES}|(?:{'|'.join(FURNITURE)})_\d{{2,4}}_\d{{2,4}}"
-    rf"|(?:{'|'.join(OPENING_FITTINGS)})_\d{{4}})"
-)
+_SLACK_M = 1e-6  # of heights, which are in 32 bits
+_KINDS = "|".join(FURNITURE)
+FITTING_MESH = rf"(?:{COVER_MESHES}|(?:{_KINDS})_\d{{2,4}}_\d{{2,4}})"
 _KIND_MATERIAL = fitting_material(f"(?:{_KINDS})", [])
 _ZONE = r"[a-z][a-z0-9_]{0,63}"
 _RGBA = Attribute(numbers(4, 0, 1), "1 1 1 1")
@@ -88,7 +80,7 @@ MATERIALS = (
         },
         name=_KIND_MATERIAL,
         least=0,
-        most=len(FURNITURE) + len(OPENING_FITTINGS),
+        most=len(FURNITURE),
     ),
     Element(
         "material",
@@ -160,7 +152,7 @@ BODY = Element(
 )
 
 
-def check_heights(name: str, lowest_m: float, highest_m: float, slack_m: float = 1e-6) -> None:
+def check_heights(name: str, lowest_m: float, highest_m: float) -> None:
     """Refuse a fitting's mesh that is not where fittings are: under a decimetre, or above every robot.
 
     Raises
@@ -171,7 +163,7 @@ def check_heights(name: str, lowest_m: float, highest_m: float, slack_m: float =
     kind = name.partition("_")[0]
     least = 0.0 if is_cover(name) else FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
     most = COVER_M if is_cover(name) else float("inf")
-    if not (lowest_m >= least - slack_m and highest_m <= most + slack_m):
+    if not (lowest_m >= least - _SLACK_M and highest_m <= most + _SLACK_M):
         wanted = f"{least:g} to {most:g} m" if is_cover(name) else f"{least:g} m or more"
         raise BundleError(
             f"{mesh_file(name)}: from {lowest_m:g} to {highest_m:g} m above the floor, want {wanted}; "
@@ -189,9 +181,8 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
     """
     meshes = {name for tag, name in assets if tag == "mesh" and is_fitting(name)}
     geoms = {node.name: node for node in body.children} if body else {}
-    if (body or meshes) and record["look"] == PLAIN and not (meshes and all(map(is_of_opening, meshes))):
-        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: a world of the plain look has none but those of openings")
-    _check_of_openings({name for name in meshes if is_of_opening(name)}, record)
+    if (body or meshes) and record["look"] == PLAIN:
+        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: a world of the plain look has none")
     planes = {name: node for name, node in geoms.items() if node.attributes.get("type") == "plane"}
     shown = {fitting_geom(name) for name in meshes}
     if shown != geoms.keys() - planes.keys():
@@ -206,28 +197,17 @@ def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], re
         wanted = fitting_material(mesh, names)
         if (node.attributes["mesh"], node.attributes["material"]) != (mesh, wanted):
             raise BundleError(f"{MODEL}: {node.path}: want mesh {mesh!r} and material {wanted!r}")
-    level = any(map(is_cover, meshes)) and not has_heights(record)  # planes are, and lie over a level floor alone
-    shades = {shade_geom(layer) for layer in range(len(SHADE_LEVELS))} if level else set()
+    shades = {shade_geom(layer) for layer in range(len(SHADE_LEVELS))} if any(map(is_cover, meshes)) else set()
     waters = {puddle_geom(zone) for zone in zones} if shades else set()
     if planes.keys() - waters != shades:
         odd = min((planes.keys() - waters) ^ shades)
         raise BundleError(
-            f"{MODEL}: {FITTINGS_BODY}: want {len(SHADE_LEVELS)} planes of shade over a visible level floor, and water "
+            f"{MODEL}: {FITTINGS_BODY}: want {len(SHADE_LEVELS)} planes of shade over a visible floor, and water "
             f"on its zones alone; see {odd!r}"
         )
     if shades:
         _check_planes(planes, zones)
     _check_materials(geoms, assets, zones)
-
-
-def _check_of_openings(found: set[str], record: Mapping[str, Any]) -> None:
-    """Check that each opening of a world with visible rock has its lining, and a fence if it is fenced."""
-    count = len(record.get("openings", [])) if has_visible_rock(record) else 0
-    fenced = [number for number in range(count) if has_fence(record["openings"][number], record["fenced"])]
-    numbers = {"shaft": range(count), "fence": fenced}
-    wanted = {opening_mesh(kind, number) for kind in OPENING_FITTINGS for number in numbers[kind]}
-    if found != wanted:
-        raise BundleError(f"{MODEL}: {FITTINGS_BODY}: {min(found ^ wanted)!r}: missing, or no opening has it")
 
 
 def _check_planes(planes: Mapping[str, Node], zones: Mapping[str, Any]) -> None:

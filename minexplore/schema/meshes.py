@@ -13,19 +13,15 @@ from minexplore.bundle import (
     decode_msh,
     is_cover,
     is_fitting,
-    is_of_opening,
     mesh_of,
 )
-from minexplore.floors.floor import Floor
-from minexplore.floors.folding import Folding
 from minexplore.schema.fittings import check_heights
 
 _MOST_REPEATS = 1e7  # of the texture
-_ROUNDED_M = 1e-3  # heights are differences of rounded numbers, in 32 bits
 _AT_ONCE_BYTES = 16 << 20  # of meshes that are copied into one array
 
 
-def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray, floor: Floor, height_m: float) -> None:
+def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) -> None:
     """Refuse meshes that no world has: lying counts, places outside the rock, faces of vertices that are not there.
 
     Parameters
@@ -34,19 +30,16 @@ def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray, 
         A bundle's files; those below `meshes/` are checked.
     low, high : (3,) float64, m
         Corners of the box that holds all vertices.
-    floor, height_m : Floor, float
-        Fittings lie at heights above it, below a roof.
 
     Raises
     ------
     BundleError
         Naming the file, the value and the limit.
     """
-    folding = Folding(floor)
     for names in _batches(files):
         meshes = [_decode(name, files[name]) for name in names]
         _check_places(names, [mesh.vertices for mesh in meshes], low, high)
-        _check_fittings(names, meshes, folding, height_m)
+        _check_fittings(names, meshes)
         _check_faces(names, meshes)
         _check_textures(names, meshes)
         _check_normals(names, meshes)
@@ -102,19 +95,11 @@ def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray,
         )
 
 
-def _check_fittings(names: list[str], meshes: list[TriangleMesh], folding: Folding, height_m: float) -> None:
-    """Check that fittings are at heights where fittings are, above the floor under them; NaN fails as well."""
+def _check_fittings(names: list[str], meshes: list[TriangleMesh]) -> None:
+    """Check that fittings are at heights where fittings are, above the level floor; NaN fails as well."""
     for name, mesh in zip(names, meshes, strict=True):
-        if not is_fitting(mesh_of(name)) or is_of_opening(mesh_of(name)):
-            continue
-        if folding.floor.is_flat:
+        if is_fitting(mesh_of(name)):
             check_heights(mesh_of(name), float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
-            continue
-        places = folding.unfold(mesh.vertices.astype(np.float64), height_m)
-        # Behind a wall a height may be that of one wall or another's; over the floor there is no doubt.
-        over = places[folding.heights_at(places[:, :2])[1] == 0, 2]
-        if len(over):
-            check_heights(mesh_of(name), float(over.min()), float(over.max()), _ROUNDED_M)
 
 
 def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:

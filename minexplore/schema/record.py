@@ -14,13 +14,10 @@ from minexplore.bundle import (
     ROUGH_OVERLAY,
     VOLUME_FORMAT,
     BundleError,
-    has_heights,
     has_rough_floor,
 )
 from minexplore.looks import LOOKS
-from minexplore.schema.heights import HEIGHT_FIELDS, ROOF_FIELDS
 from minexplore.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
-from minexplore.schema.openings import BENDS, FENCED, MOST_OPENINGS, OPENING
 from minexplore.schema.readers.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
@@ -109,24 +106,6 @@ RECORD_FIELDS: dict[str, Any] = {
 }
 
 
-def _check_openings(where: str, openings: Any) -> None:
-    if not isinstance(openings, list) or not 1 <= len(openings) <= MOST_OPENINGS:
-        raise BundleError(f"{where} = {shown(openings)}: want a list of 1 to {MOST_OPENINGS} openings")
-    for at, opening in enumerate(openings):
-        leans = isinstance(opening, dict) and "bends_m" in opening
-        check_fields(f"{where}[{at}]", opening, OPENING | BENDS if leans else OPENING)
-
-
-def _fields_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields that a record must have."""
-    if not has_heights(record):
-        return RECORD_FIELDS | ({"rough_floor": same_json(True)} if has_rough_floor(record) else {})
-    has_roof = isinstance(record["heights"], dict) and "roof_m" in record["heights"]
-    heights = {"heights": HEIGHT_FIELDS | (ROOF_FIELDS if has_roof else {})}
-    openings = {"openings": _check_openings, "fenced": FENCED} if "openings" in record else {}
-    return RECORD_FIELDS | heights | openings
-
-
 def check_record(file: str, record: Any) -> None:
     """Refuse a record with a field that is missing, unknown or out of range, or whose fields contradict one another.
 
@@ -141,13 +120,10 @@ def check_record(file: str, record: Any) -> None:
         raise BundleError(
             f"{file}: format {shown(record.get('format'))}, this version reads {FORMAT!r} and {VOLUME_FORMAT!r}"
         )
-    check_fields(file, record, _fields_of(record))
-    if has_heights(record) and record["tilt_deg"] != 0:
-        raise BundleError(f"{file}: tilt_deg = {record['tilt_deg']}: want 0; the floor has heights of its own")
+    check_fields(file, record, RECORD_FIELDS | ({"rough_floor": same_json(True)} if has_rough_floor(record) else {}))
     check_frame(file, record)
     west, south, east, north = record["world_m"]
-    heights = record["heights"] if has_heights(record) else None
-    check_gain(file, record, heights["high_m"] - heights["low_m"] if heights else None)
+    check_gain(file, record)
     for name in ("anchor_m", "centre_m"):
         x, y = record["spawn"][name]
         if name == "anchor_m" and not (west < x < east and south < y < north):
@@ -173,8 +149,8 @@ def check_frame(file: str, record: Mapping[str, Any]) -> None:
                 )
 
 
-def check_gain(file: str, record: Mapping[str, Any], rise_m: float | None) -> None:
-    """Compare the heights that robots gain with the tilt, or with the rise of a floor that has heights of its own."""
+def check_gain(file: str, record: Mapping[str, Any], rise_m: float | None = None) -> None:
+    """Compare the heights that robots gain with the tilt, or with the rise of a volume."""
     gain, slope = record["gain_m"], math.sin(math.radians(record["tilt_deg"]))
     west, _, east, _ = record["world_m"]
     whole = slope * (east - west) if rise_m is None else rise_m

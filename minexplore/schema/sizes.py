@@ -5,7 +5,6 @@ from __future__ import annotations
 from minexplore.bundle import (
     CELLS,
     CLEARANCE_GRID,
-    FLOOR,
     FREE_SPACE,
     MADE_BY,
     MODEL,
@@ -19,7 +18,6 @@ from minexplore.bundle import (
     VOLUME,
     BundleError,
 )
-from minexplore.schema.floor_mesh import MOST_FACES
 from minexplore.schema.volume.arrays import MOST_CORNERS, MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
 
 MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
@@ -41,7 +39,6 @@ _MOST_BYTES = {
     MADE_BY: 16_384,  # thirty fields, ten of each kind of furniture
     OCTREE: 256 << 20,  # 2 bytes an inner node: 130 million nodes
     CLEARANCE_GRID: _packed(5 * MOST_CELLS),
-    FLOOR: _packed(8 * 4 * 3 * MOST_FACES),  # four arrays of at most three numbers a face
     VOLUME: _packed(MOST_FACETS * (8 * 3 + 4 * 5)),
     PARTS: _packed(MOST_VOLUME_PARTS * (8 * 3 * MOST_CORNERS + 8)),
     CELLS: _packed(MOST_SPANS * (8 * 3 + 4 * 3)),

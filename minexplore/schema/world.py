@@ -16,18 +16,14 @@ from minexplore.bundle import (
     RECORD,
     UNSEALED,
     BundleError,
-    has_heights,
     has_visible_rock,
     is_volume,
     world_sha256,
 )
-from minexplore.floors.floor import Floor
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema.agreement import check_agreement
 from minexplore.schema.elements import check_elements
 from minexplore.schema.files import check_contents, is_known, read_folder
-from minexplore.schema.floor_mesh import read_floor
-from minexplore.schema.heights import with_heights
 from minexplore.schema.light import LIGHT_WORLD
 from minexplore.schema.model import WORLD
 from minexplore.schema.readers.json_text import read_json
@@ -41,26 +37,19 @@ from minexplore.schema.volume.model import VOLUME_WORLD
 from minexplore.schema.volume.record import check_figures, check_volume_record
 from minexplore.schema.volume.rock import ROCK_VOLUME_WORLD, check_rock
 
-_TABLES = {  # by whether a world has visible rock, and heights
-    (True, False): WORLD,
-    (False, False): LIGHT_WORLD,
-    (True, True): with_heights(WORLD),
-    (False, True): with_heights(LIGHT_WORLD),
-}
 __all__ = ["CheckedWorld", "check_files", "check_world", "hash_files", "read_folder"]
 
 
 @dataclass(frozen=True)
 class CheckedWorld:
-    """A bundle that the tables allow: record, files by name as they were read, the grid's arrays, and the floor.
+    """A bundle that the tables allow: record, files by name as they were read, and the grid's arrays.
 
-    A world that is one volume has its arrays instead of a floor; the grid's are made of its spans.
+    A world that is one volume has its arrays, too; the grid's are made of its spans.
     """
 
     record: dict[str, Any]
     files: Mapping[str, bytes]
     grid: dict[str, np.ndarray]
-    floor: Floor
     volume: VolumeArrays | None = None
 
 
@@ -96,15 +85,12 @@ def _check(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> CheckedWorl
     check_hashes(record, hashes)
     if is_volume(record):
         return _check_volume(record, files)
-    if isinstance(record, dict) and has_heights(record):
-        raise BundleError(f"{RECORD}: made by an older version with a folded floor; make it again")
     check_record(RECORD, record)
-    floor = read_floor(record, files)
-    grid = check_contents(record, files, floor)
+    grid = check_contents(record, files)
     root = read_xml(MODEL, files[MODEL])
-    check_elements(MODEL, root, _TABLES[has_visible_rock(record), has_heights(record)])
-    check_agreement(root, record, files, floor)
-    return CheckedWorld(record, files, grid, floor)
+    check_elements(MODEL, root, WORLD if has_visible_rock(record) else LIGHT_WORLD)
+    check_agreement(root, record, files)
+    return CheckedWorld(record, files, grid)
 
 
 def _check_volume(record: dict[str, Any], files: Mapping[str, bytes]) -> CheckedWorld:
@@ -120,7 +106,7 @@ def _check_volume(record: dict[str, Any], files: Mapping[str, bytes]) -> Checked
         check_rock(root, record, files, volume.facets)
     spans = volume.spans
     grid = {"clearance_m": spans.plan, "origin_m": spans.origin_m, "cell_m": np.array(spans.cell_m)}
-    return CheckedWorld(record, files, grid, Floor(), volume)
+    return CheckedWorld(record, files, grid, volume)
 
 
 def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:

@@ -26,7 +26,6 @@ from minexplore.bundle import (
     stops_beams,
     surface_geom,
 )
-from minexplore.floors.floor import Floor
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
@@ -41,7 +40,6 @@ Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarr
 
 _MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
 _TILE_M = 40.0
-_BESIDE_M = 1.0  # bumps of the rock reach 0.45 m behind its wall
 _BYTES_PER_FACE = {"embree": 90, "open3d": 135}  # of a scene; measured 85 and 132
 _SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine take 0.7 GB by Embree
 
@@ -74,25 +72,6 @@ def collision_meshes(world: World) -> Meshes:
     return meshes
 
 
-def floor_meshes(world: World) -> Meshes:
-    """Return floor and, where no mesh shows it, roof of a mine with heights, sheet by sheet; see `surface_meshes`."""
-    floor, openings = world.floor, world.record.get("openings", [])
-    meshes: Meshes = {}
-    if has_visible_rock(world.record):  # its foot stands behind the wall: there the floor goes on
-        meshes["beside"] = floor_beside(
-            floor.filled(np.array(o["outline_m"]) for o in openings if o["sheet"] is not None)
-        )
-    surfaces = {"floor": floor}
-    if not has_visible_rock(world.record):
-        surfaces["roof"] = floor.raised(world.record["height_m"])
-    for number, offset in enumerate(floor.offset_m):
-        used, faces = np.unique(floor.faces[floor.sheet == number], return_inverse=True)
-        for name, surface in surfaces.items():
-            places = surface.vertices[used] - [*offset, 0.0]
-            meshes[f"{name} {number}"] = places, faces.reshape(-1, 3).astype(np.int32)
-    return meshes
-
-
 def facet_meshes(facets: VolumeFacets) -> Meshes:
     """Return the boundary of a volume, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
     middles = facets.vertices[facets.faces].mean(axis=1)[:, :2]
@@ -111,20 +90,6 @@ def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
     seen = {name: decode_msh(world.read(name)) for name in world.record["files"] if name.startswith(MESHES)}
     rock = {surface_geom(mesh_of(name)): (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
     return rock | facet_meshes(replace(facets, faces=facets.faces[floors], label=facets.label[floors]))
-
-
-def floor_beside(floor: Floor) -> tuple[np.ndarray, np.ndarray]:
-    """Return a strip behind every wall, as high as the wall's foot, as vertices (n, 3) m and faces (m, 3)."""
-    edges = floor.wall_edges()
-    feet = floor.vertices[[edge for _, edge in edges]]
-    feet[:, :, :2] -= floor.offset_m[floor.sheet[[face for face, _ in edges]]][:, None]
-    along = feet[:, 1, :2] - feet[:, 0, :2]
-    away = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
-    behind = feet.copy()
-    behind[:, :, :2] += _BESIDE_M * away[:, None]
-    strips = np.stack([feet[:, 0], feet[:, 1], behind[:, 1], behind[:, 0]], axis=1)
-    faces = 4 * np.arange(len(strips))[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
-    return strips.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
 
 
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
@@ -149,9 +114,6 @@ def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Back
     world = load_world(folder)
     if world.volume is not None:
         return Lidar(volume_meshes(world, world.volume.facets), range_m, backend, floor_m=-np.inf)
-    if not world.floor.is_flat:
-        rock = surface_meshes(world) if has_visible_rock(world.record) else collision_meshes(world)
-        return Lidar(rock | floor_meshes(world), range_m, backend, floor_m=-np.inf)
     if has_visible_rock(world.record):
         return Lidar(surface_meshes(world), range_m, backend)
     return Lidar(collision_meshes(world), range_m, backend, roof_m=world.record["height_m"])

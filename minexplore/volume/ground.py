@@ -28,8 +28,6 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 class VolumeGround:
     """A volume as `RobotBatch` needs it; see `minexplore.envs.ground.RobotGround`."""
 
-    can_fall = False
-
     def __init__(self, world: World, task: TaskParams, robot: RobotParams, count: int, whole: bool) -> None:
         """Index the floors and find the cells that the robot reaches."""
         assert world.volume is not None
@@ -89,17 +87,9 @@ class VolumeGround:
         axes = np.column_stack([ahead, np.cross(up, ahead), up])
         return pose_on(self.T_world_mine, self.robot, stand, axes, yaw_rad)
 
-    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots at places (k, 3) m, mine frame, seen from above."""
-        return places_m[:, :2]
-
     def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
         """Slow the robots (k,) that fall: `qvel` has a row for each of all robots."""
         qvel[robots, 2] = np.maximum(qvel[robots, 2], -FASTEST_FALL_MPS)
-
-    def fallen(self, places_m: np.ndarray) -> np.ndarray:
-        """Return which robots (k,) have fallen into a shaft: none, as shafts are floors like others."""
-        return np.zeros(len(places_m), bool)
 
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Set the boxes under the feet of robots (k,) at places (k, 3) m; return the models (k, 2) to step them in."""

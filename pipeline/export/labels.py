@@ -14,7 +14,6 @@ from minexplore.bundle import (
     is_cover,
     is_fitting,
     smooth_mesh,
-    zone_of_wedge,
 )
 from pipeline.errors import ArtifactError
 
@@ -52,7 +51,7 @@ def part_label(geom: str, group: int, zones: list[str]) -> PieceLabel:
     if label != FLOOR_LABEL:
         return PieceLabel(label)
     of_geom = {floor_geom(zone): zone for zone in zones}
-    zone = of_geom.get(geom) or of_geom.get(zone_of_wedge(geom))
+    zone = of_geom.get(geom)
     if zone is None:
         raise ArtifactError(f"geom {geom}: the floor of no zone")
     return PieceLabel(label, zone)

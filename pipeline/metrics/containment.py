@@ -10,8 +10,6 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-STRIP_M = 0.5  # of rock beside every wall of a mine with heights
-_NOTHING_M2 = 1e-7
 _ROUND_M = 1e-4
 _SEAM_M = 0.002  # edges of neighbouring parts may differ by the rounding of decimals in the MJCF
 

@@ -78,7 +78,7 @@ def cast_columns(
     open_ = np.empty(len(starts), dtype=bool)
     for i, start in enumerate(starts):
         mujoco.mj_ray(model, data, start, down, groups, 1, -1, hit)
-        if hit[0] < 0:  # along the border of two wedges, which 32 bits leave a hair apart
+        if hit[0] < 0:  # along the border of two boxes, which 32 bits leave a hair apart
             mujoco.mj_ray(model, data, start + _ASIDE_M * T_world_mine[:3, 0], down, groups, 1, -1, hit)
         open_[i] = is_floor[hit[0]]
     depth = _depth_m(free, frame)[rows, cols]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely import LinearRing
+from shapely import LinearRing, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
@@ -45,16 +45,15 @@ def load_per_m2(load_s: float, load_memory_mb: float, rock_m2: float) -> dict[st
     return {"load_s": round(seconds / rock_m2, 9), "load_memory_mb": round(megabytes / rock_m2, 5)}
 
 
-def parts_per_wall_m(parts: int, free: BaseGeometry) -> float:
+def parts_per_wall_m(parts: int, free: Polygon) -> float:
     """Return collision parts per metre of wall, without those that no builder can do without.
 
     These are the `FIXED_PARTS` that any mine may have, one for each pillar, and one for each corner of a room, at which
     the rock must be cut. Drifts have few such corners.
     """
-    rooms = [orient(part) for part in shapely.get_parts(free)]
-    pillars = sum(len(room.interiors) for room in rooms)
-    corners = sum(_room_corners(ring) for room in rooms for ring in (room.exterior, *room.interiors))
-    return round(max(parts - FIXED_PARTS - pillars - corners, 0) / float(free.length), 4)
+    room = orient(free)
+    corners = sum(_room_corners(ring) for ring in (room.exterior, *room.interiors))
+    return round(max(parts - FIXED_PARTS - len(room.interiors) - corners, 0) / float(free.length), 4)
 
 
 def _room_corners(ring: LinearRing) -> int:

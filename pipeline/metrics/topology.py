@@ -10,7 +10,6 @@ import shapely
 from scipy.optimize import linear_sum_assignment
 from shapely import Polygon
 
-from minexplore.floors.floor import Floor
 from pipeline.geometry.network.skeleton import trace_all_alike
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.types import DriftNetwork, Frame, Mask
@@ -21,7 +20,6 @@ _SMALLEST_COMPONENT_M2 = 1.0
 _SAME_FACE_M = 6.0  # a skeleton may end in either corner of a face; the widest drift measures 5.9 m
 _REACHED = 2**0.5  # of a chamber's radius, from its middle to its corner
 _STATIONS_M = 3.0
-_LEVEL = Floor()
 
 
 @dataclass(frozen=True)
@@ -46,10 +44,8 @@ class TopologyMatch:
     length_world_m: float
 
 
-def compare_topology(
-    plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float, floor: Floor = _LEVEL
-) -> TopologyMatch:
-    """Trace the drift networks of two masks in the same way and compare them, sheet by sheet.
+def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float) -> TopologyMatch:
+    """Trace the drift networks of two masks in the same way and compare them.
 
     Parameters
     ----------
@@ -58,30 +54,7 @@ def compare_topology(
     frame : Frame
     cell_m, min_leg_m : float
         See `trace_network`.
-    floor : Floor
-        It gives the sheet of each column of the masks, and how often sheets join: loops may cross seams.
     """
-    middles = np.column_stack([np.arange(plan.shape[1]), np.zeros(plan.shape[1])])
-    sheet = floor.sheets_at(frame.to_mine(middles))
-    sheets = range(len(floor.offset_m))
-    found = [_compare_sheet(plan & (sheet == k), world & (sheet == k), frame, cell_m, min_leg_m) for k in sheets]
-    across = len(floor.seams()) - len(sheets) + 1
-    return TopologyMatch(
-        loops_plan=sum(one.loops_plan for one in found) + across,
-        loops_world=sum(one.loops_world for one in found) + across,
-        loops_difference=sum(one.loops_difference for one in found),
-        drifts_plan=sum(one.drifts_plan for one in found),
-        drifts_world=sum(one.drifts_world for one in found),
-        drifts_lost=sum(one.drifts_lost for one in found),
-        drifts_added=sum(one.drifts_added for one in found),
-        components_plan=sum(one.components_plan for one in found),
-        components_world=sum(one.components_world for one in found),
-        length_plan_m=round(sum(one.length_plan_m for one in found), 2),
-        length_world_m=round(sum(one.length_world_m for one in found), 2),
-    )
-
-
-def _compare_sheet(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float) -> TopologyMatch:
     outlines = _without_specks(trace_outline(plan, frame), trace_outline(world, frame), _CORNER / frame.px_per_m)
     shortest_m = [min_leg_m, 1.25 * min_leg_m, 0.75 * min_leg_m]
     (one, sure_one, any_one), (two, sure_two, any_two) = trace_all_alike(outlines, cell_m, shortest_m, _STATIONS_M)
@@ -95,8 +68,8 @@ def _compare_sheet(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg
         drifts_added=_count_unmatched(sure_two, any_one),
         components_plan=_count_components(plan, frame),
         components_world=_count_components(world, frame),
-        length_plan_m=one.total_length_m,
-        length_world_m=two.total_length_m,
+        length_plan_m=round(one.total_length_m, 2),
+        length_world_m=round(two.total_length_m, 2),
     )
 
 

@@ -24,7 +24,6 @@ from minexplore.bundle import (
     SURFACE_BODY,
     VOLUME_FORMAT,
     BundleError,
-    GeomGroup,
     is_volume,
     line_of,
     smooth_mesh,
@@ -299,7 +298,7 @@ def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) 
 
     They are in the mine frame that `T_world_mine` (4, 4) gives.
 
-    Left out are the level boxes, or the wedges, that are the floor and the roof, the height fields of a rough floor,
+    Left out are the level boxes that are the floor and the roof, the height fields of a rough floor,
     meshes of the surface's and the fittings' bodies that do not collide, and the level planes of puddles;
     `pipeline.proof` bounds where these may be.
     A sphere, capsule or another round shape is returned as the box around it.
@@ -313,8 +312,7 @@ def obstacles(model: mujoco.MjModel, T_world_mine: np.ndarray, height_m: float) 
         collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
         seen_only = not collides and model.geom_bodyid[geom] in surfaces and (is_mesh or _is_puddle(model, geom))
-        is_wedge = is_mesh and model.geom_group[geom] in (GeomGroup.FLOOR, GeomGroup.ROOF)
-        is_floor = is_wedge or _is_slab(model, geom, mine, height_m) or _is_rough_floor(model, geom, mine)
+        is_floor = _is_slab(model, geom, mine, height_m) or _is_rough_floor(model, geom, mine)
         if seen_only or is_floor:
             continue
         own = _mesh_corners(model, geom) if is_mesh else _box_around(model, geom)

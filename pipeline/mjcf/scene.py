@@ -56,8 +56,7 @@ class MineScene:
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
     the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used. `fittings` holds the
     visible floor and the furniture as `NAME.msh`; water stands on the floor zones named in `puddles`, `water_m` above
-    the flat floor. With a `floor` that has heights, places of lights and the anchor are in plan, z from the floor, and
-    the parts are where they are.
+    the flat floor.
     """
 
     name: str

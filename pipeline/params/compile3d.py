@@ -77,9 +77,6 @@ class Compile3dParams(Params):
     """Extrusion, decomposition, occupancy and spawn."""
 
     height_m: float = Field(gt=0.5, le=50, description="height of the workings, from the floor to the roof")
-    steepest_deg: float = Field(
-        30.0, gt=0, le=45, description="a floor with heights that is steeper anywhere is refused"
-    )
     rock_margin_m: float = Field(
         gt=0, le=100, description="width of the rock around the workings and around the plan's frame"
     )

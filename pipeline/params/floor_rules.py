@@ -18,7 +18,7 @@ class FloorRules(Params):
         default=0.364,
         gt=0,
         le=1,
-        description="greatest rise over run of a leg that is built; steeper legs are fenced off",
+        description="greatest rise over run to drive on: a steeper stated grade is refused, a steeper line is a shaft",
     )
     grade_change: float = Field(
         default=0.005, gt=0, le=0.1, description="greatest change of a leg's stated grade that closes a loop of grades"

@@ -26,9 +26,6 @@ class MadeBy(Params):
     collision_tile_m: float | None = Field(
         ge=50, description="compile3d.tile_m of the world: longest side of the tiles that exact parts lie in"
     )
-    steepest_deg: float = Field(
-        30.0, gt=0, le=45, description="compile3d.steepest_deg of the world: greatest slope of a floor with heights"
-    )
     fittings: FittingsParams = Field(description="the visible floor and the furniture that the world may have")
     tolerance_m: float | None = Field(
         ge=0, description="largest distance by which simplification may have moved a wall; null: 8 x wall_error_m"

@@ -27,7 +27,6 @@ from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, obstacles, placed_parts
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
-from pipeline.proof.standing import measure_standing
 from pipeline.proof.stress_test import Progress, stress_walls
 from pipeline.types import Frame, FreeSpace, Mask
 
@@ -68,7 +67,7 @@ def measure_containment(
     threads: int = 1,
     progress: Progress = iter,
 ) -> dict[str, Any]:
-    """Measure walls, floor, roof, reachable area, robots that stand and climb, and the stress test of a bundle.
+    """Measure walls, floor, roof, reachable area, and the stress test of a bundle.
 
     Parameters
     ----------
@@ -91,8 +90,6 @@ def measure_containment(
     wall_m = free.length
     figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures |= _reach(folder, world, free_space, params, network)
-    if params.limits.keys() & {"rest_drift_m", "climb_share"}:
-        figures |= dataclasses.asdict(measure_standing(folder, params.seed))
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
         stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)

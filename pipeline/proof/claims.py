@@ -32,7 +32,6 @@ def allowed_claims(folder: Path, claims: MadeBy, own: ValidationParams) -> Valid
     """
     most = {
         "tolerance_m": (tolerance_of(claims), tolerance_of(own)),
-        "steepest_deg": (claims.steepest_deg, own.steepest_deg),
         "network_cell_m": (claims.network_cell_m, own.network_cell_m),
         "network_min_leg_m": (claims.network_min_leg_m, own.network_min_leg_m),
         "network_station_spacing_m": (claims.network_station_spacing_m, own.network_station_spacing_m),

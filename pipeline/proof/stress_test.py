@@ -167,7 +167,7 @@ def _throw(
     for i, k in enumerate(here.tolist()):
         batch.place(k, start[i, 0], start[i, 1], yaw[i])
         along = np.array([[*(speed[i] * towards[i]), 0.0]])
-        batch.qvel[k, :3] = rotate_inverse(rotate_inverse(along, batch.floor.frame_at(start[i]).T), T[:3, :3].T)[0]
+        batch.qvel[k, :3] = rotate_inverse(along, T[:3, :3].T)[0]
         batch.qvel[k, 5] = spin[i]
 
 

@@ -109,10 +109,7 @@ def report_texture(
     network: DriftNetwork,
     params: TextureReportParams,
 ) -> TextureReport:
-    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison.
-
-    Rock that follows a floor's heights is measured in the plan.
-    """
+    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison."""
     walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
     rock = measure_texture(walls, roof, free, network, params)
     flat = measure_flat_texture(model, free, network, params)

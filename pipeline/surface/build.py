@@ -95,7 +95,7 @@ def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief)
 def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.ndarray:
     rough = params.rough
     if isinstance(relief, JointedRock):
-        return relief_of_joints(lattice.places_m, lattice.direction, relief, rough.seed)
+        return relief_of_joints(lattice.vertices, lattice.direction, relief, rough.seed)
     modulation = Modulation(rough.modulation_m, rough.modulation_spread)
     return relief_of_noise(lattice, *relief, modulation, np.random.default_rng(rough.seed))
 

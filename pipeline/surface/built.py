@@ -84,17 +84,17 @@ def measure_built(rough: RoughSurface, params: RoughParams) -> dict[str, Surface
 
 
 def wall_section(rough: RoughSurface) -> dict[str, np.ndarray]:
-    """Return the walls' line at robot height as dense points (n, 2) m for each ring, or each wall between seams."""
+    """Return the walls' line at robot height as dense points (n, 2) m for each ring."""
     lattice = rough.lattice
     columns = len(lattice.walls.xy)
     levels = rough.vertices[: lattice.wall_vertices : columns, 2]
     row = int(np.abs(levels - _SECTION_M).argmin())
     line = rough.vertices[row * columns : (row + 1) * columns, :2]
     dense = {}
-    for i, (first, count, step_m) in enumerate(lattice.walls.stretches):
-        part = line[first : first + count]
-        at = np.arange(0, count - 1, _SECTION_STEP_M / step_m)
-        dense[f"ring {i}"] = np.column_stack([np.interp(at, np.arange(count), part[:, k]) for k in (0, 1)])
+    for i, ring in enumerate(lattice.walls.rings):
+        part = line[ring.first : ring.first + ring.count]
+        at = np.arange(0, ring.count - 1, _SECTION_STEP_M / ring.step_m)
+        dense[f"ring {i}"] = np.column_stack([np.interp(at, np.arange(ring.count), part[:, k]) for k in (0, 1)])
     return dense
 
 

@@ -90,10 +90,6 @@ def _along_walls(lattice: Lattice, texture_m: float) -> tuple[np.ndarray, np.nda
 
     It is a whole number, so that the texture has no seam, except round columns that it would stretch too much for.
     """
-    if lattice.walls.sheets:
-        sheets = lattice.walls.sheets
-        times = np.maximum(1, np.round(sheets.length_m / texture_m))
-        return sheets.along_m / sheets.length_m * times, times
     u, repeats = [], []
     for ring in lattice.walls.rings:
         covered = ring.count * ring.step_m / texture_m
@@ -116,8 +112,7 @@ def _chunk(
     mesh, faces = rough.mesh, shaded.faces[part]
     if piece == ROOF:
         used, index = np.unique(faces, return_inverse=True)
-        places = _places_on_surface(rough, shaded.source[used])[:, :2]
-        texcoords = (places - _offset_m(rough, shaded.source[used])) / texture_m
+        texcoords = _places_on_surface(rough, shaded.source[used])[:, :2] / texture_m
     else:
         u, repeats = along
         column = rough.lattice.column[mesh.source[shaded.source[faces]]]
@@ -161,12 +156,6 @@ def _places_on_surface(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:
     """Return the places (k, 3) m of the mesh's vertices, given by number, on the surface before displacement."""
     source = rough.mesh.source[vertices]
     return rough.lattice.vertices[source] + (rough.mesh.vertices[vertices] - rough.vertices[source])
-
-
-def _offset_m(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray | float:
-    """Return how far (k, 2) m the sheets of the mesh's vertices, given by number, are moved aside."""
-    sheets = rough.lattice.walls.sheets
-    return sheets.offset_m[rough.lattice.column[rough.mesh.source[vertices]]] if sheets else 0.0
 
 
 def _unshaded(mesh: SurfaceMesh) -> ShadedMesh:

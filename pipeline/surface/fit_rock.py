@@ -62,14 +62,13 @@ class RockWalls:
     def __init__(self, rock: JointedRock, lattice: Lattice, bounds: Bounds, seed: int) -> None:
         count, columns = lattice.wall_vertices, len(lattice.walls.xy)
         self.bounds, self.seed = bounds, seed
-        self.parts = parts_of_joints(lattice.places_m, lattice.direction, rock, seed)[:, :count]
+        self.parts = parts_of_joints(lattice.vertices, lattice.direction, rock, seed)[:, :count]
         self.lattice = dataclasses.replace(
             lattice,
             vertices=lattice.vertices[:count],
             direction=lattice.direction[:count],
             roof_share=lattice.roof_share[:count],
             column=lattice.column[:count],
-            seam_join=None,
         )
         above = lattice.vertices[:count:columns, 2]
         away = [np.abs(above - level) for level in CUT_HEIGHTS_M]

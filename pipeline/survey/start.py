@@ -1,4 +1,4 @@
-"""The place where robots start, in the plan of a mine whose sheets lie side by side."""
+"""The place where robots start, in the plan of a mine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NEAR_M = 20.0  # of a start from the line of its drift; the widest drifts and r
 def start_in_plan(start_m: tuple[float, ...], heights: Heights | None) -> tuple[float, float]:
     """Return a start (easting, northing[, elevation]) m, mine frame, as a place (x, y) m of the plan.
 
-    Of drifts over each other the start is on that with the nearest elevation; without an elevation, on the first sheet.
+    With an elevation the start is on the drift with the nearest one.
 
     Raises
     ------
@@ -28,16 +28,13 @@ def start_in_plan(start_m: tuple[float, ...], heights: Heights | None) -> tuple[
         raise InputError(f"survey.entrance_m = {list(start_m)}: an elevation needs a survey whose drifts have them")
     z = elevation[0] - heights.datum_m
     found = []
-    for east_by, north_by in heights.offset_m:
-        place = shapely.Point(east + east_by, north + north_by)
-        for line in heights.lines:
-            drawn = shapely.LineString(line)
-            if len(line) > 1 and (apart := drawn.distance(place)) <= _NEAR_M:
-                over = drawn.interpolate(drawn.project(place)).z - z
-                found.append((float(np.hypot(apart, over)), (place.x, place.y)))
-    if not found or min(found)[0] > _NEAR_M:
+    place = shapely.Point(east, north)
+    for drawn in (shapely.LineString(line) for line in heights.lines if len(line) > 1):
+        over = drawn.interpolate(drawn.project(place)).z - z
+        found.append(float(np.hypot(drawn.distance(place), over)))
+    if min(found, default=np.inf) > _NEAR_M:
         raise InputError(f"survey.entrance_m = {list(start_m)}: no drift within {_NEAR_M:g} m")
-    return min(found)[1]
+    return east, north
 
 
 def start_over(start_m: tuple[float, ...] | None, datum_m: float) -> np.ndarray:

@@ -147,7 +147,7 @@ def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override
     ("override", "key"),
     [
         ("contours.tolerance_m=-1", "contours.tolerance_m"),  # stage 6 takes all these values too
-        ("compile3d.steepest_deg=-1", "compile3d.steepest_deg"),
+        ("contours.wall_error_m=-1", "contours.wall_error_m"),
         ("realism.floor.spacing_m=-1", "realism.floor.spacing_m"),
         ("surface.overlay=some", "surface.overlay"),
         ("compile3d.collision.method=vhcd", "compile3d.collision.method"),
@@ -164,9 +164,9 @@ def test_a_refused_value_is_one_line_with_the_key_that_was_written(override, key
 
 def test_a_limit_that_only_stage_6_has_on_a_shared_value_names_the_key_that_was_written():
     with pytest.raises(ValidationError) as caught:
-        ValidationParams.model_validate({**compose([]).validation.model_dump(), "steepest_deg": 0.0})
-    alone = describe_refusals(caught.value, {"steepest_deg": "${compile3d.steepest_deg}"})
-    assert alone.startswith("compile3d.steepest_deg = 0.0: ")
+        ValidationParams.model_validate({**compose([]).validation.model_dump(), "wall_error_m": 0.0})
+    alone = describe_refusals(caught.value, {"wall_error_m": "${contours.wall_error_m}"})
+    assert alone.startswith("contours.wall_error_m = 0.0: ")
 
 
 def test_the_plain_look_has_no_fittings():

@@ -57,7 +57,6 @@ JUDGEMENTS = {
     "closing it changes a grade by": "survey.grade_change",
     "and a plan is level": "survey.flat_grade",
     "m higher, the limit is": "survey.flat_step_m",
-    "deg steep at": "compile3d.steepest_deg",
     "a world holds one connected component": "contours.bridge_m",
     "no workings at": "contours.components",
 }

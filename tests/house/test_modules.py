@@ -13,8 +13,6 @@ LONGER = {  # and why
     "pipeline/survey/load.py": "stage 1: one reader a kind of survey",
     "benchmarks/faults/injection.py": "the faults of the mutants, a function each",
     "benchmarks/pictures/draw_sheet.py": "a drawing sheet with all that surrounds workings on paper",
-    # Folded floors, which go with the volume.
-    "minexplore/floors/floor.py": "folded floors",
     "pipeline/proof/rebuilt/visible.py": "the visible rock made again, a check a function",
 }
 

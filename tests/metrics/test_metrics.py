@@ -4,7 +4,6 @@ import pytest
 import shapely
 
 from minexplore.bundle import GeomGroup
-from minexplore.floors.floor import Floor
 from pipeline.errors import LimitError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.metrics.iou import intersection_over_union
@@ -107,21 +106,6 @@ def test_a_lost_drift_and_an_added_drift_are_counted_separately():
     assert (lost.drifts_lost, lost.drifts_added) == (1, 0)
     added = compare_topology(*masks(TEE, shapely.union_all([TEE, shapely.box(10, 5, 14, 20)])), 0.25, 2.0)
     assert (added.drifts_lost, added.drifts_added) == (0, 1)
-
-
-def test_a_lost_drift_is_counted_in_every_sheet():
-    moved = shapely.affinity.translate(TEE, 100, 0)
-    corners = np.array([(x, y, 0.0) for x, y in ((0, 0), (80, 0), (80, 40), (100, 0), (180, 0), (180, 40))])
-    floor = Floor(corners, np.array([[0, 1, 2], [3, 4, 5]]), np.array([0, 1]), np.array([[0.0, 0.0], [100.0, 0.0]]))
-    whole = shapely.union_all([TEE, moved])
-    same = compare_topology(*masks(whole, whole), 0.25, 2.0, floor)
-    alone = compare_topology(*masks(TEE, TEE), 0.25, 2.0)
-    assert same.drifts_plan == 2 * alone.drifts_plan
-    assert same.length_plan_m == pytest.approx(2 * alone.length_plan_m, abs=1)
-    for sheet, offset in enumerate((0, 100)):
-        straight = shapely.box(offset, 0, offset + 80, 5)
-        cut = shapely.union_all([straight, moved if sheet == 0 else TEE])
-        assert compare_topology(*masks(whole, cut), 0.25, 2.0, floor).drifts_lost == 1
 
 
 DRIFT = shapely.box(0, -2, 50, 2)

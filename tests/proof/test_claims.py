@@ -56,7 +56,6 @@ def test_a_bundle_that_claims_a_looser_tolerance_than_its_kind_has_is_refused_wi
     [
         ({"tolerance_m": 0.25}, "tolerance_m = 0.25: a mine of the kind own has at most 0.24"),
         ({"wall_error_m": 0.04}, "tolerance_m = 0.32"),
-        ({"steepest_deg": 31.0}, "steepest_deg = 31: a mine of the kind own has at most 30"),
         ({"collision_method": "coacd"}, "collision_method = coacd: a mine of the kind own has exact"),
         ({"collision_tile_m": 50.0}, "collision_tile_m = 50.0: a mine of the kind own has 400"),
         ({"network_cell_m": 0.0201}, "network_cell_m = 0.0201: a mine of the kind own has at least 0.0625"),

@@ -9,25 +9,22 @@ from pipeline.survey.start import start_in_plan
 from pipeline.types import Heights, Occupancy
 from tests.composed import compose
 
-# Two drifts over each other along the same line, the lower one drawn 100 m north of the other.
-UPPER = [(0.0, 0.0, 20.0), (60.0, 0.0, 20.0)]
-LOWER = [(0.0, 100.0, 0.0), (60.0, 100.0, 0.0)]
-STACKED = Heights(lines=[UPPER, LOWER], datum_m=500.0, offset_m=[(0.0, 0.0), (0.0, 100.0)])
+# A level drift at an elevation of 520 m.
+DRIFT = Heights(lines=[[(0.0, 0.0, 20.0), (60.0, 0.0, 20.0)]], datum_m=500.0)
 
 
-@pytest.mark.parametrize(("elevation", "y"), [(521.0, 0.0), (500.0, 100.0)])
-def test_of_drifts_over_each_other_a_start_is_on_that_of_its_elevation(elevation, y):
-    assert start_in_plan((30.0, 1.0, elevation), STACKED) == (30.0, 1.0 + y)
+def test_a_start_with_the_elevation_of_its_drift_is_a_place_of_the_plan():
+    assert start_in_plan((30.0, 1.0, 521.0), DRIFT) == (30.0, 1.0)
 
 
-def test_a_start_without_an_elevation_is_a_place_of_the_plan():
-    assert start_in_plan((30.0, 1.0), STACKED) == start_in_plan((30.0, 1.0), None) == (30.0, 1.0)
+def test_a_start_without_an_elevation_is_one_too():
+    assert start_in_plan((30.0, 1.0), DRIFT) == start_in_plan((30.0, 1.0), None) == (30.0, 1.0)
 
 
 @pytest.mark.parametrize("start", [(30.0, 1.0, 600.0), (900.0, 1.0, 500.0)])
 def test_a_start_far_from_every_drift_is_refused_with_its_key(start):
     with pytest.raises(InputError, match=r"^survey\.entrance_m = .*: no drift within 20 m"):
-        start_in_plan(start, STACKED)
+        start_in_plan(start, DRIFT)
 
 
 def test_an_elevation_in_a_level_mine_is_refused():

@@ -83,6 +83,6 @@ def world_driver(bundle: Path) -> Driver:
     at = qpos_address(model, "robot")[:7]
 
     def place(data: mujoco.MjData) -> None:
-        data.qpos[at] = free_joint_qpos(models.T_world_mine, robot, x, y, 0.0, world.floor)
+        data.qpos[at] = free_joint_qpos(models.T_world_mine, robot, x, y, 0.0)
 
     return Driver(model, place)

@@ -6,17 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from minexplore.bundle import MESHES, MODEL, RECORD, BundleError, has_visible_rock
-from minexplore.floors.floor import Floor
 from minexplore.schema.agreement.comparison import ModelElements
 from minexplore.schema.agreement.rock import check_boxes, check_rock, check_zones
 from minexplore.schema.agreement.views import check_cameras, check_lights, check_look, check_pose, check_surface
 from minexplore.schema.fittings import check_fittings
-from minexplore.schema.heights import check_wedges
 from minexplore.schema.readers.xml import Node
 from minexplore.schema.rough_floor import check_rough_floor
 
 
-def check_agreement(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], floor: Floor) -> None:
+def check_agreement(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
     """Refuse a model that differs from its record, or names other meshes than the bundle has.
 
     Parameters
@@ -27,8 +25,6 @@ def check_agreement(root: Node, record: Mapping[str, Any], files: Mapping[str, b
         `world.json`, which the table of fields allows.
     files : dict
         By name.
-    floor : Floor
-        Of `floor.npz`; without triangles in a flat world.
 
     Raises
     ------
@@ -39,15 +35,12 @@ def check_agreement(root: Node, record: Mapping[str, Any], files: Mapping[str, b
     if root.attributes["model"] != record["name"]:
         raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
     check_look(at, record)
-    check_pose(at, record, floor)
-    check_rock(at, record, floor)
-    check_zones(at, record, floor)
-    if floor.is_flat:
-        check_boxes(at, record)
-    else:
-        check_wedges(at.of_mine, at.of_assets, record, floor)
-    check_cameras(at, record, floor)
-    check_lights(at, record, floor)
+    check_pose(at, record)
+    check_rock(at, record)
+    check_zones(at, record)
+    check_boxes(at, record)
+    check_cameras(at, record)
+    check_lights(at, record)
     if has_visible_rock(record):
         check_surface(at, {name for name in files if name.startswith(MESHES)})
     check_rough_floor(at.of_mine, at.of_assets, record, files)

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import zip_longest
 
-import numpy as np
-
 from minexplore.bundle import FITTINGS_BODY, MINE_BODY, MODEL, RECORD, ROCK_CLASS, SURFACE_BODY, BundleError
-from minexplore.floors.floor import Floor
 from minexplore.schema.readers.rules import numbers_in, same
 from minexplore.schema.readers.xml import Node
 
@@ -56,8 +53,3 @@ def expect_names(tag: str, names: list[str], wanted: list[str], field: str) -> N
         pairs = zip_longest(names, wanted, fillvalue="none")
         number, (found, want) = next((k, pair) for k, pair in enumerate(pairs, 1) if pair[0] != pair[1])
         raise BundleError(f"{MODEL}: <{tag}> {number}: {found!r}, want {want!r} ({RECORD}: {field})")
-
-
-def folded_place(floor: Floor, place_m: list[float]) -> list[float]:
-    """Return a place (x, y, z above the floor) m of the plan in the mine frame."""
-    return place_m if floor.is_flat else floor.fold(np.array([place_m]))[0].tolist()  # type: ignore[no-any-return]

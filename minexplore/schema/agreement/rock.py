@@ -20,8 +20,6 @@ from minexplore.bundle import (
     is_rock,
     rock_geom,
 )
-from minexplore.floors.floor import Floor
-from minexplore.floors.floor_zones import zoned_box
 from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of
 from minexplore.schema.readers.xml import Node
 
@@ -31,7 +29,7 @@ _THINNEST_M = 0.05  # of floor and roof: a robot must not pass through them in o
 _EQUAL_M = 0.0501  # what rounding to a decimetre moves the end of a floor zone
 
 
-def check_rock(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
+def check_rock(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare the collision parts with their number and with the box of the rock."""
     names = at.names("geom", rock_geom(0)[:-4])
     expect_names("geom", names, [rock_geom(i) for i in range(record["collision_parts"])], "collision_parts")
@@ -44,16 +42,16 @@ def check_rock(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> No
         geom = at.of_mine["geom", name]
         if geom.attributes["mesh"] != name or name not in shapes:
             raise BundleError(f"{MODEL}: {geom.path}@mesh: {geom.attributes['mesh']!r}, want a mesh of the geom's name")
-    _check_parts(at, names, record, floor)
+    _check_parts(at, names, record)
     for name in sorted(shapes - set(names)):
         raise BundleError(f"{MODEL}: {at.of_assets['mesh', name].path}: no geom has this mesh")
     expect(at.rock_class, "friction", numbers_of(at.rock_class, "friction", "1"), [record["rock_friction"]])
 
 
-def _check_parts(at: ModelElements, names: list[str], record: Mapping[str, Any], floor: Floor) -> None:
+def _check_parts(at: ModelElements, names: list[str], record: Mapping[str, Any]) -> None:
     """Check that each collision part, a geom and a mesh of this name, is solid and lies in the box of the rock."""
     geoms, meshes = [at.of_mine["geom", name] for name in names], [at.of_assets["mesh", name] for name in names]
-    low, high = rock_box(record, floor)
+    low, high = rock_box(record)
     lists = [numbers_of(mesh, "vertex") for mesh in meshes]
     vertices = np.array(list(itertools.chain.from_iterable(lists))).reshape(-1, 3)
     count = np.array([len(numbers) // 3 for numbers in lists])
@@ -76,28 +74,16 @@ def _check_parts(at: ModelElements, names: list[str], record: Mapping[str, Any],
         )
 
 
-def rock_box(record: Mapping[str, Any], floor: Floor) -> tuple[np.ndarray, np.ndarray]:
+def rock_box(record: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and the highest corner (3,) m of the rock in the mine frame."""
     west, south, east, north = record["world_m"]
-    low, high = np.array([west, south, 0.0]), np.array([east, north, record["height_m"]])
-    if not floor.is_flat:
-        low[:2] -= floor.offset_m.max(axis=0)
-        high[:2] -= floor.offset_m.min(axis=0)
-        lowest = min((opening["bottom_m"] for opening in record.get("openings", [])), default=np.inf)
-        low[2] = min(lowest, record["heights"]["low_m"])
-        roof = record["heights"]["high_m"] + max((record["height_m"], *record["heights"].get("roof_m", ())))
-        high[2] = max([roof, *(o["top_m"] for o in record.get("openings", []) if o["sheet"] is None)])
-        for opening in (opening for opening in record.get("openings", []) if "bends_m" in opening):
-            aside = np.array(opening["bends_m"])[:, :2]
-            low[:2] += np.minimum(aside.min(axis=0), 0.0)
-            high[:2] += np.maximum(aside.max(axis=0), 0.0)
-    return low, high
+    return np.array([west, south, 0.0]), np.array([east, north, record["height_m"]])
 
 
-def check_zones(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
+def check_zones(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare the materials of the floor zones with the record, and the zones with the box that they divide."""
     zones = record["zones"]
-    west, south, east, north = zoned_box(record["world_m"], floor)
+    west, south, east, north = record["world_m"]
     grounds = [name for tag, name in at.of_assets if tag == "material" and is_ground(name)]
     expect_names("material", grounds, [ground_material(zone["name"]) for zone in zones], "zones")
     length = (east - west) / len(zones)

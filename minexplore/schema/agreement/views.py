@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from minexplore.bundle import (
     ENTRANCE_CAMERA,
     MODEL,
@@ -20,12 +18,11 @@ from minexplore.bundle import (
     spot_light,
     surface_geom,
 )
-from minexplore.floors.floor import Floor
 from minexplore.looks import CUT_MATERIAL, EXTENT_M, PLAIN, look_of
-from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, folded_place, numbers_of
+from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of
 from minexplore.schema.model import SMOOTH_MESHES
 
-_ROUND_M = 1e-4  # places above a floor with heights have four decimals
+_ROUND_M = 1e-4  # the camera's place has four decimals
 _CENTRE_M = 6e-4  # the view's centre has three decimals
 _TURN = 1e-4
 
@@ -50,22 +47,20 @@ def check_look(at: ModelElements, record: Mapping[str, Any]) -> None:
         raise BundleError(f"{MODEL}: {at.rock_class.path}@material: want {wanted!r}, as {RECORD}: look gives")
 
 
-def check_pose(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
+def check_pose(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare the mine's pose and the view's centre with the transform, the tilt and the spawn's anchor."""
     T, half = record["T_world_mine"], math.radians(record["tilt_deg"]) / 2
     expect(at.mine, "pos", numbers_of(at.mine, "pos"), [row[3] for row in T[:3]])
     expect(at.mine, "quat", numbers_of(at.mine, "quat", "1 0 0 0"), [math.cos(half), 0.0, math.sin(half), 0.0])
-    anchor = [*folded_place(floor, [*record["spawn"]["anchor_m"], 0.5]), 1.0]
+    anchor = [*record["spawn"]["anchor_m"], 0.5, 1.0]
     centre = [sum(c * a for c, a in zip(row, anchor, strict=True)) for row in T[:3]]
     expect(at.statistic, "center", numbers_of(at.statistic, "center"), centre, _CENTRE_M)
 
 
-def check_cameras(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
+def check_cameras(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare the cameras with the spawn's anchor, a level view, and the box of the rock."""
     entrance, overview = at.of_mine["camera", ENTRANCE_CAMERA], at.of_mine["camera", OVERVIEW_CAMERA]
-    expect(
-        entrance, "pos", numbers_of(entrance, "pos"), folded_place(floor, [*record["spawn"]["anchor_m"], 1.2]), _ROUND_M
-    )
+    expect(entrance, "pos", numbers_of(entrance, "pos"), [*record["spawn"]["anchor_m"], 1.2], _ROUND_M)
     w, x, y, z = numbers_of(entrance, "quat", "1 0 0 0")
     # A level view along any heading: its up axis is the mine's z, its right axis is level.
     if abs(2 * (y * z + w * x) - 1) > _TURN or abs(2 * (x * z - w * y)) > _TURN:
@@ -79,7 +74,7 @@ def check_cameras(at: ModelElements, record: Mapping[str, Any], floor: Floor) ->
     expect(overview, "quat", numbers_of(overview, "quat", "1 0 0 0"), [math.cos(turn), math.sin(turn), 0.0, 0.0], 1e-6)
 
 
-def check_lights(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> None:
+def check_lights(at: ModelElements, record: Mapping[str, Any]) -> None:
     """Compare the spot lights with their number, and require one height, pitch and cutoff of all."""
     names = at.names("light", "")
     expect_names("light", names, [spot_light(i) for i in range(record["lights"])], "lights")
@@ -88,13 +83,11 @@ def check_lights(at: ModelElements, record: Mapping[str, Any], floor: Floor) -> 
     for name in names:
         light = at.of_mine["light", name]
         x, y, z = numbers_of(light, "pos")
-        if not floor.is_flat:
-            x, y, z = floor.unfold(np.array([[x, y, z]]))[0].round(3).tolist()
         if not (west <= x <= east and south <= y <= north and 0 < z <= 1000):
             raise BundleError(f"{MODEL}: {light.path}@pos: {x:g} {y:g} {z:g}, want a place above the floor in world_m")
         pitch = numbers_of(light, "dir", "0 0 -1")[2]
         kinds.add((round(z, 4), round(pitch, 4), light.attributes.get("cutoff", "45")))
-        if pitch > _TURN or len(kinds) > 1:  # heights are those above the floor
+        if pitch > _TURN or len(kinds) > 1:
             raise BundleError(f"{MODEL}: {light.path}: height, pitch or cutoff differ from those of {names[0]}")
 
 

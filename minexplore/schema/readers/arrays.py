@@ -20,10 +20,8 @@ _UNREADABLE = (
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
-def read_arrays(
-    file: str, data: bytes, table: dict[str, tuple[str, int]], most: int, optional: frozenset[str] = frozenset()
-) -> dict[str, np.ndarray]:
-    """Return the arrays of an archive, which holds those of a table and nothing else; some may be absent.
+def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most: int) -> dict[str, np.ndarray]:
+    """Return the arrays of an archive, which holds those of a table and nothing else.
 
     Parameters
     ----------
@@ -34,8 +32,6 @@ def read_arrays(
         The dtype and the number of dimensions of each array by its name.
     most : int
         Values of each array.
-    optional : frozenset of str
-        The arrays that may be absent.
 
     Raises
     ------
@@ -45,7 +41,6 @@ def read_arrays(
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = sorted(archive.namelist())
-            table = {name: want for name, want in table.items() if name not in optional or f"{name}.npy" in names}
             if names != sorted(f"{name}.npy" for name in table):
                 raise BundleError(f"{file}: holds {str(names)[:200]}, want {', '.join(table)}")
             odd = {entry.compress_type for entry in archive.infolist()} - {*_METHODS}

@@ -20,7 +20,6 @@ from minexplore.bundle import (
     rock_geom,
     spot_light,
 )
-from minexplore.floors.floor import Floor
 from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeArrays
 from minexplore.looks import look_of
 from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of
@@ -46,7 +45,7 @@ def check_volume_model(root: Node, record: Mapping[str, Any], volume: VolumeArra
     if root.attributes["model"] != record["name"]:
         raise BundleError(f"{MODEL}: mujoco@model: {root.attributes['model']!r}, {RECORD} says {record['name']!r}")
     _check_views(at, record)
-    check_zones(at, record, Floor())
+    check_zones(at, record)
     _check_parts(at, record, volume.parts)
 
 

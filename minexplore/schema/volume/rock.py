@@ -7,8 +7,6 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from minexplore.bundle import (
     MESHES,
     MINE_BODY,
@@ -24,7 +22,6 @@ from minexplore.bundle import (
     mesh_file,
     surface_geom,
 )
-from minexplore.floors.floor import Floor
 from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.looks import CUT_MATERIAL
 from minexplore.schema.agreement.comparison import ModelElements
@@ -120,7 +117,7 @@ def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes]
         Naming the file or the element, the value and the limit.
     """
     low, high = facets.vertices.min(axis=0) - _BEYOND_M, facets.vertices.max(axis=0) + _BEYOND_M
-    check_meshes(files, low, high, Floor(), float(np.ptp(facets.vertices[:, 2])))
+    check_meshes(files, low, high)
     width, height = check_png(ROCK_TEXTURE, files[ROCK_TEXTURE], (RGB, PALETTE), MOST_PIXELS[ROCK_TEXTURE])
     inflate_png(ROCK_TEXTURE, files[ROCK_TEXTURE])
     if width != height or width < 16:

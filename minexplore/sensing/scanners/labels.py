@@ -6,17 +6,15 @@ from collections.abc import Mapping
 
 from minexplore.bundle import (
     FURNITURE,
-    OPENING_FITTINGS,
     fitting_geom,
     is_cover,
-    is_floor,
     is_rock,
-    is_roof,
     surface_geom,
 )
 from minexplore.floors.floor_zones import FloorZone
 
-LABELS = ("nothing", "rock", "roof", "floor", "wet floor", "water", *FURNITURE, *OPENING_FITTINGS, "robot", "dust")
+# No world has fences and shafts any more; their numbers stay, so that those of robots and dust do.
+LABELS = ("nothing", "rock", "roof", "floor", "wet floor", "water", *FURNITURE, "fence", "shaft", "robot", "dust")
 NUMBERS: Mapping[str, int] = {name: number for number, name in enumerate(LABELS)}
 NOTHING, ROCK, ROOF, FLOOR, WET_FLOOR, WATER, DUST = (
     NUMBERS[name] for name in ("nothing", "rock", "roof", "floor", "wet floor", "water", "dust")
@@ -37,8 +35,6 @@ def label_of_mesh(name: str) -> int:
     kind = name.partition("_")[0].partition(" ")[0]
     if kind in NUMBERS and kind != "nothing":
         return NUMBERS[kind]
-    if is_cover(name) or is_floor(name) or kind in ("beside", "floor"):
+    if is_cover(name):
         return FLOOR
-    if is_roof(name):
-        return ROOF
     return ROCK if is_rock(name) or name else NOTHING

@@ -19,7 +19,7 @@ from pipeline.params.validation import CertificateParams, ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.rebuilt.remake import read_free_space
 
-OF_PHYSICS = ("contacts", "escapes", "deepest_m", "rest_drift_m", "climb_share")  # of robots that MuJoCo steps
+OF_PHYSICS = ("contacts", "escapes", "deepest_m")  # of robots that MuJoCo steps
 
 
 def certify_parts(bundle: Path, opened: OpenedBundle, read: ReadScene, params: ValidationParams) -> Certificate:

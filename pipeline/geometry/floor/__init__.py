@@ -1,1 +1,1 @@
-"""The folded floor: its mesh, heights, sheets, seams and convex parts."""
+"""Floors: the heights of a plan with heights, their mesh, and outlines with fewer corners."""

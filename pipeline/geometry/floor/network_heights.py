@@ -1,4 +1,4 @@
-"""Heights along a drift network, from a grade or from spots: lines for `floor_mesh`."""
+"""Heights along a drift network, from a grade or from spots: lines for `build_floor`."""
 
 from __future__ import annotations
 
@@ -18,14 +18,12 @@ _SAME_M = 0.01
 _ALIKE_M, _STEP_M = 0.5, 0.3  # spots so near to each other along a drift count by their mean, and differ by no more
 
 
-def floor_lines(
-    heights: Heights, network: DriftNetwork, entrance_m: tuple[float, float], height_m: float = 0.0
-) -> list[np.ndarray]:
-    """Return the lines (k, 3) m along which the floor's height is known; (k, 4) m with the roof over it if that is too.
+def floor_lines(heights: Heights, network: DriftNetwork, entrance_m: tuple[float, float]) -> list[np.ndarray]:
+    """Return the lines (k, 3) m along which the floor's height is known.
 
     Spots set the height at the nearest place of a drift, a surface that at each station between its points. Between
     those it is linear along the drifts, and beyond the last one it stays. A grade rises from the station nearest to
-    the entrance by the shortest way. The roof is `height_m` over the floor where the survey knows none.
+    the entrance by the shortest way.
 
     Raises
     ------
@@ -33,9 +31,6 @@ def floor_lines(
         If a spot is far from every drift, two spots at one place differ, or no drift lies on the surface; the message
         names the spot.
     """
-    if heights.roofs:
-        pairs = zip(heights.lines, heights.roofs, strict=True)
-        return [np.column_stack([line, np.array(roof) @ [1.0, height_m]]) for line, roof in pairs]
     if heights.lines:
         return [np.array(line, dtype=float) for line in heights.lines]
     along = [] if heights.sampled or heights.grade is not None else _along_legs(network, heights)

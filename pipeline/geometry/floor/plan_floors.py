@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.types import NO_FLOORS, DriftNetwork, FloorMesh, Survey
-
-_ANY_DEG = 90.0  # a volume has floors of any steepness
 
 
 def plan_floors(outline: BaseGeometry, survey: Survey, network: DriftNetwork) -> FloorMesh:
@@ -26,5 +23,4 @@ def plan_floors(outline: BaseGeometry, survey: Survey, network: DriftNetwork) ->
     if heights is None:
         return NO_FLOORS
     lines = floor_lines(heights, network, survey.entrance_m or network.main_drift_m[0])
-    floor = build_floor(outline, lines, _ANY_DEG)
-    return FloorMesh(floor.vertices, floor.faces.astype(np.int32), heights.datum_m)
+    return build_floor(outline, lines, heights.datum_m)

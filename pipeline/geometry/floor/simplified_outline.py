@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import require_same_network, trace_alike
@@ -30,7 +30,7 @@ class NetworkGrid:
 class SimplifiedOutline:
     """The simplified outline, its drift network, and the largest distance, m, by which a wall moved."""
 
-    outline: Polygon | MultiPolygon
+    outline: Polygon
     network: DriftNetwork
     moved_m: float
 

@@ -17,9 +17,7 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.types import Frame, Occupancy, Spawn
 
 
-def occupancy_grid(
-    free: Polygon, cell_m: float, world_m: tuple[float, float, float, float], walls_m: np.ndarray | None = None
-) -> Occupancy:
+def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:
     """Rasterise the free space and measure the exact distance to rock at each free cell's centre.
 
     Parameters
@@ -28,8 +26,6 @@ def occupancy_grid(
     cell_m : float
     world_m : (west, south, east, north), m
         The grid covers this box; its south-west corner is a whole number of cells from the origin.
-    walls_m : (n, 2, 2), m, optional
-        The walls, if not all of the boundary is wall.
 
     Returns
     -------
@@ -44,15 +40,13 @@ def occupancy_grid(
     row, col = np.nonzero(cells)
     centres = shapely.points(west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m)
     clearance = np.zeros(cells.shape, dtype=np.float32)
-    clearance[row, col] = _wall_distance(free, centres, walls_m)
+    clearance[row, col] = _wall_distance(free, centres)
     return Occupancy(cells.copy(), clearance, np.array([west, south]), cell_m)
 
 
-def _wall_distance(free: Polygon, points: np.ndarray, walls_m: np.ndarray | None) -> np.ndarray:
-    if walls_m is None:
-        rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
-        walls_m = np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in rings])
-    walls = shapely.linestrings(walls_m)
+def _wall_distance(free: Polygon, points: np.ndarray) -> np.ndarray:
+    rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
+    walls = shapely.linestrings(np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in rings]))
     (index, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
     ordered = np.empty(len(points))
     ordered[index] = distance
@@ -81,8 +75,7 @@ def first_anchor(
 def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: float, clearance_m: float) -> Spawn:
     """Choose the spawn anchor: the cell with the largest clearance within half the radius, or else the whole radius.
 
-    All cells round the anchor are free: beside a seam of two sheets, where no wall is near, the next cell of the plan
-    is none of the workings.
+    All cells round the anchor are free.
 
     Parameters
     ----------
@@ -118,5 +111,5 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
 
 
 def nav2_map(grid: Occupancy) -> tuple[np.ndarray, str]:
-    """Return the grid as a ROS Nav2 map of the plan, where sheets lie side by side: pixels (rows, cols), `map.yaml`."""
+    """Return the grid as a ROS Nav2 map of the plan: pixels (rows, cols), `map.yaml`."""
     return nav2_files(grid.free, grid.origin_m, grid.cell_m, NAV2_PICTURE)

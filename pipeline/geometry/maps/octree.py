@@ -69,7 +69,7 @@ def build_octree(
     moved : (rows, cols, 2) int, optional
         How many cells each free cell is moved east and north in plan.
     """
-    at = np.nonzero(free)  # only these: a plan of many sheets is nearly empty
+    at = np.nonzero(free)  # only these: a plan with gaps is nearly empty
     layers = np.maximum(1, np.round(np.broadcast_to(height_m, free.shape)[at] / cell_m)).astype(np.int64)
     shift = np.zeros((len(at[0]), 2), np.int64) if moved is None else moved[at]
     base = np.zeros(len(layers), np.int64) if floor_m is None else np.round(floor_m[at] / cell_m).astype(np.int64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 
 import networkx as nx
 import numpy as np
@@ -12,37 +12,8 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline.types import Frame
 
 Pixel = tuple[int, int]
-OpenEnd = tuple[float, float, float]  # x and y of the middle of an edge that is no wall, and half its length, m
 
 _SMOOTHING_CELLS = 3.0  # s.d. of the smoothing; pixel chains run in 45 deg steps, which makes them up to 8 % too long
-_BEFORE_EDGE = 1.5  # half lengths of an edge, within which a leg ends at it: the strip's corner, or a half width before
-
-
-def ends_at(ends_m: Sequence[tuple[float, float]], open_m: Sequence[OpenEnd]) -> set[int]:
-    """Return for each open edge the row of the nearest end, unless it is further away than a skeleton can end."""
-    places, found = np.array(ends_m, dtype=float).reshape(-1, 2), set[int]()
-    for x, y, half_m in open_m:
-        apart = np.hypot(*(places - (x, y)).T)
-        apart[list(found)] = np.inf
-        if len(apart) and apart.min() <= _BEFORE_EDGE * half_m:
-            found.add(int(apart.argmin()))
-    return found
-
-
-def reach_open_ends(pixels: nx.Graph, frame: Frame, open_m: Sequence[OpenEnd]) -> None:
-    """Add a chain of pixels to each open edge to which a skeleton has no branch: one within a width of a junction."""
-    for edge in open_m:
-        every = sorted(pixels)
-        places = frame.to_mine(np.array(every, dtype=float)[:, ::-1] + 0.5)
-        ends = [tuple(place) for pixel, place in zip(every, places.tolist(), strict=True) if pixels.degree(pixel) <= 1]
-        if ends_at(ends, [edge]):
-            continue
-        start = np.array(every[int(np.hypot(*(places - edge[:2]).T).argmin())])
-        stop = np.floor(frame.to_image(np.array([edge[:2]]))[0, ::-1])
-        steps = int(np.abs(stop - start).max())
-        chain = [(int(r), int(c)) for r, c in np.round(np.linspace(start, stop, steps + 1))]
-        last = max(k for k, pixel in enumerate(chain) if pixel in pixels)
-        nx.add_path(pixels, chain[last:])
 
 
 def contract_pixels(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:
@@ -108,18 +79,15 @@ def _add_leg(graph: nx.MultiGraph, first: int, last: int, path: np.ndarray) -> N
     graph.add_edge(first, last, path=smooth, length=length)
 
 
-def prune_spurs(
-    graph: nx.MultiGraph, clearance_m: Mapping[int, float], min_leg_m: float, open_ends: Collection[int] = ()
-) -> None:
+def prune_spurs(graph: nx.MultiGraph, clearance_m: Mapping[int, float], min_leg_m: float) -> None:
     """Remove dead-end legs that reach less than `min_leg_m` beyond the walls of the drift they leave, shortest first.
 
-    `clearance_m` are the nodes' distances from the walls. The two legs that a removed leg separated become one. Legs
-    to `open_ends`, where the workings go on, stay.
+    `clearance_m` are the nodes' distances from the walls. The two legs that a removed leg separated become one.
     """
 
     def spur_at(end: int) -> tuple[float, int, int, int] | None:
         ((_, root, key, leg),) = graph.edges(end, keys=True, data=True)
-        short = end not in open_ends and graph.degree(root) > 2 and leg["length"] - clearance_m[root] < min_leg_m
+        short = graph.degree(root) > 2 and leg["length"] - clearance_m[root] < min_leg_m
         return (leg["length"], end, root, key) if short else None
 
     spurs = [spur for end in graph if graph.degree(end) == 1 and (spur := spur_at(end))]

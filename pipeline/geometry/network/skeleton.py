@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.network.leg_graph import OpenEnd, contract_pixels, ends_at, prune_spurs, reach_open_ends
+from pipeline.geometry.network.leg_graph import contract_pixels, prune_spurs
 from pipeline.geometry.network.thinning import thin_polygon
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.wall_distance import distances_to_walls
@@ -23,19 +23,13 @@ _REFINEMENTS = 3
 _ROWS = 256  # of the matrix of distances that are held at a time
 
 
-def trace_network(
-    free: Polygon, cell_m: float, min_leg_m: float, station_spacing_m: float, open_m: Sequence[OpenEnd] = ()
-) -> DriftNetwork:
+def trace_network(free: Polygon, cell_m: float, min_leg_m: float, station_spacing_m: float) -> DriftNetwork:
     """Trace the drift network of a free-space polygon; see `trace_networks`."""
-    return trace_networks(free, cell_m, [min_leg_m], station_spacing_m, open_m)[0]
+    return trace_networks(free, cell_m, [min_leg_m], station_spacing_m)[0]
 
 
 def trace_networks(
-    free: Polygon,
-    cell_m: float,
-    min_legs_m: Sequence[float],
-    station_spacing_m: float,
-    open_m: Sequence[OpenEnd] = (),
+    free: Polygon, cell_m: float, min_legs_m: Sequence[float], station_spacing_m: float
 ) -> list[DriftNetwork]:
     """Trace the drift network of a free-space polygon, once for each shortest dead-end leg.
 
@@ -49,8 +43,6 @@ def trace_networks(
         A dead-end leg is kept if it reaches this far beyond the walls of the drift that it leaves.
     station_spacing_m : float
         Distance between the stations along a leg.
-    open_m : sequence of (x, y, half length) m
-        Edges at which the workings go on, in another sheet; the leg there is kept however short it is.
 
     Returns
     -------
@@ -73,16 +65,13 @@ def trace_networks(
             f"skeleton: {len(free.interiors)} islands in one component, but {loops} loops in {components} components "
             f"at cells of {1 / frame.px_per_m:.3g} m; some passage or pillar is thinner"
         )
-    reach_open_ends(pixels, frame, open_m)
     graph = contract_pixels(pixels, frame)
     nodes = list(graph)
     clearance = distances_to_walls(free, np.array([graph.nodes[node]["xy"] for node in nodes]))
-    ends = [node for node in nodes if graph.degree(node) == 1]
-    open_ends = {ends[row] for row in ends_at([graph.nodes[node]["xy"] for node in ends], open_m)}
     networks = []
     for min_leg_m in min_legs_m:
         kept = graph.copy()
-        prune_spurs(kept, dict(zip(nodes, clearance, strict=True)), min_leg_m, open_ends)
+        prune_spurs(kept, dict(zip(nodes, clearance, strict=True)), min_leg_m)
         networks.append(_describe(kept, free, station_spacing_m, 1 / frame.px_per_m))
     return networks
 

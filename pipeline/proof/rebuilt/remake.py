@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from pydantic import TypeAdapter
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
@@ -26,9 +26,10 @@ from minexplore.bundle import (
     TOPOLOGY,
 )
 from pipeline.errors import ArtifactError, GeometryError
-from pipeline.geometry.floor.sheets import count_islands, filled, trace_sheets
 from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.maps.octree import build_octree, to_bt
+from pipeline.geometry.network.skeleton import trace_network
+from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.differences import first_difference
@@ -97,7 +98,7 @@ def read_free_space(folder: Path) -> FreeSpace:
     path = folder / FREE_SPACE
     free_space: FreeSpace = decode(path, FreeSpace)
     free = free_space.polygon
-    if not isinstance(free, Polygon | MultiPolygon) or free.is_empty or free.has_z:
+    if not isinstance(free, Polygon) or free.is_empty or free.has_z:
         raise ArtifactError(f"{path}: geometry: {free.geom_type}, want one polygon of two coordinates")
     if not np.isfinite(shapely.get_coordinates(free)).all() or not free.is_valid:
         raise ArtifactError(f"{path}: geometry: not a valid polygon: {shapely.is_valid_reason(free)}")
@@ -118,8 +119,6 @@ def _require_figures(folder: Path, record: WorldRecord, free_space: FreeSpace, t
             raise ArtifactError(f"{folder / RECORD}: {differs}, as {FREE_SPACE} states")
     if not 0 <= free_space.tolerance_m <= tolerance_m:
         raise ArtifactError(f"{path}: tolerance_m = {free_space.tolerance_m}, want 0 to {tolerance_m}")
-    if len(shapely.get_parts(free)) != 1:
-        raise ArtifactError(f"{path}: geometry: {len(shapely.get_parts(free))} polygons, want one")
     outer = filled(free)
     plan = shapely.box(*free_space.frame.extent_m)
     made = Areas(
@@ -172,7 +171,7 @@ def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: 
         raise ArtifactError(f"{path}: cell_m = {stated.cell_m}, want one of {cells}")
     grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
     try:
-        made = trace_sheets(free, [], *grid)
+        made = trace_network(free, *grid)
     except GeometryError as error:
         raise ArtifactError(f"{folder / FREE_SPACE}: {error}") from error
     differs = first_difference(json.loads(encode(path, stated)), json.loads(encode(path, made)), _CM)

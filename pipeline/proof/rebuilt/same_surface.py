@@ -26,17 +26,13 @@ def surfaces_differ(found: Mesh, wanted: Mesh) -> str | None:
     return differs
 
 
-def triangles_differ(one: np.ndarray, two: np.ndarray, split: bool = False) -> str | None:
-    """Return how triangles (n, 3, 3) m differ from others in place, area or side, or None if they do not.
-
-    The first may be `split`: then they have corners besides those of the others.
-    """
+def triangles_differ(one: np.ndarray, two: np.ndarray) -> str | None:
+    """Return how triangles (n, 3, 3) m differ from others in place, area or side, or None if they do not."""
     areas = [float(np.linalg.norm(_crossed(t), axis=1).sum() / 2) for t in (one, two)]
     if abs(areas[0] - areas[1]) > _AREA_SHARE * areas[1]:
         return f"an area of {areas[0]:.3f} m2, want {areas[1]:.3f} m2"
     corners = one.reshape(-1, 3), two.reshape(-1, 3)
-    ways = [corners] if split else [corners, corners[::-1]]
-    off = max(float(cKDTree(a).query(b)[0].max()) for a, b in ways)
+    off = max(float(cKDTree(a).query(b)[0].max()) for a, b in (corners, corners[::-1]))
     if not off <= _CORNER_M:
         return f"a corner {off:.4f} m from where it should be"
     apart, side = NearestFace(two).query(_samples(one))
@@ -45,26 +41,9 @@ def triangles_differ(one: np.ndarray, two: np.ndarray, split: bool = False) -> s
         return f"{worst:.4f} m from where it should be"
     facing = np.einsum("ij,ij->i", _unit(_crossed(one)), _unit(_crossed(two))[side[: len(one)]])
     size = np.linalg.norm(_crossed(one), axis=1) / 2
-    if any(not _faces_alike(one[face], two) for face in np.flatnonzero((facing < _SAME_SIDE) & (size > _SLIVER_M2))):
+    if ((facing < _SAME_SIDE) & (size > _SLIVER_M2)).any():
         return "a face that faces the wrong way"
     return None
-
-
-def _faces_alike(face: np.ndarray, wanted: np.ndarray) -> bool:
-    """Return whether one of the wanted triangles (m, 3, 3) m that face as a face (3, 3) m does is at its centre.
-
-    Where a fold bends a wall, thin faces may turn over in the wall's plane: the nearest face is then not the only one.
-    """
-    centre = face.mean(axis=0)
-    near = (wanted.min(axis=1) <= centre + _CORNER_M).all(axis=1) & (wanted.max(axis=1) >= centre - _CORNER_M).all(
-        axis=1
-    )
-    alike = wanted[near]
-    alike = alike[_unit(_crossed(alike)) @ _unit(_crossed(face[None]))[0] > _SAME_SIDE]
-    if not len(alike):
-        return False
-    centre = np.broadcast_to(centre, (len(alike), 3))
-    return bool(_distances(alike, centre).min() <= _CORNER_M)
 
 
 def _distances(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +46,6 @@ _VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times
 def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy) -> None:
     """Check the visible surface of a bundle whose smooth surface has been made again.
 
-    Of a mine with heights, it is unfolded and checked in the plan; whether its sheets meet, in the mine frame.
-
     Raises
     ------
     ArtifactError
@@ -56,7 +53,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     """
     sizes = smooth_sizes(folder, record)
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
-    rough = {name: _read_chunk(folder, name) for name in rough_meshes(names)}
+    rough: dict[str, Mesh] = {name: decode(folder / mesh_file(name), Mesh) for name in rough_meshes(names)}
     smooth = _smooth_triangles(record, free, sizes)
     near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
     walls = cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
@@ -66,24 +63,12 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
         far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
     _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
-    seen = np.concatenate([chunk.places_m[chunk.mesh.faces] for chunk in rough.values()]) if rough else smooth
+    seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth
     if rough:
         _require_closed(folder, list(rough.values()), free, walls, record.height_m)
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
             _require_clear(folder, seen, walls, grid, height)
-
-
-@dataclass(frozen=True)
-class _Chunk:
-    """A mesh of the rough surface as a bundle holds it, and the places (n, 3) m of its vertices in the plan.
-
-    `above_m` (n,) is how high they are over the floor in space.
-    """
-
-    mesh: Mesh
-    places_m: np.ndarray
-    above_m: np.ndarray
 
 
 def rough_meshes(names: Iterable[str]) -> list[str]:
@@ -98,11 +83,11 @@ def _smooth_triangles(record: WorldRecord, free: Polygon, sizes: SmoothSizes) ->
     return np.concatenate([mesh.vertices[mesh.faces] for name, mesh in pieces.items() if name != SMOOTH_FLOOR])
 
 
-def _require_tiles(folder: Path, chunks: dict[str, _Chunk]) -> None:
+def _require_tiles(folder: Path, chunks: dict[str, Mesh]) -> None:
     """Check that the column and row in the chunks' names rise from the south-west."""
     spans: dict[tuple[int, int], list[tuple[float, float]]] = {}
     for name, chunk in chunks.items():
-        centre = chunk.places_m[chunk.mesh.faces].mean(axis=1)
+        centre = chunk.vertices[chunk.faces].mean(axis=1)
         for axis, number in enumerate(map(int, name.split("_")[-2:])):
             spans.setdefault((axis, number), []).append((centre[:, axis].min(), centre[:, axis].max()))
     ends = {key: (min(low for low, _ in span), max(high for _, high in span)) for key, span in spans.items()}
@@ -115,21 +100,15 @@ def _require_tiles(folder: Path, chunks: dict[str, _Chunk]) -> None:
             )
 
 
-def _read_chunk(folder: Path, name: str) -> _Chunk:
-    mesh: Mesh = decode(folder / mesh_file(name), Mesh)
-    return _Chunk(mesh, mesh.vertices, mesh.vertices[:, 2])
-
-
-def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
+def _require_near(path: Path, mesh: Mesh, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
     """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece.
 
     A `relaxed` texture follows the rock, and so leaves the wall's heights by as much as the rock leaves the wall.
     """
-    mesh = chunk.mesh
     # Pieces are textured before they are displaced: walls by their height in space, which stays, the roof from above.
     laid = mesh.texcoords * repeat_m
     wall = path.name.startswith(f"{WALLS}_")
-    off = np.abs(laid[:, 1] - chunk.above_m) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
+    off = np.abs(laid[:, 1] - mesh.vertices[:, 2]) if wall else np.abs(laid - mesh.vertices[:, :2]).max(axis=1)
     most = _TEXTURED_M if wall and not relaxed else _FROM_WALL_M
     if not off.max() <= most:
         worst = int(off.argmax())
@@ -139,7 +118,7 @@ def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: floa
         )
     if len(np.unique(mesh.faces)) != len(mesh.vertices):
         raise ArtifactError(f"{path}: vertices that belong to no face")
-    apart, _ = smooth.query(chunk.places_m)
+    apart, _ = smooth.query(mesh.vertices)
     worst = int(apart.argmax())
     if not apart[worst] <= _FROM_SMOOTH_M:
         raise ArtifactError(
@@ -148,7 +127,7 @@ def _require_near(path: Path, chunk: _Chunk, smooth: NearestFace, repeat_m: floa
         )
 
 
-def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
+def _require_bounded(path: Path, mesh: Mesh, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
     """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces.
 
     Returns
@@ -156,18 +135,14 @@ def _require_bounded(path: Path, chunk: _Chunk, walls: cKDTree, foot_m: float, r
     (n, 2) float64, m
         Points of walls that are so far from the outline that they could stand in a free cell's clearance.
     """
-    mesh = chunk.mesh
     corners = mesh.vertices[mesh.faces]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    # Edges are limited as the lattice has them; a roof of its own stretches them in space.
-    laid = (mesh.vertices - np.outer(chunk.above_m - chunk.places_m[:, 2], [0.0, 0.0, 1.0]))[mesh.faces]
-    length = np.linalg.norm(laid - np.roll(laid, 1, axis=1), axis=2)
-    if not length.max() <= _LONGEST_M:
-        at = corners.reshape(-1, 3)[int(length.argmax())].round(3).tolist()
-        raise ArtifactError(f"{path}: an edge of {length.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
+    if not side.max() <= _LONGEST_M:
+        at = corners.reshape(-1, 3)[int(side.argmax())].round(3).tolist()
+        raise ArtifactError(f"{path}: an edge of {side.max():.3f} m at {at} m, want at most {_LONGEST_M:g} m")
     # A long face may cross a drift although its corners are allowed.
-    long = chunk.places_m[mesh.faces[side.max(axis=1) > _SAMPLED_M]]
-    points = np.concatenate([chunk.places_m, face_samples(long, _SAMPLED_M)])
+    long = mesh.vertices[mesh.faces[side.max(axis=1) > _SAMPLED_M]]
+    points = np.concatenate([mesh.vertices, face_samples(long, _SAMPLED_M)])
     if path.name.startswith(f"{WALLS}_"):
         off = walls.query(points[:, :2])[0]
         low = (points[:, 2] >= _LOW_M[0]) & (points[:, 2] <= _LOW_M[1])
@@ -212,19 +187,17 @@ def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
 
 def _require_closed(
     folder: Path,
-    chunks: list[_Chunk],
+    chunks: list[Mesh],
     free: Polygon,
     walls: cKDTree,
     height_m: float,
 ) -> None:
     """Check that the chunks together have no flipped and no double face, and end on the floor alone."""
     # Vertices on the border of two chunks are equal to the last bit.
-    points = np.concatenate([chunk.mesh.vertices for chunk in chunks]).astype(np.float32) + np.float32(
-        0.0
-    )  # no negative zeros
-    places = np.concatenate([chunk.places_m for chunk in chunks])
-    starts = np.cumsum([0, *(len(chunk.places_m) for chunk in chunks)])
-    numbers = np.concatenate([chunk.mesh.faces + start for chunk, start in zip(chunks, starts, strict=False)])
+    places = np.concatenate([chunk.vertices for chunk in chunks])
+    points = places.astype(np.float32) + np.float32(0.0)  # no negative zeros
+    starts = np.cumsum([0, *(len(chunk.vertices) for chunk in chunks)])
+    numbers = np.concatenate([chunk.faces + start for chunk, start in zip(chunks, starts, strict=False)])
     _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
     corners, faces = points[first], index.ravel()[numbers]
     ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
@@ -240,7 +213,6 @@ def _require_closed(
     if lifted.any() or not len(rim):
         at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
         raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
-    rim = rim[np.abs(places[rim][:, :, 2]).max(axis=1) <= _FOOT_M]
     _require_foot(folder, places[rim][:, :, :2], free, walls)
     links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
     pieces, _ = connected_components(links, directed=False)
@@ -267,11 +239,8 @@ def _is_in(numbers: np.ndarray, ordered: np.ndarray) -> np.ndarray:
 def _require_foot(folder: Path, rim: np.ndarray, free: Polygon, walls: cKDTree) -> None:
     """Check that the rim (k, 2, 2) m on the floor has the rings of the outline."""
     foot = shapely.get_parts(shapely.polygonize(shapely.linestrings(rim)))
-    parts = shapely.get_parts(free)
-    rings = len(foot) == len(parts) + sum(len(part.interiors) for part in parts)
-    for part in parts:
-        shape = max(foot, key=lambda piece: piece.intersection(part).area, default=Polygon())
-        rings &= len(shape.interiors) == len(part.interiors)
+    shape = max(foot, key=lambda piece: piece.intersection(free).area, default=Polygon())
+    rings = len(foot) == 1 + len(free.interiors) and len(shape.interiors) == len(free.interiors)
     away = walls.query(rim[:, 0])[0]
     if not rings or not away.max() <= _FOOT_AWAY_M:  # the slices find walls that have no foot
         raise ArtifactError(

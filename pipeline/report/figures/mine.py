@@ -17,15 +17,12 @@ from pipeline.types import DriftNetwork
 
 
 def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> Figure:
-    """Draw the workings (m, plan) over the floor zones, with the network, the spawn and axes in metres.
-
-    Of sheets side by side the zones are not drawn: each sheet has its own place in them.
-    """
+    """Draw the workings (m, plan) over the floor zones, with the network, the spawn and axes in metres."""
     west, south, east, north = polygon.bounds
     wide, high = east - west, north - south
     figure = new_figure(9.0, float(np.clip(9.0 * high / wide + 0.7, 2.2, 10.0)))
     axis = figure.add_subplot()
-    for zone in record.zones if polygon.geom_type == "Polygon" else []:
+    for zone in record.zones:
         left, right = max(zone.west_m, west), min(zone.east_m, east)
         if right > left:
             axis.add_patch(Rectangle((left, south), right - left, high, color=zone.rgba[:3], alpha=0.18, lw=0))

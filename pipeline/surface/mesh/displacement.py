@@ -101,11 +101,7 @@ def _wide(half_m: np.ndarray, narrowest_m: float, bounds: Bounds) -> np.ndarray:
 
 def displaced(lattice: Lattice, displacement_m: np.ndarray) -> np.ndarray:
     """Return the displaced vertices (n, 3) m, rounded to 0.1 mm."""
-    if lattice.seam_join:
-        displacement_m = lattice.seam_join.meet(displacement_m)
-    vertices = np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
-    if lattice.seam_join and lattice.walls.sheets:
-        return lattice.seam_join.join(vertices, lattice.walls.sheets.offset_m[lattice.column])
+    vertices: np.ndarray = np.round(lattice.vertices + displacement_m[:, None] * lattice.direction, 4)
     return vertices
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,10 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 from shapely import Polygon
 
-from minexplore.floors.floor import Floor
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.surface.mesh.seam_join import SeamJoin
 from pipeline.surface.mesh.walls import Ring, WallColumns, outline_of, smoothstep
 from pipeline.types import Frame
 
@@ -43,8 +41,7 @@ class Lattice:
 
     Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
     (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
-    (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face. The sheets of a
-    mine meet at the points of `seam_join`; `floor` folds the surface.
+    (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face.
     """
 
     vertices: np.ndarray
@@ -55,16 +52,6 @@ class Lattice:
     piece: np.ndarray
     walls: WallColumns
     rows: int
-    seam_join: SeamJoin | None = None
-    floor: Floor = field(default_factory=Floor)
-
-    @property
-    def places_m(self) -> np.ndarray:
-        """Return the points (n, 3) m where they are in the mine frame, but for the floor's height."""
-        sheets = self.walls.sheets
-        if sheets is None:
-            return self.vertices
-        return self.vertices - np.column_stack([sheets.offset_m[self.column], np.zeros(len(self.column))])
 
     @property
     def wall_vertices(self) -> int:
@@ -99,8 +86,7 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
     with ThreadPoolExecutor(1) as pool:
         triangulated = pool.submit(_roof_faces, walls, grid, roof_spacing_m)
         inner = grid.xy
-        near, column = cKDTree(xy[walls.closed]).query(inner, workers=2)
-        column = walls.closed[column]
+        near, column = cKDTree(xy).query(inner, workers=2)
         roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
         share = smoothstep(near / BLEND_M)
         direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])

@@ -15,7 +15,7 @@ from pipeline.surface.mesh.displacement import Bounds, bound_displacement, damp,
 from pipeline.surface.mesh.lattice import Lattice
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, SurfaceMesh
-from pipeline.surface.mesh.walls import foot_of
+from pipeline.surface.mesh.walls import outline_of
 
 _FACES = 32768  # at a time, so that intermediate arrays stay in the cache
 _MEND_ROUNDS = 8
@@ -77,8 +77,6 @@ def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Boun
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=_MEND_RADIUS_M, workers=2)
         given = damp(given, near, _MEND_RADIUS_M, _MEND_FACTOR)
         moved = np.isfinite(near)  # only what is near the repairs has moved, so only this is built and checked again
-        if lattice.seam_join:  # and the next sheet where it meets this one
-            moved |= (displaced(lattice, given) != vertices).any(axis=1)
     x, y, z = wrong[0]
     raise GeometryError(
         f"surface: the rough surface intersects itself at ({x:.1f}, {y:.1f}, {z:.1f}) m "
@@ -122,7 +120,7 @@ def _normals(triangles: np.ndarray) -> np.ndarray:
 
 def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
     """Return the place (1, 3) m where the line of the walls on the floor crosses itself, or (0, 3) if it does not."""
-    foot, _ = foot_of(vertices[: len(lattice.walls.xy), :2], lattice.walls)
+    foot = outline_of(vertices[: len(lattice.walls.xy), :2], lattice.walls.rings)
     if foot.is_valid:
         return np.zeros((0, 3))
     reason = shapely.is_valid_reason(foot)
@@ -130,20 +128,12 @@ def _knots(vertices: np.ndarray, lattice: Lattice) -> np.ndarray:
 
 
 def closed_mesh(rough: RoughSurface) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (n, 3) m and faces (m, 3) of the rough surface closed by the floor, in the plan.
-
-    The sheets of a mine are closed by their own floors and open on their seams.
-    """
+    """Return vertices (n, 3) m and faces (m, 3) of the rough surface closed by the floor."""
     walls = rough.lattice.walls
-    outline, columns = foot_of(rough.vertices[: len(walls.xy), :2], walls)
-    points, floor = triangulate(outline)
-    if walls.sheets is None:
-        number = {tuple(xy): i for i, xy in enumerate(rough.vertices[columns, :2].tolist())}
-        place = rough.mesh.place_of(len(columns))
-    else:
-        on_floor = np.flatnonzero(rough.mesh.vertices[:, 2] == 0)
-        place, corners = on_floor, rough.mesh.vertices[on_floor, :2]
-        number = dict(zip(map(tuple, corners.tolist()), range(len(on_floor)), strict=True))
+    feet = rough.vertices[: len(walls.xy), :2]
+    points, floor = triangulate(outline_of(feet, walls.rings))
+    number = {tuple(xy): i for i, xy in enumerate(feet.tolist())}
+    place = rough.mesh.place_of(len(feet))
     index = place[np.array([number[tuple(xy)] for xy in points.tolist()])]
     return rough.mesh.vertices, np.concatenate([rough.mesh.faces, index[floor]])
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import shapely
 from shapely import Polygon
@@ -17,7 +15,6 @@ from pipeline.geometry.rock.partition import triangulate
 from pipeline.types import Mesh
 
 FLOOR = "floor"  # the flat floor closes the surface; a bundle does not hold it
-_CUT_M, _HAIR_M2 = 1e-6, 1e-5
 _RINGS = 4  # contours of a chamfer; in drifts narrower than two chamfers the ridge is exact to one contour
 
 
@@ -27,8 +24,6 @@ def smooth_surface(
     floor_chamfer_m: float,
     roof_chamfer_m: float,
     texture_m: float,
-    whole: Polygon | None = None,
-    on_seam: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> dict[str, Mesh]:
     """Build the closed inner surface of the workings with chamfered edges at floor and roof.
 
@@ -44,16 +39,11 @@ def smooth_surface(
         Width and height of the 45 deg chamfers.
     texture_m : float
         Length of one repeat of the texture.
-    whole : shapely.Polygon, optional
-        The workings of which `free` is cut off: there are no chamfers where they go on.
-    on_seam : callable, optional
-        Whether the edges (k,) from each corner (k, 2) m of a ring to the next have no wall.
 
     Returns
     -------
     dict of Mesh
-        `floor`, `floor_chamfer`, `walls`, `roof` (with its chamfers); together watertight, facing inwards, but open
-        where the workings go on.
+        `floor`, `floor_chamfer`, `walls`, `roof` (with its chamfers); together watertight, facing inwards.
 
     Raises
     ------
@@ -66,17 +56,17 @@ def smooth_surface(
         )
     free = orient(free)
     top_m = height_m - roof_chamfer_m
-    floor, flat = _sloping_cap(free, floor_chamfer_m, whole)
-    roof, _ = _sloping_cap(free, roof_chamfer_m, whole)
+    floor, flat = _sloping_cap(free, floor_chamfer_m)
+    roof, _ = _sloping_cap(free, roof_chamfer_m)
     return {
         FLOOR: _cap_mesh(floor[flat], floor_chamfer_m, -1.0, texture_m),
         FLOOR_CHAMFER: _cap_mesh(floor[~flat], floor_chamfer_m, -1.0, texture_m),
-        WALLS: _wall_mesh(free, floor_chamfer_m, top_m, texture_m, on_seam),
+        WALLS: _wall_mesh(free, floor_chamfer_m, top_m, texture_m),
         ROOF: _cap_mesh(roof, top_m, 1.0, texture_m),
     }
 
 
-def _sloping_cap(free: Polygon, chamfer_m: float, whole: Polygon | None) -> tuple[np.ndarray, np.ndarray]:
+def _sloping_cap(free: Polygon, chamfer_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate the free space along contour rings inside it.
 
     Returns triangles (n, 3, 3) with vertices x, y and depth, m, and (n,) whether a triangle is in the flat middle. The
@@ -86,16 +76,12 @@ def _sloping_cap(free: Polygon, chamfer_m: float, whole: Polygon | None) -> tupl
     triangles, flat = [], []
     for k in range(_RINGS + 1):
         depth, step = chamfer_m * k / _RINGS, chamfer_m / _RINGS
-        inner = shapely.Polygon() if k == _RINGS else _eroded(free, whole, depth + step)
+        inner = shapely.Polygon() if k == _RINGS else _eroded(free, depth + step)
         if outer.is_empty:
             break
         points, faces = triangulate(outer.difference(inner))
-        if whole is None:
-            on_inner = {xy.tobytes() for xy in shapely.get_coordinates(inner)}
-            inside = np.array([xy.tobytes() in on_inner for xy in points])
-        else:  # where the workings go on, rings end on the cut, and rounding moves their ends
-            inside = shapely.dwithin(inner, shapely.points(points), _CUT_M)
-            faces = faces[shapely.area(shapely.polygons(points[faces])) > _HAIR_M2]
+        on_inner = {xy.tobytes() for xy in shapely.get_coordinates(inner)}
+        inside = np.array([xy.tobytes() in on_inner for xy in points])
         depths = np.where(inside, depth + step, depth)
         triangles.append(np.column_stack([points, depths])[faces])
         flat.append(np.full(len(faces), k == _RINGS))
@@ -103,10 +89,9 @@ def _sloping_cap(free: Polygon, chamfer_m: float, whole: Polygon | None) -> tupl
     return np.concatenate(triangles), np.concatenate(flat)
 
 
-def _eroded(free: Polygon, whole: Polygon | None, depth_m: float) -> BaseGeometry:
-    """Return the part of the free space that is farther than a depth from the walls of the whole."""
-    inner = (whole or free).buffer(-depth_m, join_style="mitre", mitre_limit=2.0)
-    return inner if whole is None else inner.intersection(free)
+def _eroded(free: Polygon, depth_m: float) -> BaseGeometry:
+    """Return the part of the free space that is farther than a depth from the walls."""
+    return free.buffer(-depth_m, join_style="mitre", mitre_limit=2.0)
 
 
 def _cap_mesh(triangles: np.ndarray, edge_z_m: float, direction: float, texture_m: float) -> Mesh:
@@ -117,13 +102,7 @@ def _cap_mesh(triangles: np.ndarray, edge_z_m: float, direction: float, texture_
     return Mesh(vertices, faces if direction < 0 else faces[:, ::-1].copy(), points[:, :2] / texture_m)
 
 
-def _wall_mesh(
-    free: Polygon,
-    bottom_m: float,
-    top_m: float,
-    texture_m: float,
-    on_seam: Callable[[np.ndarray], np.ndarray] | None,
-) -> Mesh:
+def _wall_mesh(free: Polygon, bottom_m: float, top_m: float, texture_m: float) -> Mesh:
     vertices, faces, texcoords, count = [], [], [], 0
     for ring in (free.exterior, *free.interiors):
         xy = np.asarray(ring.coords)[:, :2]  # closed: the seam has two vertices with different texture coordinates
@@ -135,8 +114,6 @@ def _wall_mesh(
             vertices.append(np.column_stack([xy, np.full(n, z)]))
             texcoords.append(np.column_stack([u, np.full(n, z / texture_m)]))
         low = count + np.arange(n - 1)
-        if on_seam is not None:
-            low = low[~on_seam(xy[:-1])]
         high = low + n
         # Free space lies to the left of every ring, so the wall faces left.
         faces.append(np.column_stack([low, high + 1, low + 1]))

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.spatial import cKDTree
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
@@ -29,32 +29,14 @@ _BORDER, _BORDER_M = 1.25, 0.3  # a wall borders a passage within 1.25 half widt
 
 @dataclass(frozen=True)
 class Ring:
-    """One closed wall line with `count` columns from number `first`, at even distances `step_m`, of a part of a mine.
+    """One closed wall line with `count` columns from number `first`, at even distances `step_m`.
 
-    Sheets are parts; the first ring of a part goes round it, further ones go round its pillars.
+    The first ring goes round the mine, further ones go round its pillars.
     """
 
     first: int
     count: int
     step_m: float
-    part: int = 0
-
-
-@dataclass(frozen=True)
-class SheetColumns:
-    """What the columns of several sheets have besides those of one.
-
-    `open` (n,) marks columns in the open air, on a seam between its ends. Columns `joined` (k,) stand at one place of
-    the mine frame if they have the same number in `group` (k,). A wall goes on in the next sheet: `along_m` (n,) is the
-    distance along it from its beginning, `length_m` (n,) its length. `offset_m` (n, 2) is that of the column's sheet.
-    """
-
-    open: np.ndarray
-    joined: np.ndarray
-    group: np.ndarray
-    along_m: np.ndarray
-    length_m: np.ndarray
-    offset_m: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -64,8 +46,7 @@ class WallColumns:
     `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
     of the largest discs in the workings and in the rock that touch the wall at the column. `passage_m` (n,) is half the
     width of the narrowest passage that the wall borders. In a bay of the wall, the disc is small even if the passage is
-    wide. `narrowest_m` is half the width of the mine's narrowest passage, 0 if it is not known. A mine of several
-    sheets has `sheets`, and columns in the open air along their seams.
+    wide. `narrowest_m` is half the width of the mine's narrowest passage, 0 if it is not known.
     """
 
     xy: np.ndarray
@@ -74,25 +55,7 @@ class WallColumns:
     rock_m: np.ndarray
     passage_m: np.ndarray
     rings: list[Ring]
-    sheets: SheetColumns | None = None
     narrowest_m: float = 0.0
-
-    @property
-    def closed(self) -> np.ndarray:
-        """Return the numbers of the columns that stand on a wall; on a seam between two sheets there is none."""
-        return np.arange(len(self.xy)) if self.sheets is None else np.flatnonzero(~self.sheets.open)
-
-    @property
-    def stretches(self) -> list[tuple[int, int, float]]:
-        """Return first column, number of columns and their distance, m, of each ring, or each wall between seams."""
-        found = []
-        for ring in self.rings:
-            own = np.ones(ring.count, bool)
-            if self.sheets is not None:
-                own = ~self.sheets.open[ring.first : ring.first + ring.count]
-            edge = np.flatnonzero(np.diff(np.concatenate([[0], own.astype(int), [0]]))).reshape(-1, 2)
-            found += [(ring.first + a, b - a, ring.step_m) for a, b in edge.tolist() if b - a > 1]
-        return found
 
 
 def lay_walls(
@@ -117,25 +80,10 @@ def lay_walls(
     return WallColumns(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
 
 
-def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon | MultiPolygon:
-    """Return the polygon through the places (n, 2) m of the columns, ring by ring, or one a part."""
-    parts = []
-    for number in range(rings[-1].part + 1):
-        outer, *holes = (xy[r.first : r.first + r.count] for r in rings if r.part == number)
-        parts.append(Polygon(outer, holes))
-    return parts[0] if len(parts) == 1 else MultiPolygon(parts)
-
-
-def foot_of(xy: np.ndarray, walls: WallColumns) -> tuple[Polygon | MultiPolygon, np.ndarray]:
-    """Return the polygon through places (n, 2) m of the columns, straight over seams, and its columns' numbers."""
-    kept = np.zeros(len(xy), bool)
-    kept[walls.closed] = True
-    rings, first = [], 0
-    for ring in walls.rings:
-        count = int(kept[ring.first : ring.first + ring.count].sum())
-        rings.append(Ring(first, count, ring.step_m, ring.part))
-        first += count
-    return outline_of(xy[kept], rings), np.flatnonzero(kept)
+def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon:
+    """Return the polygon through the places (n, 2) m of the columns, ring by ring."""
+    outer, *holes = (xy[r.first : r.first + r.count] for r in rings)
+    return Polygon(outer, holes)
 
 
 def smoothstep(t: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from pipeline.survey.vector.shapes import Shapes
 from pipeline.types import Georeference
 
 _PLUMB_M = 0.05  # a line no longer than this in plan is a shaft
-_STEEPEST_FLOOR = 0.577  # 30 deg, the default of `compile3d.steepest_deg`: nobody draws both walls of a steeper ramp
+_STEEPEST_FLOOR = 0.577  # 30 deg: nobody draws both walls of a steeper ramp; a vehicle climbs 20 deg at most
 _BESIDE_M = 10.0  # between the open wall strings of one drift
 _ALIKE = 0.5  # of the heights that two strings cover, that both must cover to be of one drift
 SAME_M = 0.05  # ends so near are one

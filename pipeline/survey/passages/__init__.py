@@ -1,1 +1,1 @@
-"""Surveys of stations in three dimensions: legs, pieces, shafts, and the sheets of their floor."""
+"""Surveys of stations in three dimensions: legs, grades and pieces."""

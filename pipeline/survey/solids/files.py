@@ -22,7 +22,6 @@ from pipeline.params.survey import Unit
 from pipeline.survey.vector.dxf import READING_ERRORS
 
 DXF = ".dxf"
-SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 _UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _Y_UP = (".glb",)  # by the format's own rule; the others state nothing
 

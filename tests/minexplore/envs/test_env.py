@@ -13,7 +13,6 @@ import minexplore  # noqa: F401  (registers the environments)
 from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.envs.reward import CAP, step_reward
-from minexplore.floors.floor import Floor
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid, _connected
 from minexplore.sensing.observation import observe
@@ -235,7 +234,7 @@ def test_every_reachable_cell_holds_workings_and_none_is_forgotten(tee: BuiltMin
 def test_cells_that_are_connected_are_those_of_a_labelled_picture():
     rng = np.random.default_rng(2)
     standing = rng.random((60, 90)) < 0.62
-    world = SimpleNamespace(origin_m=np.array([-3.0, 5.0]), cell_m=0.25, folder="a folder", floor=Floor())
+    world = SimpleNamespace(origin_m=np.array([-3.0, 5.0]), cell_m=0.25, folder="a folder")
     labels, _ = label(standing)
     largest = np.bincount(labels[standing]).argmax()
     row, col = np.argwhere(labels == largest)[0]

@@ -60,14 +60,13 @@ def at(place, value):
 def test_a_volume_of_the_builder_is_allowed(bundle):
     found = check_world(bundle)
     assert len(found.volume.parts) == found.record["collision_parts"]
-    assert found.floor.is_flat
 
 
 def test_files_that_are_missing_or_that_a_volume_has_not_are_refused(files):
     for name in ("volume.npz", "parts.npz", "cells.npz", "mine.xml", "topology.json", "free_space.bt"):
         assert f"{name}: missing" in refusal({key: data for key, data in files.items() if key != name})
     assert "map_00.png: missing" in refusal({key: data for key, data in files.items() if key != "map_00.png"})
-    for name in ("occupancy.npz", "floor.npz", "map_01.png", "preview.png", "meshes/smooth_walls.msh"):
+    for name in ("occupancy.npz", "map_01.png", "preview.png", "meshes/smooth_walls.msh"):
         assert f"{name}: no file of a world that is one volume" in refusal({**files, name: b"1"})
 
 

@@ -131,7 +131,7 @@ def test_the_embedded_survey_with_grades_keeps_its_drawing():
     one, other = (plan_of_stations(params.model_copy(update=coarse)) for params in (flat, graded))
     assert (one.plan == other.plan).all()
     assert one.heights is None
-    assert (len(other.heights.lines), other.heights.seams, other.heights.roofs) == (32, [], [])
+    assert len(other.heights.lines) == 32
     for leg, line in zip(read_stations(EMBEDDED), map(np.array, other.heights.lines), strict=True):
         run = np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1).sum()
         assert (line[-1, 2] - line[0, 2]) / run == pytest.approx(graded.grade[leg.name], abs=1e-4)

@@ -11,14 +11,16 @@ import numpy as np
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
 from minexplore.task import TaskParams
-from pipeline.proof.standing import STEEPEST
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import drop
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Label, Volume
 
 ROBOTS = 12
-_SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m, as in pipeline.proof.standing
+# Rise over run. On an even plane of 0.2 the robot creeps by 2 mm in 5 s, of 0.25 by 1 cm, of 0.36 by 10 cm: its castors
+# bear weight and have no friction. On steeper floors it slides, whatever the floor is like.
+STEEPEST = 0.2
+_SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m
 _AROUND_M, _RING = (0.4, 0.8), 8  # a robot's length about a place, where its wheels and castors come to
 _OVER_M = 0.3  # from which the floor about a place is looked for
 
@@ -98,7 +100,7 @@ def stand(data: mujoco.MjData, model: mujoco.MjModel, name: str, place: np.ndarr
 class RobotsAtRest:
     """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels.
 
-    The way is that beyond what their wheels turn, as in `pipeline.proof.standing`.
+    A robot's wheels turn at a finite gain under its weight; the way is that beyond it.
     """
 
     rest_m: float

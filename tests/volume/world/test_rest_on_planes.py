@@ -1,30 +1,14 @@
-"""Robots on the floor of a spiral ramp: they rest, climb, and have one floor zone at one place of the mine."""
+"""Robots at rest on even planes: how steep a floor may be that they are judged on."""
 
 import math
 
 import mujoco
 import numpy as np
 
-from minexplore.floors.floor import Floor
-from minexplore.floors.floor_zones import zoned_box
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, RobotParams, stand_on_facets
 from minexplore.task import TaskParams
-from pipeline.proof.standing import STEEPEST, turned_m
-
-LIMITS = ("rest_drift_m", "climb_share")
-
-
-def test_zones_divide_the_box_about_the_sheets_in_their_places():
-    triangle = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 8.0, 0.0]])
-    floor = Floor(
-        np.concatenate([triangle, triangle + np.array([40.0, 0.0, -5.0])]),
-        np.array([[0, 1, 2], [3, 4, 5]], np.int32),
-        np.array([0, 1], np.int32),
-        np.array([[0.0, 0.0], [35.0, 0.0]]),
-    )
-    assert zoned_box((-1.0, -2.0, 53.0, 11.0), floor) == (-1.0, -2.0, 18.0, 11.0)
-    assert zoned_box((-1.0, -2.0, 53.0, 11.0), Floor()) == (-1.0, -2.0, 53.0, 11.0)
+from pipeline.volume.world.proof.physics import STEEPEST
 
 
 def creep_m(slope: float, heading: float) -> float:
@@ -41,7 +25,9 @@ def creep_m(slope: float, heading: float) -> float:
     mujoco.mj_step(model, data, round(1 / model.opt.timestep))
     start = data.qpos[:3].copy()
     mujoco.mj_step(model, data, round(5 / model.opt.timestep))
-    return float(np.linalg.norm(data.qpos[:3] - start)) - turned_m(robot, np.array(slope), 5.0)
+    torque = robot.mass_kg * g * math.sin(steep) * robot.wheel_radius_m / 2 - robot.wheel_friction_nm
+    turned_m = max(0.0, torque) / robot.wheel_gain_nms * robot.wheel_radius_m * 5
+    return float(np.linalg.norm(data.qpos[:3] - start)) - turned_m
 
 
 def test_on_even_planes_a_robot_rests_up_to_the_steepest_floor_that_is_judged_and_slides_on_steeper_ones():
