@@ -12,7 +12,7 @@ from shapely import Polygon
 from tqdm import tqdm
 
 from pipeline.geometry.maps.occupancy import first_anchor, nav2_map, occupancy_grid
-from pipeline.geometry.maps.octree import build_octree, to_bt
+from pipeline.geometry.maps.octree import Columns, build_octree, to_bt
 from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.rock.partition import Box, rock_around, tiled_rock, world_box
 from pipeline.params.compile3d import Compile3dParams
@@ -60,13 +60,14 @@ def compile_rock(
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
     grid = occupancy_grid(free, cell, world)
+    columns = Columns.of_cells(np.nonzero(grid.free), grid.origin_m, cell, params.height_m)
     pixels, yaml = nav2_map(grid)
     start = survey.entrance_m or topology.main_drift_m[0]
     return {
         "collision": collision_parts(params, rock_around(free, world), world),
         "extent": SolidExtent(params.height_m, world),
         "occupancy": grid,
-        "octree": to_bt(build_octree(grid.free, grid.origin_m, cell, params.height_m)),
+        "octree": to_bt(build_octree(columns, cell)),
         "map": pixels,
         "map_yaml": yaml,
         "spawn": first_anchor(grid, [start], params.spawn.radius_m, params.spawn.clearance_m),

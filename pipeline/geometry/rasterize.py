@@ -38,7 +38,7 @@ def fill_polygon(geometry: BaseGeometry, frame: Frame) -> Mask:
         slope = (bottom[edge, 0] - top[edge, 0]) / (bottom[edge, 1] - top[edge, 1])
         col = top[edge, 0] + (row + 0.5 - top[edge, 1]) * slope
         np.bitwise_xor.at(crossings, (row, np.clip(np.ceil(col - 0.5), 0, frame.width_px).astype(int)), 1)
-    return np.bitwise_xor.accumulate(crossings, axis=1)[:, :-1].astype(bool)
+    return np.bitwise_xor.accumulate(crossings, axis=1, out=crossings)[:, :-1].astype(bool)
 
 
 def _rings(geometry: BaseGeometry) -> list:

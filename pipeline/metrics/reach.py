@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from networkx.utils import UnionFind
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import binary_dilation
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_alike
 from pipeline.geometry.outline.trace import trace_outline
+from pipeline.geometry.runs import connected_runs
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _STATIONS_M = 3.0
@@ -39,10 +40,14 @@ class ReachMatch:
     dead_ends_world: int
 
 
-def reached_cells(clearance_m: np.ndarray, radius_m: float, start: tuple[int, int]) -> Mask:
+def reached_cells(fits: Mask, start: tuple[int, int]) -> Mask:
     """Return the cells connected by edges to the start cell; no cell if the robot does not fit at the start."""
-    components, _ = label(clearance_m >= radius_m)
-    return np.asarray((components == components[start]) & (components[start] > 0), dtype=bool)
+    runs = connected_runs(fits)
+    at = np.flatnonzero((runs.row == start[0]) & (runs.start <= start[1]) & (start[1] < runs.stop))
+    reached = np.zeros_like(fits)
+    for run in np.flatnonzero(np.isin(runs.part, runs.part[at])).tolist():
+        reached[runs.row[run], runs.start[run] : runs.stop[run]] = True
+    return reached
 
 
 def compare_reach(

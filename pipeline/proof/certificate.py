@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import mujoco
 import numpy as np
 import shapely
@@ -18,6 +19,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import GeomGroup
+from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.metrics.containment import cover_walls, open_area_m2
@@ -26,14 +28,13 @@ from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, obstacles, placed
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
 from pipeline.proof.stress_test import Progress, stress_walls
-from pipeline.types import Frame, FreeSpace
+from pipeline.types import Frame, FreeSpace, Mask
 
 _SLICES_M = (0.05, 0.5, 1.0)  # one more slice is just below the roof
 _LEVEL_M = 1e-3
 _LEVEL_RAD = 1e-6  # half a millimetre at the far end of the longest slab
 _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
-_ROWS = 64  # of the grid, at once
 _ROUNDING_M = 1e-5  # clearances this close are equal: walls may run exactly at the radius beside a row of cells
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
@@ -141,17 +142,17 @@ def _reach(
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
     most = radius + _COMPARED_M
     around = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
-    queried, places = _cells_within(around, frame)
-    plan, measured = np.zeros(width * height), np.zeros(width * height)
+    queried = _cells_within(around, frame)
+    places = frame.to_mine(queried[:, ::-1] + 0.5)
     is_inside = shapely.contains_xy(free, *places.T)
-    plan[queried[is_inside]] = np.minimum(distances_to_walls(free, places[is_inside]), most)
-    T = np.array(record.T_world_mine)
+    plan = np.zeros(len(places))
+    plan[is_inside] = np.minimum(distances_to_walls(free, places[is_inside]), most)
     probes = np.column_stack([places, np.full(len(places), _PROBE_HEIGHT_M)])
-    measured[queried] = rock_clearance(folder, T, GeomGroup.COLLISION, probes, most)
-    start = start_cell(record.spawn.anchor_m, frame)
+    measured = rock_clearance(folder, np.array(record.T_world_mine), GeomGroup.COLLISION, probes, most)
     error = np.abs(plan - measured)
     rounded = np.where(error <= _ROUNDING_M, plan, measured)
-    by_plan, by_world = (reached_cells(c.reshape(height, width), radius, start) for c in (plan, rounded))
+    start = start_cell(record.spawn.anchor_m, frame)
+    by_plan, by_world = (reached_cells(_mask(queried[c >= radius], frame), start) for c in (plan, rounded))
     clearance_error_m = round(float(error.max()), 5)
     if not (by_plan.any() and by_world.any()):  # the anchor itself is in rock
         return {"clearance_error_m": clearance_error_m, "reached_m2": 0.0, "same_graph": False}
@@ -159,20 +160,19 @@ def _reach(
     return {"clearance_error_m": clearance_error_m, **vars(match)}
 
 
-def _cells_within(area: BaseGeometry, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers (k,) of the cells whose middles lie in an area, and these (k, 2) m.
-
-    Row by row: places of all cells of a large plan take gigabytes.
-    """
+def _cells_within(area: BaseGeometry, frame: Frame) -> np.ndarray:
+    """Return the rows and columns (k, 2) of the cells whose middles lie in an area."""
+    filled = cv2.dilate(fill_polygon(area, frame).view(np.uint8), np.ones((3, 3), np.uint8))
+    near = np.argwhere(filled)  # one cell more, as rounding may decide at the border
     shapely.prepare(area)
-    cols, found = np.arange(frame.width_px), [(np.zeros(0, np.int64), np.zeros((0, 2)))]
-    for row in range(0, frame.height_px, _ROWS):
-        rows = np.arange(row, min(row + _ROWS, frame.height_px))
-        cells = np.column_stack([np.tile(cols, len(rows)), np.repeat(rows, len(cols))])
-        places = frame.to_mine(cells + 0.5)
-        at = np.flatnonzero(shapely.contains_xy(area, *places.T))
-        found.append((at + row * frame.width_px, places[at]))
-    return np.concatenate([numbers for numbers, _ in found]), np.concatenate([places for _, places in found])
+    return near[shapely.contains_xy(area, *frame.to_mine(near[:, ::-1] + 0.5).T)]
+
+
+def _mask(cells: np.ndarray, frame: Frame) -> Mask:
+    """Return a mask (rows, cols) of cells (k, 2)."""
+    mask = np.zeros((frame.height_px, frame.width_px), bool)
+    mask[cells[:, 0], cells[:, 1]] = True
+    return mask
 
 
 def certify(world_sha256: str, measured: Mapping[str, Any], limits: Mapping[str, Limit]) -> Certificate:

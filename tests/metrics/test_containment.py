@@ -54,11 +54,11 @@ def test_a_robot_reaches_connected_cells_and_a_wall_across_a_drift_changes_the_g
     frame = Frame(4.0, 0.0, 40.0, 200, 40)  # 50 m by 10 m
     clearance = np.zeros((40, 200))
     clearance[10:30, 4:196] = 1.0
-    whole = reached_cells(clearance, 0.35, (20, 10))
+    whole = reached_cells(clearance >= 0.35, (20, 10))
     assert whole.sum() == 20 * 192
     cut = clearance.copy()
     cut[:, 100:104] = 0.0
-    half = reached_cells(cut, 0.35, (20, 10))
+    half = reached_cells(cut >= 0.35, (20, 10))
     assert half.sum() == 20 * 96
     same = compare_reach(whole, whole, frame, 0.35, 0.25, 2.0)
     assert same.same_graph
@@ -66,7 +66,7 @@ def test_a_robot_reaches_connected_cells_and_a_wall_across_a_drift_changes_the_g
     other = compare_reach(whole, half, frame, 0.35, 0.25, 2.0)
     assert other.only_plan_m2 == pytest.approx(20 * 96 / 16)
     assert not other.same_graph
-    assert reached_cells(clearance, 0.35, (0, 0)).sum() == 0
+    assert reached_cells(clearance >= 0.35, (0, 0)).sum() == 0
 
 
 @pytest.mark.parametrize("shift", [2, 4, 6])

@@ -20,7 +20,7 @@ def nav2_files(free: Mask, origin_m: np.ndarray, cell_m: float, picture: str) ->
     picture : str
         Name of the map's picture.
     """
-    pixels = np.where(free[::-1], 254, 0).astype(np.uint8)
+    pixels = free[::-1] * np.uint8(254)
     west, south = origin_m
     yaml = (
         f"image: {picture}\nmode: trinary\nresolution: {cell_m:.6g}\norigin: [{west:.6f}, {south:.6f}, 0.0]\n"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -11,6 +12,7 @@ from pipeline.errors import GeometryError
 
 _DEPTH = 16
 _CENTRE = 1 << (_DEPTH - 1)  # OctoMap's key of the coordinate 0
+_BLOCK = 8  # levels of a block of the plan that is built at once
 UNKNOWN, FREE, OCCUPIED, INNER = 0, 1, 2, 3  # OctoMap's two bits for a child: 00, 10, 01, 11 (low bit first)
 
 # Shifts and masks that put two zero bits between each two bits of an integer, 21 bits at first.
@@ -42,113 +44,152 @@ class Octree:
         return sum(map(len, self.codes))
 
 
-def build_octree(
-    free: np.ndarray,
-    origin_m: np.ndarray,
-    cell_m: float,
-    height_m: float | np.ndarray,
-    floor_m: np.ndarray | None = None,
-    moved: np.ndarray | None = None,
-) -> Octree:
-    """Build the octree of workings extruded to a height, enclosed by one voxel of rock on all sides.
+@dataclass(frozen=True)
+class Columns:
+    """Free columns of voxels (k,) each: keys east and north, the key of the lowest free voxel, how many are free.
 
-    Rock deeper than that stays unknown, as in a map made by a sensor.
-
-    Parameters
-    ----------
-    free : (rows, cols) bool
-        Free cells, row 0 in the south; all other cells are rock.
-    origin_m : (2,), m, mine frame
-        South-west corner, a whole number of cells from the mine's origin.
-    cell_m : float
-        Edge of a voxel.
-    height_m : float, or (rows, cols) float
-        Height of the workings; a voxel is free when its centre lies below it.
-    floor_m : (rows, cols) float, optional
-        The floor's height at each free cell; without it the floor is level at zero.
-    moved : (rows, cols, 2) int, optional
-        How many cells each free cell is moved east and north in plan.
+    A key is a coordinate in voxels plus half the tree's width. Columns may lie over each other.
     """
-    at = np.nonzero(free)  # only these: a plan with gaps is nearly empty
-    layers = np.maximum(1, np.round(np.broadcast_to(height_m, free.shape)[at] / cell_m)).astype(np.int64)
-    shift = np.zeros((len(at[0]), 2), np.int64) if moved is None else moved[at]
-    base = np.zeros(len(layers), np.int64) if floor_m is None else np.round(floor_m[at] / cell_m).astype(np.int64)
-    codes, states = _voxels(free, origin_m, cell_m, layers, base, shift)
-    return _merge(codes, states, cell_m)
+
+    east: np.ndarray
+    north: np.ndarray
+    base: np.ndarray
+    layers: np.ndarray
+
+    @classmethod
+    def of_cells(
+        cls,
+        cells: tuple[np.ndarray, np.ndarray],
+        origin_m: np.ndarray,
+        cell_m: float,
+        height_m: float | np.ndarray,
+        floor_m: float | np.ndarray = 0.0,
+    ) -> Columns:
+        """Return the columns over free cells.
+
+        Parameters
+        ----------
+        cells : (row (k,), column (k,))
+            Row 0 is in the south.
+        origin_m : (2,), m, mine frame
+            South-west corner of the cells, a whole number of cells from the mine's origin.
+        cell_m : float
+            Edge of a voxel.
+        height_m, floor_m : float or (k,) m
+            A voxel is free when its centre lies above the floor and below the height over it.
+        """
+        row, col = cells
+        west, south = (round(v / cell_m) for v in origin_m)
+        layers, base = (np.round(np.broadcast_to(v, row.shape) / cell_m).astype(np.int64) for v in (height_m, floor_m))
+        return cls(col + west + _CENTRE, row + south + _CENTRE, base + _CENTRE, np.maximum(1, layers))
+
+    def __len__(self) -> int:
+        return len(self.east)
+
+    def some(self, which: np.ndarray) -> Columns:
+        """Return some of the columns."""
+        return Columns(self.east[which], self.north[which], self.base[which], self.layers[which])
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Return a number (k,) that only an equal column has."""
+        return ((self.east << _DEPTH + 1 | self.north) << _DEPTH + 1 | self.base) * (self.layers.max(initial=0) + 1) + (
+            self.layers
+        )
 
 
-def _require_range(first: np.ndarray, last: np.ndarray, cell_m: float) -> None:
-    if first.min() < 0 or last.max() > 2 * _CENTRE:
+def build_octree(columns: Columns, cell_m: float) -> Octree:
+    """Build the octree of free columns, enclosed by one voxel of rock on all sides.
+
+    Rock deeper than that stays unknown, as in a map made by a sensor. Blocks of the plan are built one after another,
+    so that memory holds the leaves of the whole and the voxels of a block.
+
+    Raises
+    ------
+    GeometryError
+        If the columns reach beyond the range of 16 levels.
+    """
+    _require_range(columns, cell_m)
+    blocks = [_merge(*_voxels(near, east, north), _BLOCK) for east, north, near in _blocks(columns)]
+    levels = [_sorted([block[k] for block in blocks]) for k in range(_BLOCK + 1)]
+    levels += _merge(*levels.pop(), _DEPTH - _BLOCK)
+    return Octree(cell_m, [codes for codes, _ in levels[::-1]], [states for _, states in levels[::-1]])
+
+
+def _require_range(columns: Columns, cell_m: float) -> None:
+    keys = [(v.min(initial=_CENTRE), v.max(initial=_CENTRE)) for v in (columns.east, columns.north)]
+    keys.append((columns.base.min(initial=_CENTRE), (columns.base + columns.layers).max(initial=_CENTRE)))
+    if min(low for low, _ in keys) < 1 or max(high for _, high in keys) > 2 * _CENTRE - 2:
         raise GeometryError(
             f"octree: the workings reach beyond +-{_CENTRE * cell_m:g} m, the range of 16 levels of {cell_m:g} m; "
             "use a larger compile3d.grid_cell_m"
         )
 
 
-def _voxels(
-    free: np.ndarray, origin_m: np.ndarray, cell_m: float, layers: np.ndarray, base: np.ndarray, shift: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the codes, in order, and states of all voxels: columns begin at the layers `base` (k,), rock is one thick.
+def _blocks(columns: Columns) -> Iterator[tuple[int, int, Columns]]:
+    """Return east and north of each block that holds free space or its rock, and the columns in and beside it."""
+    number = [
+        (columns.east + i >> _BLOCK) << _DEPTH | columns.north + j >> _BLOCK
+        for i, j in product((-1, 1), repeat=2)  # a column's rock is at most in these
+    ]
+    for block in np.unique(np.concatenate(number)).tolist():
+        near = np.logical_or.reduce([v == block for v in number])
+        yield block >> _DEPTH, block & ((1 << _DEPTH) - 1), columns.some(near)
 
-    Each of the k free cells, row by row, is as many `layers` (k,) high, and moved by `shift` (k, 2).
-    """
-    if not len(layers):
-        return np.zeros(0, np.int64), np.zeros(0, np.uint8)
-    row, col = np.nonzero(free)
-    west, south = (round(v / cell_m) for v in origin_m)
-    east, north = col + west - shift[:, 0] + _CENTRE, row + south - shift[:, 1] + _CENTRE
-    up, tall = base + _CENTRE, layers
-    most = int(tall.max(initial=1))
-    low, high = (np.array([f(v) for v in (east, north, up)]) for f in (np.min, np.max))
-    _require_range(low - 1, high + np.array([2, 2, most + 2]), cell_m)
-    x, y, z = (_spread(np.arange(high[axis] + most + 2)) << axis for axis in range(3))
 
-    def stacked(j: int, i: int, some: np.ndarray) -> list[np.ndarray]:
-        """Return the codes of the voxels of columns, moved j voxels to the east and i to the north."""
-        plan = x[east + j] | y[north + i]
-        return [plan[some & (tall > k)] | z[up[some & (tall > k)] + k] for k in range(most)]
+def _voxels(columns: Columns, east: int, north: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the codes, in order, and the states of a block's voxels; rock is one voxel thick."""
+    x, y = (_spread(np.arange(2 * _CENTRE)) << axis for axis in range(2))
+    z = _spread(np.arange(2 * _CENTRE)) << 2
+    numbers = np.sort(columns.numbers)
 
-    def ends(j: int, i: int) -> list[np.ndarray]:
-        """Return the codes of the voxels below and above all columns, moved alike."""
-        plan = x[east + j] | y[north + i]
-        return [plan | z[up - 1], plan | z[up + tall]]
+    def stacked(i: int, j: int, ends: int, some: np.ndarray) -> np.ndarray:
+        """Return the codes of columns moved i voxels to the east and j to the north, longer by `ends` at both ends."""
+        moved = replace(columns, east=columns.east + i, north=columns.north + j)
+        moved = moved.some(some & (moved.east >> _BLOCK == east) & (moved.north >> _BLOCK == north))
+        count = moved.layers + 2 * ends
+        up = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(moved.base - ends, count)
+        return np.repeat(x[moved.east] | y[moved.north], count) | z[up]
 
-    every, is_level = np.ones(len(up), bool), (tall == most).all()
-    inside = _distinct(stacked(0, 0, every))
-    padded = np.pad(free, 1)
-    solid = np.zeros(0, np.int64)
-    for i, j in product((-1, 0, 1), repeat=2):  # one after another: most voxels are the same
-        at_wall = ~padded[row + 1 + i, col + 1 + j] if is_level else every  # else beside a lower column too
-        solid = _distinct([solid, *ends(j, i), *stacked(j, i, at_wall)])
+    inside = _distinct(stacked(0, 0, 0, np.ones(len(columns), bool)))
+    rock = []
+    for i, j in product((-1, 0, 1), repeat=2):
+        beside = replace(columns, east=columns.east + i, north=columns.north + j).numbers
+        at = np.minimum(np.searchsorted(numbers, beside), len(numbers) - 1)
+        rock.append(stacked(i, j, 1, (numbers[at] != beside) | ((i, j) == (0, 0))))  # else the rock of that column
+    solid = _distinct(np.concatenate(rock))
     place = np.minimum(np.searchsorted(inside, solid), len(inside) - 1)
-    solid = solid[inside[place] != solid]
-    codes = np.concatenate([inside, solid])
-    states = np.repeat(np.array([FREE, OCCUPIED], np.uint8), [len(inside), len(solid)])
+    solid = solid[inside[place] != solid] if len(inside) else solid
+    return _sorted([(inside, np.full(len(inside), FREE, np.uint8)), (solid, np.full(len(solid), OCCUPIED, np.uint8))])
+
+
+def _sorted(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return codes of several parts in order, and their states."""
+    codes = np.concatenate([np.zeros(0, np.int64), *(codes for codes, _ in parts)])
+    states = np.concatenate([np.zeros(0, np.uint8), *(states for _, states in parts)])
     order = np.argsort(codes, kind="stable")
     return codes[order], states[order]
 
 
-def _distinct(parts: list[np.ndarray]) -> np.ndarray:
+def _distinct(codes: np.ndarray) -> np.ndarray:
     """Return codes in order, each once; by sorting, since numpy's `unique` is slow on millions of integers."""
-    codes = np.concatenate(parts)
-    codes.sort()
-    return codes[np.append(True, codes[1:] != codes[:-1])]
+    codes = np.sort(codes)
+    return codes[np.append(True, codes[1:] != codes[:-1])] if len(codes) else codes
 
 
-def _merge(codes: np.ndarray, states: np.ndarray, cell_m: float) -> Octree:
-    """Merge eight equal leaves, given by their codes in order, into their parent, level by level."""
-    levels: list[tuple[np.ndarray, np.ndarray]] = []
-    for _ in range(_DEPTH):
+def _merge(codes: np.ndarray, states: np.ndarray, levels: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Merge eight equal leaves, given by their codes in order, into their parent; return codes and states by level."""
+    found = []
+    for _ in range(levels):
         parents = codes >> 3
         starts = np.flatnonzero(np.append(len(parents) > 0, parents[1:] != parents[:-1]))
         count = np.diff(np.append(starts, len(parents)))
         low, high = np.minimum.reduceat(states, starts), np.maximum.reduceat(states, starts)
         whole = (count == 8) & (low == high) & (high != INNER)
         kept = ~np.repeat(whole, count)
-        levels.append((codes[kept], states[kept]))
+        found.append((codes[kept], states[kept]))
         codes, states = parents[starts], np.where(whole, high, INNER).astype(np.uint8)
-    levels.append((codes, states))
-    return Octree(cell_m, [codes for codes, _ in levels[::-1]], [states for _, states in levels[::-1]])
+    return [*found, (codes, states)]
 
 
 def _spread(v: np.ndarray) -> np.ndarray:

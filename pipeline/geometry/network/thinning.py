@@ -5,11 +5,11 @@ from __future__ import annotations
 import networkx as nx
 import numpy as np
 import shapely
-from scipy.ndimage import label, maximum_position
 from shapely import Polygon
 from skimage.morphology import skeletonize
 
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.geometry.runs import connected_runs
 from pipeline.types import Frame, Mask
 
 
@@ -40,17 +40,18 @@ def _with_neighbour(skeleton: Mask, cells: Mask) -> Mask:
 
 def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
     """Mark as free the cells of rock cut off from their pillar: its sharp tip is not a second island."""
-    rock, parts = label(~cells)
-    if parts == len(free.interiors) + 1:
+    rock = connected_runs(~cells)
+    if rock.parts == len(free.interiors) + 1:
         return cells
-    number = np.arange(1, parts + 1)
-    places = frame.to_mine(np.array(maximum_position(~cells, rock, number))[:, ::-1] + 0.5)
+    places = frame.to_mine(np.column_stack([rock.start, rock.row])[rock.first] + 0.5)
     part, pillar = shapely.STRtree([Polygon(ring) for ring in free.interiors]).query(shapely.points(places), "within")
-    pillar_of = np.zeros(parts, int)  # 0 is the rock outside
+    pillar_of = np.zeros(rock.parts, int)  # 0 is the rock outside
     pillar_of[part] = pillar + 1
-    by_size, whole = np.argsort(np.bincount(rock.ravel())[1:], kind="stable"), np.zeros(len(free.interiors) + 1, int)
-    whole[pillar_of[by_size]] = number[by_size]  # the largest piece of each stays
-    return ~np.isin(rock, whole[whole > 0])
+    by_size, whole = np.argsort(rock.sizes, kind="stable"), np.full(len(free.interiors) + 1, -1)
+    whole[pillar_of[by_size]] = by_size  # the largest piece of each stays
+    for run in np.flatnonzero(~np.isin(rock.part, whole)).tolist():
+        cells[rock.row[run], rock.start[run] : rock.stop[run]] = True
+    return cells
 
 
 def _pixel_graph(skeleton: Mask) -> nx.Graph:

@@ -14,6 +14,7 @@ from pipeline.geometry.outline.fewest_vertices import simplify_to_error
 from pipeline.types import Frame, Mask
 
 _SUBPIXELS = 2
+_ROWS = 1024  # that are searched at once
 
 
 def trace_outline(free: Mask, frame: Frame) -> Polygon:
@@ -39,7 +40,7 @@ def trace_outline(free: Mask, frame: Frame) -> Polygon:
     GeometryError
         If nothing is free, or the outline touches itself.
     """
-    doubled = _fill_diagonal_contacts(np.kron(np.pad(free, 1), np.ones((_SUBPIXELS, _SUBPIXELS), dtype=np.uint8)))
+    doubled = _fill_diagonal_contacts(_enlarged(np.pad(free, 1)))
     contours, hierarchy = cv2.findContours(doubled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     outer = [i for i, contour in enumerate(contours) if hierarchy[0][i][3] < 0 and len(contour) > 2]
     if not outer:
@@ -60,17 +61,24 @@ def trace_outline(free: Mask, frame: Frame) -> Polygon:
     return orient(shapely.transform(grown, to_mine))
 
 
-def _fill_diagonal_contacts(mask: np.ndarray) -> np.ndarray:
-    """Fill around free pixels that touch only at a corner, where an outline would cross itself."""
-    filled = mask.copy()
-    while True:
-        a, b, c, d = filled[:-1, :-1], filled[:-1, 1:], filled[1:, :-1], filled[1:, 1:]
-        falling, rising = (a & d) > (b | c), (b & c) > (a | d)
-        if not (falling.any() or rising.any()):
-            return filled
-        rows, cols = np.nonzero(falling | rising)
+def _enlarged(mask: Mask) -> np.ndarray:
+    """Return a mask as uint8 with each pixel as a square of sub-pixels."""
+    return mask.astype(np.uint8).repeat(_SUBPIXELS, axis=0).repeat(_SUBPIXELS, axis=1)
+
+
+def _fill_diagonal_contacts(filled: np.ndarray) -> np.ndarray:
+    """Fill around free pixels that touch only at a corner, where an outline would cross itself; change the mask."""
+    while len(contacts := np.vstack([_contacts(filled, top) for top in range(0, len(filled), _ROWS)])):
         for dr, dc in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            filled[rows + dr, cols + dc] = 1
+            filled[contacts[:, 0] + dr, contacts[:, 1] + dc] = 1
+    return filled
+
+
+def _contacts(mask: np.ndarray, top: int) -> np.ndarray:
+    """Return rows and columns (k, 2) of the first of four pixels of which two touch only at a corner, in some rows."""
+    rows = mask[top : top + _ROWS + 1]
+    a, b, c, d = rows[:-1, :-1], rows[:-1, 1:], rows[1:, :-1], rows[1:, 1:]
+    return np.argwhere(((a & d) > (b | c)) | ((b & c) > (a | d))) + np.array([top, 0])
 
 
 def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:

@@ -27,7 +27,7 @@ from minexplore.bundle import (
 )
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid
-from pipeline.geometry.maps.octree import build_octree, to_bt
+from pipeline.geometry.maps.octree import Columns, build_octree, to_bt
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.wall_distance import distances_to_walls
@@ -210,7 +210,8 @@ def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) 
     picture = decode(path.with_suffix(".png"), Image)
     if picture.shape != pixels.shape or (picture != pixels).any():
         raise ArtifactError(f"{path.with_suffix('.png')}: pixels differ from the clearance grid")
-    made = to_bt(build_octree(grid.free, grid.origin_m, grid.cell_m, record.height_m))
+    columns = Columns.of_cells(np.nonzero(grid.free), grid.origin_m, grid.cell_m, record.height_m)
+    made = to_bt(build_octree(columns, grid.cell_m))
     if (folder / OCTREE).read_bytes() != made:
         raise ArtifactError(
             f"{folder / OCTREE}: not the octree of the clearance grid and the height {record.height_m} m"

@@ -8,7 +8,7 @@ import numpy as np
 
 from minexplore.bundle import sheet_map
 from pipeline.geometry.maps.nav2 import nav2_files
-from pipeline.geometry.maps.octree import build_octree, to_bt
+from pipeline.geometry.maps.octree import Columns, build_octree, to_bt
 from pipeline.store.codecs import Bundle, encode
 from pipeline.volume.world.content import Cells
 
@@ -17,20 +17,10 @@ _MOST = 100  # maps
 
 
 def octree_of(cells: Cells) -> bytes:
-    """Return the octree of all spans as OctoMap's `.bt`: the columns' layers are built side by side and moved back."""
-    order = np.lexsort((cells.floor_m, cells.row, cells.column))
-    column, row = cells.column[order].astype(np.int64), cells.row[order].astype(np.int64)
-    begins = np.append(True, (np.diff(column) != 0) | (np.diff(row) != 0))
-    starts = np.flatnonzero(begins)
-    layer = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
-    width, height = int(column.max()) + 1, int(row.max()) + 1
-    shape = (height, width * (int(layer.max()) + 1))
-    free, floor, tall = np.zeros(shape, bool), np.zeros(shape), np.zeros(shape)
-    moved = np.zeros((*shape, 2), np.int64)
-    at = (row, column + layer * width)
-    free[at], floor[at], tall[at] = True, cells.floor_m[order], cells.headroom_m[order]
-    moved[at] = np.column_stack([layer * width, np.zeros(len(layer), np.int64)])
-    return to_bt(build_octree(free, cells.origin_m, cells.cell_m, tall, floor, moved))
+    """Return the octree of all spans as OctoMap's `.bt`."""
+    at = cells.row.astype(np.int64), cells.column.astype(np.int64)
+    columns = Columns.of_cells(at, cells.origin_m, cells.cell_m, cells.headroom_m, cells.floor_m)
+    return to_bt(build_octree(columns, cells.cell_m))
 
 
 def storey_maps(cells: Cells) -> Bundle:
