@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +58,7 @@ _APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
 
 @dataclass(frozen=True)
 class _Traced:
-    """The workings as traced (m, mine frame), as they are drawn, and the cleaned drawing."""
+    """The workings (m, mine frame; empty if a drawing is not traced yet), as they are drawn, and cleaned."""
 
     workings: Polygon | MultiPolygon
     raw: Mask
@@ -79,11 +81,9 @@ def trace_free_space(
     if len(floors) or len(network) or len(solid):
         return _view_from_above(params, survey, workings, NO_LEGS if len(floors) else network) | {"floors": floors}
     frame = survey.frame
-    try:
+    with _named(survey):
         drawn = _trace(params, plan, survey, workings)
         correction = _correct(params, drawn.workings)
-    except GeometryError as error:
-        raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
     simplified = _simplify(params, corrected.workings)
     drifts = simplified.network
@@ -102,6 +102,32 @@ def trace_free_space(
         "correction": None if correction is None else correction.report,
         "corrected": _picture(drawn.workings, correction, frame),
     }
+
+
+def find_workings(
+    params: ContoursParams,
+    plan: Image,
+    survey: Survey,
+    workings: Workings,
+    network: SurveyedLegs = NO_LEGS,
+    solid: ClosedMesh = NO_SOLID,
+    floors: FloorMesh = NO_FLOORS,
+) -> None:
+    """Find or refuse a plan's workings as `trace_free_space` does, and remark on what is left out; trace no walls."""
+    if len(floors) or len(network) or len(solid):
+        return
+    with _named(survey):
+        found = _find(params, plan, survey, workings)
+    _unconnected_m2(found.raw, found.cleaned, survey.frame)
+
+
+@contextmanager
+def _named(survey: Survey) -> Iterator[None]:
+    """Name the survey's file in a refusal."""
+    try:
+        yield
+    except GeometryError as error:
+        raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
 
 
 def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings, legs: SurveyedLegs) -> dict[str, Any]:
@@ -133,19 +159,27 @@ def _picture(drawn: Polygon | MultiPolygon, correction: Correction | None, frame
     return draw_corrected(drawn, correction, frame)
 
 
-def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
-    """Return the workings: a vector survey's own, or those that the plan's picture shows."""
+def _find(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
+    """Return the workings: a vector survey's own, or as the plan's picture shows them."""
     frame, places = survey.frame, chosen_places(params, survey)
     if workings.polygons.is_empty:
         raw, cleaned = _read_mask(params, plan, survey, places)
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
-        cover = None if params.trace == "pixels" else cover_of(plan, raw, cleaned)
-        outline = trace_outline(cleaned, frame) if cover is None else trace_half_level(cover, frame)
-        return _Traced(outline, raw, cleaned)
+        return _Traced(Polygon(), raw, cleaned)
     components = mend(workings.polygons, params.bridge_m, params.min_island_m2)
     chosen = choose_component(components, places)
     raw = fill_polygon(workings.polygons, frame) & ~_touching(components, chosen, frame)
     return _Traced(chosen, raw, fill_polygon(chosen, frame))
+
+
+def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
+    """Return the workings, traced where they are drawn."""
+    found = _find(params, plan, survey, workings)
+    if not found.workings.is_empty:
+        return found
+    cover = None if params.trace == "pixels" else cover_of(plan, found.raw, found.cleaned)
+    cleaned, frame = found.cleaned, survey.frame
+    return replace(found, workings=trace_outline(cleaned, frame) if cover is None else trace_half_level(cover, frame))
 
 
 def _touching(components: MultiPolygon, chosen: Polygon, frame: Frame) -> Mask:

@@ -1,4 +1,4 @@
-"""Read a mine's file as `new` does, up to the workings that stage 2 traces, and write nothing into the project."""
+"""Read a mine's file as `new` does, and find its workings as stage 2 does; write nothing into the project."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pipeline.compose import CONF, compose
 from pipeline.import_mine import DATA, draft_import, import_mine
@@ -16,9 +15,6 @@ from pipeline.params.config import Config
 from pipeline.params.stated import StatedOptions
 from pipeline.store.registry import OWN_REGISTRY
 from pipeline.types import Image
-from stages.__main__ import load_stages
-
-_READING = 2  # stages: the survey, and its workings; the others build the world
 
 
 @dataclass(frozen=True)
@@ -33,7 +29,7 @@ class DryRun:
 
 
 def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> DryRun:
-    """Detect a file's format, read it, and trace its workings.
+    """Detect a file's format, read it, and find its workings. Their walls are not traced, which takes a build's time.
 
     Parameters
     ----------
@@ -50,7 +46,7 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
     Raises
     ------
     MineError
-        As `new`, as far as stage 2.
+        As `new`, as far as stage 2 finds the workings.
     """
     draft = draft_import(name, source, stated)
     if draft.section is None:
@@ -78,10 +74,10 @@ def _scratch_project() -> Iterator[None]:
 
 
 def _read(config: Config) -> Image:
-    """Run the stages that read, in memory, and return the plan."""
-    made: dict[str, Any] = {}
-    for stage in load_stages()[:_READING]:
-        inputs = {key: made[artifact.path] for key, artifact in stage.reads.items()}
-        outputs = stage.run(getattr(config, stage.name), **inputs)
-        made |= {artifact.path: outputs[key] for key, artifact in stage.writes.items()}
-    return made["survey/plan.png"]
+    """Run stage 1 and what stage 2 finds, in memory, and return the plan."""
+    from stages.contours import find_workings
+    from stages.survey import STAGE
+
+    made = STAGE.run(config.survey)
+    find_workings(config.contours, **made)
+    return made["plan"]

@@ -2,12 +2,13 @@
 
 import json
 import shutil
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.fuzz import fuzz_reader, mutate, try_case
+from benchmarks.fuzz import TimeLimits, fuzz_reader, mutate, try_case
 from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.readers import READERS, registry_beside
@@ -95,7 +96,23 @@ def test_a_message_with_the_words_of_a_library_is_a_finding_of_the_fuzzer(tmp_pa
     def refuse(path):
         raise InputError(message)
 
-    assert verdict in try_case(refuse, {"a": b"x"}, tmp_path, 10)
+    assert verdict in try_case(refuse, {"a": b"x"}, tmp_path, TimeLimits(10.0, 10.0)).verdict
+
+
+def test_a_case_that_waits_for_a_busy_machine_is_no_finding_of_the_fuzzer(tmp_path):
+    trial = try_case(lambda path: time.sleep(0.4), {"a": b"x"}, tmp_path, TimeLimits(0.2, 30.0))
+    assert trial.verdict == "valid"
+    assert trial.seconds < 0.2
+
+
+def test_a_case_that_computes_too_long_or_sleeps_without_end_is_a_finding_of_the_fuzzer(tmp_path):
+    def compute(path):
+        end = time.process_time() + 0.4
+        while time.process_time() < end:
+            pass
+
+    assert "of the processors" in try_case(compute, {"a": b"x"}, tmp_path, TimeLimits(0.2, 30.0)).verdict
+    assert try_case(lambda path: time.sleep(9), {"a": b"x"}, tmp_path, TimeLimits(30.0, 0.3)).verdict == "hang"
 
 
 def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):
