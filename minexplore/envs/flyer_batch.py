@@ -12,6 +12,7 @@ from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
+from minexplore.volume.flying import AirGround
 from minexplore.world import World
 
 _INNER_S = 0.01  # of the controller: a twelfth of its fastest loop's time
@@ -44,8 +45,9 @@ class FlyerBatch(RobotBatch):
         self._bursts = [min(inner, task.substeps - at) for at in range(0, task.substeps, inner)]
         self._wanted = np.zeros((count, 4))
 
-    def _make_ground(self, whole: bool) -> FlyerGround:
-        return FlyerGround(self.world, self.task, self.robot, self.count, whole)
+    def _make_ground(self, whole: bool) -> FlyerGround | AirGround:  # type: ignore[override]
+        kind = FlyerGround if self.world.volume is None else AirGround
+        return kind(self.world, self.task, self.robot, self.count, whole)
 
     def _forget(self, robots: np.ndarray) -> None:
         self.seen[robots] = False

@@ -40,6 +40,7 @@ class HuskyParams(Robot):
 
     KIND: ClassVar[str] = "husky"
     JOINTS: ClassVar[tuple[str, ...]] = ("free", *_WHEELS)
+    SIDES: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = (_WHEELS[0::2], _WHEELS[1::2])
 
     radius_m: float = 0.598
     wheel_radius_m: float = 0.1651
@@ -94,8 +95,10 @@ class HuskyParams(Robot):
         return np.column_stack([left, right, left, right])
 
     def attach(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Add the robot to a world, whose floor gives as tyres do."""
+        """Add the robot to a world; floors that have priority over wheels give as tyres do, as wheels do on others."""
         attach_file(spec, "husky.xml", name)
+        for wheel in _WHEELS:
+            spec.geom(f"{name}_{wheel}").solref = [_TYRE_S, 1.0]
         for geom in spec.geoms:
             if is_floor(geom.name):
                 geom.solref = [_TYRE_S, 1.0]

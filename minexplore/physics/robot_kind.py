@@ -17,12 +17,14 @@ class Robot:
     """A kind of robot: its parameters are a frozen dataclass that inherits from this.
 
     `COMMANDS` numbers in [-1, 1] drive it, `JOINTS` are its joints in the order of `qpos`, without the robot's name.
+    `SIDES` are the geoms of its wheels, left and right ones.
     """
 
     KIND: ClassVar[str] = "differential drive"
     COMMANDS: ClassVar[int] = 2
     FLIES: ClassVar[bool] = False
     JOINTS: ClassVar[tuple[str, ...]] = ("free", "left", "right")
+    SIDES: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = (("left",), ("right",))
 
     radius_m: float
     sensor_height_m: float

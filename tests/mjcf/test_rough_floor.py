@@ -11,8 +11,8 @@ import shapely
 
 from minexplore.bundle import COVER_M, HFIELDS, BundleError, decode_msh, is_cover, is_rough_floor
 from minexplore.physics.local_models import LocalModels
-from minexplore.physics.placing import place
 from minexplore.physics.robot import RobotParams
+from minexplore.placing.place import place
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
