@@ -70,6 +70,10 @@ class HuskyParams(Robot):
         """Return how far the wheels of both sides are apart."""
         return self.track_m
 
+    def top_speed_mps(self, commanded_mps: float) -> float:
+        """Return the mean speed that the wheels make of a command, at most."""
+        return min(min(commanded_mps, self.max_speed_mps) * self.travel_scale, self.max_speed_mps)
+
     def disturb(
         self, forward_mps: np.ndarray, turn_radps: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -53,6 +53,10 @@ class Robot:
         """Return the twists (k,) that robots (k,) make of commanded ones; each draws from its own generator."""
         return forward_mps, turn_radps
 
+    def top_speed_mps(self, commanded_mps: float) -> float:
+        """Return the mean speed that the wheels make of a command, at most."""
+        return commanded_mps
+
     def attach(self, spec: mujoco.MjSpec, name: str) -> None:
         """Add the robot to a world as body `name`, with names that begin with it and `_`."""
         raise NotImplementedError

@@ -100,7 +100,7 @@ def test_a_quadrotor_flies_up_a_shaft_and_back_and_sees_what_no_wheels_reach(sha
             info = env.step([0.0, 0.0, climb, 0.0])[4]
             places.append(float(info["height_m"]))
     assert max(places) > 8.0
-    assert places[-1] < 1.6
+    assert abs(places[-1] - 1.2) < 0.6  # where it began; it takes half a second to follow
 
 
 def test_a_quadrotor_in_the_whole_volume_and_in_the_rock_round_it_flies_alike(shaft):
