@@ -59,6 +59,21 @@ class QuadrotorParams(Robot):
         check_measures("quadrotor", self, _SPANS)
 
     @property
+    def origin_height_m(self) -> float:
+        """Return how high the body's origin is over the guard's lower edge."""
+        return self.half_height_m
+
+    @property
+    def top_m(self) -> float:
+        """Return how high the top of its scanner is over the guard's lower edge."""
+        return 2 * self.half_height_m
+
+    @property
+    def camera_m(self) -> tuple[float, float]:
+        """Return how far ahead of the body's origin, and how high over the guard's lower edge, a camera is."""
+        return 0.3, self.half_height_m  # before the rotors, within the guard
+
+    @property
     def lamp_height_m(self) -> float:
         """Return how high a headlamp is above the body's origin."""
         return self.half_height_m + LAMP_ABOVE_M

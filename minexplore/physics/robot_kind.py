@@ -39,6 +39,21 @@ class Robot:
         raise NotImplementedError
 
     @property
+    def origin_height_m(self) -> float:
+        """Return how high the origin of the robot's body is over the ground that it stands on."""
+        return self.wheel_radius_m
+
+    @property
+    def top_m(self) -> float:
+        """Return how high the top of its scanner is over that ground."""
+        return self.sensor_height_m + self.scanner_height_m / 2
+
+    @property
+    def camera_m(self) -> tuple[float, float]:
+        """Return how far ahead of the body's origin, and how high over that ground, a camera is."""
+        return 0.36, 0.5
+
+    @property
     def between_sides_m(self) -> float:
         """Return how far the wheels of both sides are apart; a robot without wheels has no odometry."""
         return self.wheel_base_m

@@ -46,7 +46,7 @@ def standing_spans(spans: FloorSpans, robot: Robot, anchor_m: np.ndarray) -> np.
     ValueError
         If the robot fits nowhere.
     """
-    top_m = robot.sensor_height_m + robot.scanner_height_m / 2
+    top_m = robot.top_m
     roomy = (spans.clearance_m >= robot.radius_m) & (spans.headroom_m >= top_m)
     fits = roomy & (spans.storey >= 0)
     if not fits.any():

@@ -12,6 +12,7 @@ from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.husky import HuskyParams
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.sensing.cubes import CubeGrid
+from minexplore.sensing.scanners import LABELS
 from minexplore.task import TaskParams
 from minexplore.volume.air import air_spans
 from minexplore.world import load_world
@@ -151,6 +152,40 @@ def test_a_robot_that_fits_nowhere_in_the_air_is_one_error(shaft):
         CubeGrid(air.middles(2.0), 2.0)
 
 
-def test_a_quadrotor_has_no_dust_and_no_wheels_in_a_volume_either(shaft):
+@pytest.mark.parametrize("robot", [None, *NAMES])
+def test_every_robot_has_every_sensor_in_a_volume_and_each_hit_its_label(box, robot):
+    env = MineEnv(box, robot=robot, sensors=("imu", "vlp-16"), conditions="typical")
+    check_env(env, skip_render_check=True)
+    env = MineEnv(box, robot=robot)
+    env.reset(seed=1)
+    for name in ("rgb", "depth", "labels"):
+        assert env.capture(name).shape[:2] == (240, 320)
+    cloud, pose = env.capture("vlp-16"), env.suite.robot_pose()
+    places = env.suite.scanner("vlp-16").mount.on(pose).points(cloud.points_m)
+    names = np.array(LABELS)[cloud.label]
+    assert set(names) <= {"rock", "roof", "floor", "wet floor", "water"}
+    floor = np.isin(names, ["floor", "wet floor", "water"])
+    assert np.abs(places[names == "roof", 2] - 3.0).max(initial=0.0) < 0.1
+    assert np.abs(places[floor, 2]).max() < 0.1
+    walls = places[(names == "rock") & (places[:, 2] < 1.0)]  # higher up they lean inwards
+    off_m = np.minimum(np.abs(np.abs(walls[:, 1]) - 2.0), np.minimum(np.abs(walls[:, 0]), np.abs(walls[:, 0] - 20.0)))
+    assert len(walls) > 1000
+    assert off_m.max() < 0.1
+    env.close()
+
+
+def test_a_quadrotor_sees_less_in_dust_and_is_placed_as_in_clear_air(shaft):
+    clear, dusty = (
+        MineEnv(shaft, robot="quadrotor", conditions=c) for c in ("ideal", {"preset": "dusty", "dust_per_m": 0.9})
+    )
+    (one, seen), (two, less) = clear.reset(seed=2), dusty.reset(seed=2)
+    assert (two[:82] <= one[:82] + 0.02).all()
+    assert two[:82].mean() < 0.8 * one[:82].mean()
+    assert less["cells_seen"] < seen["cells_seen"]
+    np.testing.assert_array_equal(seen["pose_m_rad"], less["pose_m_rad"])
+    check_env(dusty, skip_render_check=True)
+
+
+def test_a_quadrotor_has_no_wheels_in_a_volume_either(shaft):
     with pytest.raises(ValueError, match="pose = 'odometry': a quadrotor has no wheels; want true"):
         MineEnv(shaft, robot=QuadrotorParams(), pose="odometry")
