@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 import sys
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from baselines.base.environments import BENCHMARK
+from baselines.base.environments import BENCHMARK, find_id
 from baselines.base.errors import BaselineError, RejectedError, run_command
-from baselines.base.markdown import markdown_table, write_table
-from baselines.base.result_file import RESULTS, read_results, result_path
+from baselines.base.markdown import BEGIN, END, markdown_table, write_table
+from baselines.base.result_file import RESULTS, Episode, Head, read_results, result_path
 from baselines.base.statistics import Figure, as_text, figures
 from baselines.pages.split_page import UNVERIFIED_HEADING, split_section
 from baselines.policies.found import RESERVED
@@ -20,6 +23,8 @@ from baselines.scoring.verified_runs import was_driven_here
 
 PAGE = Path("LEADERBOARD.md")
 _PROFILES = Path("docs/unseen-profiles.png")
+_ID = "MineXplore/"  # of all environments
+_WRITTEN_BY = "`python -m baselines.evaluate` writes them"
 _WORSE_SENSES = "### By worse senses: points of coverage lost"
 _ALWAYS = ("area under coverage", "time to 50 %, s", "collisions per 100 m", "return")
 
@@ -50,30 +55,56 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
     BaselineError
         If there are no results, or one is rejected.
     """
+    sections = sections_of(results)
+    return "\n".join([*filter(None, [split_section(results, "test", profiles)]), *sections.values()])
+
+
+def sections_of(results: Path, envs: Collection[str] | None = None) -> dict[str, str]:
+    """Return each environment's section by its id; of all, or of some.
+
+    Raises
+    ------
+    BaselineError
+        If there are no results, or one is rejected.
+    """
     files = sorted(path for path in results.glob("*/*.jsonl") if not path.parent.name.startswith("Family-"))
-    if not files:
-        raise BaselineError(f"{results}: no results; `python -m baselines.evaluate` writes them")
     tables: dict[str, list[_LeaderboardRow]] = {}
     for path in files:
         head, episodes = read_results(path)
-        check(path, head, episodes)
-        place = result_path(head.policy, head.env)
-        if path.parts[-2:] != place.parts[-2:]:
-            raise RejectedError(
-                f"{path}: results of {head.policy} in {head.env}, which are kept as {'/'.join(place.parts[-2:])}"
-            )
-        found = dict(figures(head, episodes, bound_of(head.env, head.world_sha256)))
-        verified = was_driven_here(path, results, head, episodes)
-        if not verified and head.policy not in RESERVED:  # the oracle's tour is the project's own
-            require_name(path, head)
-        tables.setdefault(head.env, []).append(_LeaderboardRow(head.policy, len(episodes), verified, found))
-    envs = sorted(tables, key=lambda env: (env not in BENCHMARK, env))
-    return "\n".join(
-        [
-            *filter(None, [split_section(results, "test", profiles)]),
-            *(_section(env, tables[env], read_bounds().get(env)) for env in envs),
-        ]
-    )
+        if envs is None or head.env in envs:
+            tables.setdefault(head.env, []).append(_row(results, path, head, episodes))
+    absent = [env for env in envs or () if env not in tables]
+    if absent or not tables:
+        raise BaselineError(f"{results}: no results{f' of {absent[0]}' if absent else ''}; {_WRITTEN_BY}")
+    return {env: _section(env, tables[env], read_bounds().get(env)) for env in sorted(tables, key=_order)}
+
+
+def with_sections(tables: str, sections: dict[str, str]) -> str:
+    """Return a page's tables with other sections of some environments; the others stay as they are."""
+    parts = re.split(r"^(?=## )", tables.strip() + "\n", flags=re.MULTILINE)
+    kept = {part.partition("\n")[0].removeprefix("## "): part.rstrip() + "\n" for part in parts if part.strip()}
+    every = kept | sections
+    unseen = [heading for heading in every if not heading.startswith(_ID)]
+    return "\n".join(every[heading] for heading in [*unseen, *sorted(every.keys() - set(unseen), key=_order)])
+
+
+def _order(env_id: str) -> tuple[bool, str]:
+    return env_id not in BENCHMARK, env_id
+
+
+def _row(results: Path, path: Path, head: Head, episodes: list[Episode]) -> _LeaderboardRow:
+    """Return the row of a file that was checked."""
+    check(path, head, episodes)
+    place = result_path(head.policy, head.env)
+    if path.parts[-2:] != place.parts[-2:]:
+        raise RejectedError(
+            f"{path}: results of {head.policy} in {head.env}, which are kept as {'/'.join(place.parts[-2:])}"
+        )
+    found = dict(figures(head, episodes, bound_of(head.env, head.world_sha256)))
+    verified = was_driven_here(path, results, head, episodes)
+    if not verified and head.policy not in RESERVED:  # the oracle's tour is the project's own
+        require_name(path, head)
+    return _LeaderboardRow(head.policy, len(episodes), verified, found)
 
 
 def _section(env_id: str, rows: list[_LeaderboardRow], bound: Bound | None) -> str:
@@ -104,8 +135,15 @@ def _table(rows: list[_LeaderboardRow], shown: list[str]) -> list[str]:
 
 
 def main() -> None:
-    """Write the page."""
-    write_table(PAGE, leaderboard(RESULTS, _PROFILES))
+    """Read the command line and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m baselines.leaderboard", description=__doc__)
+    parser.add_argument("--env", nargs="*", help="ids, or NAME for MineXplore/NAME-v0; other sections stay as they are")
+    arguments = parser.parse_args()
+    if arguments.env:
+        tables = PAGE.read_text().partition(BEGIN)[2].partition(END)[0]
+        write_table(PAGE, with_sections(tables, sections_of(RESULTS, [find_id(name) for name in arguments.env])))
+    else:
+        write_table(PAGE, leaderboard(RESULTS, _PROFILES))
     print(f"{PAGE} is written")
 
 

@@ -91,7 +91,7 @@ def __getattr__(name: str) -> Any:
     """Import `place` and `Pose` when they are first asked for: they need MuJoCo."""
     if name not in ("place", "Pose"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("minexplore.physics.placing"), name)
+    return getattr(import_module("minexplore.placing.place"), name)
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():

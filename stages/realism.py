@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import VOLUME
+from pipeline.errors import ParamsError
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.realism import RealismParams
 from pipeline.stage import Artifact, Stage, main
@@ -15,9 +16,17 @@ from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExt
 
 
 def write_world(params: RealismParams, survey: Survey, free_space: FreeSpace, volume: Path, **others: Any) -> dict:
-    """Return `world`, the files of the bundle by name: of one volume, or of a level mine."""
+    """Return `world`, the files of the bundle by name: of one volume, or of a level mine.
+
+    Raises
+    ------
+    ParamsError
+        If a volume is to have a rough floor.
+    """
     if not (volume / VOLUME).is_file():
         return assemble_world(params, survey, free_space, **others)
+    if params.rough_floor:
+        raise ParamsError("realism.rough_floor = true: the mine is one volume, which has no visible floor; want false")
     from pipeline.volume.world.bundle import bundle_volume  # open3d takes a second to load
 
     return {"world": bundle_volume(params, survey, free_space, volume, others["rough"], others["texture"])}

@@ -16,9 +16,9 @@ import numpy as np
 
 from benchmarks.resume import run_benchmark
 from minexplore.envs.env import MineEnv
-from minexplore.physics.placing import PlacementWarning, place
 from minexplore.pictures.opengl import new_renderer
 from minexplore.pictures.render import Renderer
+from minexplore.placing.place import PlacementWarning, place
 from minexplore.world import World, find_world, load_world
 from pipeline.store.files import write_atomically
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 
-from minexplore.envs.flyer_batch import FlyerBatch, flyer_space
+from minexplore.envs.flyer_batch import flyer_space
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.sensed.degraded_batch import check_pose, driving_batch
+from minexplore.envs.sensed.degraded_batch import check_pose, driving_batch, flying_batch
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot_kind import Robot
 from minexplore.sensing.lidar import Backend
@@ -33,7 +33,7 @@ def make_batch(
     Raises
     ------
     ValueError
-        If the pose is none, or a robot without wheels is to count them, or to fly in dust.
+        If the pose is none, or a robot without wheels is to count them.
     """
     check_pose(pose)
     batch = (world, task, robot, count, threads, lidar, whole)
@@ -41,9 +41,7 @@ def make_batch(
         return driving_batch(pose, conditions, *batch)
     if pose != "true":
         raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
-    if not conditions.is_ideal:
-        raise ValueError("conditions: a quadrotor's own beams are those of clear air; want ideal")
-    return FlyerBatch(world, task, robot, count, threads, lidar, whole)
+    return flying_batch(conditions, *batch)
 
 
 def observations_of(task: TaskParams, robot: Robot) -> gymnasium.spaces.Box:

@@ -12,6 +12,7 @@ from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
+from minexplore.volume.flying import AirGround
 from minexplore.world import World
 
 _INNER_S = 0.01  # of the controller: a twelfth of its fastest loop's time
@@ -44,8 +45,9 @@ class FlyerBatch(RobotBatch):
         self._bursts = [min(inner, task.substeps - at) for at in range(0, task.substeps, inner)]
         self._wanted = np.zeros((count, 4))
 
-    def _make_ground(self, whole: bool) -> FlyerGround:
-        return FlyerGround(self.world, self.task, self.robot, self.count, whole)
+    def _make_ground(self, whole: bool) -> FlyerGround | AirGround:  # type: ignore[override]
+        kind = FlyerGround if self.world.volume is None else AirGround
+        return kind(self.world, self.task, self.robot, self.count, whole)
 
     def _forget(self, robots: np.ndarray) -> None:
         self.seen[robots] = False
@@ -85,11 +87,15 @@ class FlyerBatch(RobotBatch):
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cast the beams and mark the cubes they cross; return true ranges (k, beams) m, and new cubes (k,)."""
         origin, directions, ranges = self._cast(robots)
-        ends = origin[:, None] + directions * ranges[..., None]
-        starts = np.repeat(origin, len(self._beams), axis=0)
-        ray, cube = self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
+        ray, cube = self._crossed(origin, directions, ranges)
         new = self.grid.mark(self.seen, robots[ray // len(self._beams)], cube)
         return ranges, new[robots]
+
+    def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return ray numbers, and the numbers of the cubes that the beams pass through."""
+        ends = origin[:, None] + directions * ranges[..., None]
+        starts = np.repeat(origin, len(self._beams), axis=0)
+        return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from minexplore.physics.local_models import LocalModels
-from minexplore.physics.robot import RobotParams, free_joint_qpos
+from minexplore.physics.robot import free_joint_qpos
 from minexplore.physics.robot_kind import Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.sensing.coverage import CellGrid, CoverageGrid
@@ -94,15 +94,7 @@ class PlanGround:
 
 
 def ground_of(world: World, task: TaskParams, robot: Robot, count: int, whole: bool) -> RobotGround:
-    """Return what so many robots drive on in a world.
-
-    Raises
-    ------
-    ValueError
-        If the world is one volume and the robot is not the default one.
-    """
+    """Return what so many robots on wheels drive on in a world."""
     if world.volume is None:
         return PlanGround(world, task, robot, count, whole)
-    if not isinstance(robot, RobotParams):
-        raise ValueError(f"robot = {robot.KIND}: {world.folder} is one volume, in which only the default robot drives")
     return VolumeGround(world, task, robot, count, whole)

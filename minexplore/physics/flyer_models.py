@@ -7,9 +7,10 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY
 from minexplore.physics.local_models import Box, LocalModels
+from minexplore.physics.robot_kind import Robot
 from minexplore.tiles import Tile, tiles_at
 
-_CUBE_M = 4.0
+CUBE_M = 4.0  # side of a tile
 _AIR = (1.225, 1.8e-5)  # density, kg/m3, and viscosity, Pa s, at 15 deg C
 
 
@@ -18,25 +19,30 @@ class FlyerModels(LocalModels):
 
     def tiles_of(self, xyz: np.ndarray) -> np.ndarray:
         """Return each place's cube (n, 3), mine frame; a whole world has one."""
-        return np.zeros((len(xyz), 3), dtype=int) if self.whole else tiles_at(xyz, _CUBE_M)
+        return np.zeros((len(xyz), 3), dtype=int) if self.whole else tiles_at(xyz, CUBE_M)
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
         box = None
         if tile is not None and not self.whole:
-            low, high = self.reach(np.array(tile), _CUBE_M)
+            low, high = self.reach(np.array(tile), CUBE_M)
             box = Box(low[:2], high[:2])
         spec = self.rock_spec(box)
-        spec.option.density, spec.option.viscosity = _AIR
-        for name in robots:
-            self.robot.attach(spec, name)
-            spec.add_sensor(
-                name=f"{name}_touches_rock",
-                type=mujoco.mjtSensor.mjSENS_CONTACT,
-                objtype=mujoco.mjtObj.mjOBJ_GEOM,
-                objname=f"{name}_chassis",
-                reftype=mujoco.mjtObj.mjOBJ_XBODY,
-                refname=MINE_BODY,
-                intprm=[1, 0, 1],
-            )
+        add_flyers(spec, self.robot, robots)
         return spec
+
+
+def add_flyers(spec: mujoco.MjSpec, robot: Robot, names: tuple[str, ...]) -> None:
+    """Add air and robots that fly to a spec of rock, each with a sensor that counts all that its guard touches."""
+    spec.option.density, spec.option.viscosity = _AIR
+    for name in names:
+        robot.attach(spec, name)
+        spec.add_sensor(
+            name=f"{name}_touches_rock",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=f"{name}_chassis",
+            reftype=mujoco.mjtObj.mjOBJ_XBODY,
+            refname=MINE_BODY,
+            intprm=[1, 0, 1],
+        )

@@ -40,6 +40,7 @@ class HuskyParams(DrivenRobot):
 
     KIND: ClassVar[str] = "husky"
     JOINTS: ClassVar[tuple[str, ...]] = ("free", *_WHEELS)
+    SIDES: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = (_WHEELS[0::2], _WHEELS[1::2])
 
     radius_m: float = 0.598
     wheel_radius_m: float = 0.1651
@@ -69,6 +70,10 @@ class HuskyParams(DrivenRobot):
         """Return how far the wheels of both sides are apart."""
         return self.track_m
 
+    def top_speed_mps(self, commanded_mps: float) -> float:
+        """Return the mean speed that the wheels make of a command, at most."""
+        return min(min(commanded_mps, self.max_speed_mps) * self.travel_scale, self.max_speed_mps)
+
     def disturb(
         self, forward_mps: np.ndarray, turn_radps: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -94,8 +99,10 @@ class HuskyParams(DrivenRobot):
         return np.column_stack([left, right, left, right])
 
     def attach(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Add the robot to a world, whose floor gives as tyres do."""
+        """Add the robot to a world; floors that have priority over wheels give as tyres do, as wheels do on others."""
         attach_file(spec, "husky.xml", name)
+        for wheel in _WHEELS:
+            spec.geom(f"{name}_{wheel}").solref = [_TYRE_S, 1.0]
         for geom in spec.geoms:
             if is_floor(geom.name):
                 geom.solref = [_TYRE_S, 1.0]

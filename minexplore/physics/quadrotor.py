@@ -12,12 +12,13 @@ import numpy as np
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
 from minexplore.physics.robot_kind import Robot, attach_file, check_measures
-from minexplore.rotations import rotation_matrices
+from minexplore.rotations import quaternion, rotate_inverse, rotation_matrices
 
 # Of mjcf/quadrotor.xml; a test compares them.
 MASS_KG, INERTIA_KGM2 = 1.325, (0.03692, 0.02568, 0.06222)
 ARM_M, REACTION_M, MOST_N = (0.14, 0.18), 0.0201, 13.0
 GRAVITY_MPS2 = 9.81
+START_M = 1.2  # above the floor; half-way to a lower roof
 _SPANS = {
     "climb_mps": Span(0.01, 20.0),
     "rings": Span(0, 30, whole=True),
@@ -41,6 +42,7 @@ class QuadrotorParams(Robot):
     COMMANDS: ClassVar[int] = 4
     FLIES: ClassVar[bool] = True
     JOINTS: ClassVar[tuple[str, ...]] = ("free",)
+    SIDES: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = ((), ())
 
     radius_m: float = 0.36
     half_height_m: float = 0.07
@@ -55,6 +57,21 @@ class QuadrotorParams(Robot):
         """Refuse values that make no robot; its measures are the file's."""
         check_numbers("quadrotor", self, _SPANS)
         check_measures("quadrotor", self, _SPANS)
+
+    @property
+    def origin_height_m(self) -> float:
+        """Return how high the body's origin is over the guard's lower edge."""
+        return self.half_height_m
+
+    @property
+    def top_m(self) -> float:
+        """Return how high the top of its scanner is over the guard's lower edge."""
+        return 2 * self.half_height_m
+
+    @property
+    def camera_m(self) -> tuple[float, float]:
+        """Return how far ahead of the body's origin, and how high over the guard's lower edge, a camera is."""
+        return 0.3, self.half_height_m  # before the rotors, within the guard
 
     @property
     def lamp_height_m(self) -> float:
@@ -110,6 +127,18 @@ class QuadrotorParams(Robot):
     def attach(self, spec: mujoco.MjSpec, name: str) -> None:
         """Add the robot to a world."""
         attach_file(spec, "quadrotor.xml", name)
+
+
+def level_pose(T_world_mine: np.ndarray, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
+    """Return the free joint's place (m) and quaternion (7,), world frame, of a robot that is level in the world.
+
+    Its middle is at a place (3,) m of the mine frame, and it looks along `yaw_rad` there, seen from above.
+    """
+    R, t = T_world_mine[:3, :3], T_world_mine[:3, 3]
+    ahead = rotate_inverse(np.array([[math.cos(yaw_rad), math.sin(yaw_rad), 0.0]]), R.T)[0]
+    flat = ahead[:2] / math.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
+    turn = quaternion(np.array([[flat[0], -flat[1], 0], [flat[1], flat[0], 0], [0, 0, 1.0]]))
+    return np.concatenate([rotate_inverse(place_m[None], R.T)[0] + t, turn])
 
 
 def _mix(thrust: np.ndarray, torque: np.ndarray) -> np.ndarray:

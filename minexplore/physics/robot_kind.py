@@ -18,12 +18,14 @@ class Robot(ABC):
     """A kind of robot: its parameters are a frozen dataclass that inherits from this.
 
     `COMMANDS` numbers in [-1, 1] drive it, `JOINTS` are its joints in the order of `qpos`, without the robot's name.
+    `SIDES` are the geoms of its wheels, left and right ones.
     """
 
     KIND: ClassVar[str] = "differential drive"
     COMMANDS: ClassVar[int] = 2
     FLIES: ClassVar[bool] = False
     JOINTS: ClassVar[tuple[str, ...]] = ("free", "left", "right")
+    SIDES: ClassVar[tuple[tuple[str, ...], tuple[str, ...]]] = (("left",), ("right",))
 
     radius_m: float
     sensor_height_m: float
@@ -36,6 +38,21 @@ class Robot(ABC):
     @abstractmethod
     def lamp_height_m(self) -> float:
         """Return how high a headlamp is above the origin of the robot's body."""
+
+    @property
+    def origin_height_m(self) -> float:
+        """Return how high the origin of the robot's body is over the ground that it stands on."""
+        return self.wheel_radius_m
+
+    @property
+    def top_m(self) -> float:
+        """Return how high the top of its scanner is over that ground."""
+        return self.sensor_height_m + self.scanner_height_m / 2
+
+    @property
+    def camera_m(self) -> tuple[float, float]:
+        """Return how far ahead of the body's origin, and how high over that ground, a camera is."""
+        return 0.36, 0.5
 
     @property
     def between_sides_m(self) -> float:
@@ -59,6 +76,10 @@ class DrivenRobot(Robot):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the twists (k,) that robots (k,) make of commanded ones; each draws from its own generator."""
         return forward_mps, turn_radps
+
+    def top_speed_mps(self, commanded_mps: float) -> float:
+        """Return the mean speed that the wheels make of a command, at most."""
+        return commanded_mps
 
 
 def check_measures(kind: str, params: Robot, free: Container[str]) -> None:

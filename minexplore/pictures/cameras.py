@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup, fitting_geom, floor_geom, is_cover, is_floor, is_shade, puddle_geom
 from minexplore.limits import Span, check_numbers
+from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer, prepare_opengl
 from minexplore.pictures.render import Renderer, far_hidden, light_nearest, shown_groups
@@ -24,6 +26,7 @@ _SPANS = {
     "depth_m": Span(0.1, 1000.0),
 }
 _HIDDEN = GeomGroup.SMOOTH_SURFACE
+_DOWN_DEG = 5.0  # of a robot's camera: the ground a few metres ahead is in the picture
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,17 @@ class CameraParams:
     fovy_deg: float = 62.0
     baseline_m: float = 0.095
     depth_m: float = 20.0
-    mount: Mount = field(default_factory=lambda: Mount(x_m=0.36, height_m=0.5, pitch_deg=5.0))
+    mount: Mount = field(default_factory=lambda: Mount(x_m=0.36, height_m=0.5, pitch_deg=_DOWN_DEG))
 
     def __post_init__(self) -> None:
         """Refuse numbers that no camera has."""
         check_numbers("camera", self, _SPANS)
+
+    @classmethod
+    def on(cls, robot: Robot) -> Self:
+        """Return the camera of a robot."""
+        ahead_m, height_m = robot.camera_m
+        return cls(mount=Mount(x_m=ahead_m, height_m=height_m, pitch_deg=_DOWN_DEG))
 
     @property
     def focal_px(self) -> float:

@@ -19,34 +19,36 @@ class CubeGrid:
     `reachable` (total,) is true; a column lies over origin + (j, i) * cell.
     """
 
-    def __init__(
-        self, world: World, cell_m: float, radius_m: float, half_height_m: float, centre_m: np.ndarray, reach_m: float
-    ) -> None:
-        """Find the cubes where an upright cylinder has its middle, connected to `centre_m`, within `reach_m`."""
+    def __init__(self, middles_m: np.ndarray, cell_m: float) -> None:
+        """Take points (n, 3) m of the mine frame at which the robot's middle can be, one or more in each cube.
+
+        Raises
+        ------
+        ValueError
+            If there is no point.
+        """
+        if not len(middles_m):
+            raise ValueError("no place where the robot fits")
         self.cell_m = cell_m
-        found = _connected(world, world.clearance_m >= radius_m, centre_m)
-        row, col = np.nonzero(found)
-        places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
-        if math.isfinite(reach_m):
-            places = places[np.linalg.norm(places - centre_m, axis=1) <= reach_m]
-        middles = _middles(places, float(world.record["height_m"]), half_height_m)
-        cubes = np.unique(np.floor(middles / cell_m).astype(int), axis=0)
+        cubes = np.unique(np.floor(middles_m / cell_m).astype(int), axis=0)
         low = cubes.min(axis=0)
-        self.low, size = low, cubes.max(axis=0) - low + 1
+        self.low, self._size = low, cubes.max(axis=0) - low + 1
         self.origin_m = low[:2] * cell_m
-        self._number = np.full(size, -1, dtype=np.int32)
-        self._number[tuple((cubes - low).T)] = np.arange(len(cubes))
+        self._keys = np.ravel_multi_index((cubes - low).T, self._size)  # in order, as cubes are
         self.cubes, self.total = cubes, len(cubes)
         self.reachable = np.ones(self.total, dtype=bool)
-        self._columns = int(size[1]), int(size[0])
+        self._columns = int(self._size[1]), int(self._size[0])
         self._flat = np.ravel_multi_index((cubes - low)[:, 1::-1].T, self._columns)
 
     def numbers_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the numbers (n,) of the cubes about points (n, 3) m of the mine frame; -1 for those not reachable."""
         at = np.floor(points_m / self.cell_m).astype(int) - self.low
-        inside = ((at >= 0) & (at < self._number.shape)).all(axis=1)
+        inside = np.flatnonzero(((at >= 0) & (at < self._size)).all(axis=1))
+        key = np.ravel_multi_index(at[inside].T, self._size)
+        number = np.minimum(np.searchsorted(self._keys, key), self.total - 1)
+        is_cube = self._keys[number] == key
         found = np.full(len(points_m), -1)
-        found[inside] = self._number[tuple(at[inside].T)]
+        found[inside[is_cube]] = number[is_cube]
         return found
 
     def cells_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float) -> tuple[np.ndarray, ...]:
@@ -92,9 +94,18 @@ class CubeGrid:
         return found
 
 
-def _middles(places: np.ndarray, height_m: float, half_height_m: float) -> np.ndarray:
-    """Return points (n, 3) m of the mine frame at which the robot's middle can be over places (k, 2) m of the plan."""
-    least, most = half_height_m + _CENTRE, height_m - half_height_m - _CENTRE
-    z = np.minimum(np.arange(least, most + _STEP_M, _STEP_M), most)
-    z = z[z >= least]
-    return np.column_stack([np.tile(places, (len(z), 1)), np.repeat(z, len(places))])
+def level_middles(
+    world: World, radius_m: float, half_height_m: float, centre_m: np.ndarray, reach_m: float
+) -> np.ndarray:
+    """Return points (n, 3) m of a level mine at which an upright cylinder has its middle.
+
+    They are connected to `centre_m` over the floor and within `reach_m` of it, seen from above.
+    """
+    row, col = np.nonzero(_connected(world, world.clearance_m >= radius_m, centre_m))
+    places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
+    if math.isfinite(reach_m):
+        places = places[np.linalg.norm(places - centre_m, axis=1) <= reach_m]
+    least = half_height_m + _CENTRE
+    most = float(world.record["height_m"]) - half_height_m - _CENTRE
+    heights = np.minimum(np.arange(least, most + _STEP_M, _STEP_M), most) if most >= least else np.zeros(0)
+    return np.column_stack([np.repeat(places, len(heights), axis=0), np.tile(heights, len(places))])

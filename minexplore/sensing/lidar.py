@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -40,6 +39,7 @@ Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarr
 
 _MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
 _TILE_M = 40.0
+_FACETS = {FacetLabel.FLOOR: "floor", FacetLabel.WALL: "rock", FacetLabel.ROOF: "roof"}  # names of a volume's meshes
 _BYTES_PER_FACE = {"embree": 90, "open3d": 135}  # of a scene; measured 85 and 132
 _SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine take 0.7 GB by Embree
 
@@ -72,13 +72,15 @@ def collision_meshes(world: World) -> Meshes:
     return meshes
 
 
-def facet_meshes(facets: VolumeFacets) -> Meshes:
-    """Return the boundary of a volume, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
-    middles = facets.vertices[facets.faces].mean(axis=1)[:, :2]
+def facet_meshes(facets: VolumeFacets, labels: Iterable[FacetLabel] = FacetLabel) -> Meshes:
+    """Return the facets of some labels, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
     meshes: Meshes = {}
-    for tile, rows in group_by_tile(tiles_at(middles, _TILE_M / 4)):
-        used, faces = np.unique(facets.faces[rows], return_inverse=True)
-        meshes[f"facets {tile}"] = facets.vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    for label in labels:
+        own = facets.faces[facets.label == label]
+        middles = facets.vertices[own].mean(axis=1)[:, :2]
+        for tile, rows in group_by_tile(tiles_at(middles, _TILE_M / 4)) if len(own) else ():
+            used, faces = np.unique(own[rows], return_inverse=True)
+            meshes[f"{_FACETS[label]} {tile}"] = facets.vertices[used], faces.reshape(-1, 3).astype(np.int32)
     return meshes
 
 
@@ -86,10 +88,9 @@ def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
     """Return what beams end on in a world that is one volume: floors and visible rock, or else all its facets."""
     if not has_visible_rock(world.record):
         return facet_meshes(facets)
-    floors = facets.label == FacetLabel.FLOOR
     seen = {name: decode_msh(world.read(name)) for name in world.record["files"] if name.startswith(MESHES)}
     rock = {surface_geom(mesh_of(name)): (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
-    return rock | facet_meshes(replace(facets, faces=facets.faces[floors], label=facets.label[floors]))
+    return rock | facet_meshes(facets, [FacetLabel.FLOOR])
 
 
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:

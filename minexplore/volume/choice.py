@@ -39,7 +39,7 @@ class PlaneChooser:
         """Take the models, and how far the floor may be from the planes that stand for it."""
         self.models, self.planes, self.tolerance_m = models, planes, tolerance_m
         robot = models.robot
-        half, end, castor = robot.wheel_base_m / 2, robot.radius_m - CASTOR_M, CASTOR_M - robot.wheel_radius_m
+        half, end, castor = robot.between_sides_m / 2, robot.radius_m - CASTOR_M, CASTOR_M - robot.wheel_radius_m
         self._feet = np.array([[0, half, 0], [0, -half, 0], [end, 0, castor], [-end, 0, castor]])
         self._radius = np.array([robot.wheel_radius_m] * 2 + [CASTOR_M] * 2)[:, None]
 

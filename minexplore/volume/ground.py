@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
 import mujoco
 import numpy as np
 
-from minexplore.bundle import TOPOLOGY
-from minexplore.physics.robot import FASTEST_FALL_MPS, RobotParams, pose_on
+from minexplore.physics.robot import FASTEST_FALL_MPS, pose_on
+from minexplore.physics.robot_kind import Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotation_matrices
 from minexplore.task import TaskParams
@@ -16,7 +14,8 @@ from minexplore.volume.cells import VolumeGrid
 from minexplore.volume.choice import PlaneChooser
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.creases import Creases
-from minexplore.volume.models import FEET, WHEELS, VolumeModels, code_of
+from minexplore.volume.legs import leg_names
+from minexplore.volume.models import FEET, VolumeModels, code_of
 from minexplore.volume.planes import FloorPlanes
 from minexplore.volume.standing import standing_spans
 from minexplore.world import World
@@ -28,7 +27,7 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 class VolumeGround:
     """A volume as `RobotBatch` needs it; see `minexplore.envs.ground.RobotGround`."""
 
-    def __init__(self, world: World, task: TaskParams, robot: RobotParams, count: int, whole: bool) -> None:
+    def __init__(self, world: World, task: TaskParams, robot: Robot, count: int, whole: bool) -> None:
         """Index the floors and find the cells that the robot reaches."""
         assert world.volume is not None
         self.world, self.task, self.robot = world, task, robot
@@ -52,7 +51,7 @@ class VolumeGround:
         self._columns = FloorColumns(self._facets)
         self._chooser = PlaneChooser(self.models, FloorPlanes(self._columns, Creases(self._facets)))
         self._under = np.full(count, -1)  # facet under each robot when it was last looked for
-        self._legs = np.array(_leg_names(world))
+        self._legs = np.array(leg_names(world))
         self._addresses: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
@@ -114,17 +113,18 @@ class VolumeGround:
 
     def _wheel_zones(self, places_m: np.ndarray, quat: np.ndarray) -> np.ndarray:
         """Return the numbers (k, 2) of the zones that the wheels of robots are in."""
-        left = rotation_matrices(quat)[:, 0, 1] * (self.robot.wheel_base_m / 2)
+        left = rotation_matrices(quat)[:, 0, 1] * (self.robot.between_sides_m / 2)
         east = np.stack([places_m[:, 0] + left, places_m[:, 0] - left], axis=1)
-        return self.world.zones_at(east.ravel()).reshape(-1, len(WHEELS))
+        return self.world.zones_at(east.ravel()).reshape(-1, 2)
 
     def prepare_team(
         self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
     ) -> None:
         """Give the wheels of a team's robots at places (n, 3) m the friction of their zones."""
         for name, zones in zip(names, self._wheel_zones(places_m, quat).tolist(), strict=True):
-            for wheel, zone in zip(WHEELS, zones, strict=True):
-                model.geom(f"{name}_{wheel}").friction = self.models.friction_of(zone)
+            for wheels, zone in zip(self.robot.SIDES, zones, strict=True):
+                for wheel in wheels:
+                    model.geom(f"{name}_{wheel}").friction = self.models.friction_of(zone)
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
@@ -153,9 +153,3 @@ class VolumeGround:
             facet[lost] = np.where(found < 0, np.maximum(facet[lost], 0), found)
             self._under[robots] = facet
         return facet
-
-
-def _leg_names(world: World) -> list[str]:
-    """Return the stations at both ends of each leg, by its number."""
-    legs = json.loads(world.read(TOPOLOGY))["legs"]
-    return [f"{leg['start']} to {leg['end']}" for leg in legs]

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from minexplore.bundle import MINE_BODY
-from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.physics.local_models import MARGIN_M, physics_spec, with_little_memory
 from minexplore.physics.robot import (
     FASTEST_FALL_MPS,
@@ -21,22 +19,22 @@ from minexplore.physics.robot import (
     contact_sensor,
     stand_on_facets,
 )
+from minexplore.physics.robot_kind import Robot
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile
 from minexplore.volume.clip import clip_convex
+from minexplore.volume.rock import add_part, bits_of
 from minexplore.world import World
 
 TILE_M, EXACT_TILE_M = (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
-_ABOVE_M = 0.6  # what any robot can touch over its axle in one control step
+_ABOVE_M = 0.25  # beyond a robot's radius: what it can touch over its axle in one control step, in any position
 _GRAVITY_MPS2 = 9.81
 _SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
 FEET = ("left", "right", "front", "rear")
-WHEELS = FEET[:2]
 _FOOT_BITS = (8, 16, 32, 64)
 _HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the plane's disc
 PARKED_M = np.array([[1e4 * (1 + k), 0.0, -1e4] for k in range(len(FEET))])  # places of unused boxes
-_BITS = {FacetLabel.FLOOR: FLOOR_BIT, FacetLabel.WALL: ROCK_BIT | FLOOR_BIT, FacetLabel.ROOF: ROCK_BIT}
 _ZONE_BITS = 10  # of a wheel's zone in a model's code: a world has at most 1,000
 _WHOLE = -1  # number of the tile that is the whole mine
 
@@ -62,7 +60,7 @@ class VolumeModels:
         self,
         world: World,
         task: TaskParams,
-        robot: RobotParams,
+        robot: Robot,
         whole: bool = False,
         exact_tile_m: tuple[float, float] = EXACT_TILE_M,
     ) -> None:
@@ -76,7 +74,7 @@ class VolumeModels:
         self.has_planes = not whole and type(robot).attach is RobotParams.attach  # another robot has other feet
         self._parts = world.volume.parts
         self._low, self._high = self._parts.boxes_m
-        self._bits = np.array([_BITS[label] for label in FacetLabel])[self._parts.label]
+        self._bits = bits_of(self._parts)
         self._zones = world.active_zones(task.terrain)
         self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
@@ -121,7 +119,7 @@ class VolumeModels:
         rock, ground = mine.add_body(name=ROCK_BODY), mine.add_body(name="ground")
         friction = [float(self.world.record["rock_friction"]), 0.005, 0.0001]
         for name, corners, bits in self._within(number, on_parts):
-            _add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
+            add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
         for name in robots:
             self._add_robot(spec, name, code, has_boxes)
         return spec
@@ -148,7 +146,8 @@ class VolumeModels:
         aside = beside + self.task.max_forward_mps * step_s
         below, above = -_BAND_M[0], _BAND_M[1]
         if on_parts:  # a robot that may fall, in any position
-            below, above = beside + (FASTEST_FALL_MPS + _GRAVITY_MPS2 * step_s / 2) * step_s, _ABOVE_M
+            below = beside + (FASTEST_FALL_MPS + _GRAVITY_MPS2 * step_s / 2) * step_s
+            above = self.robot.radius_m + _ABOVE_M
         low, high = self._boxes[number]
         return low - [aside, aside, below], high + np.array([aside, aside, above])
 
@@ -161,21 +160,15 @@ class VolumeModels:
         for geom in list(spec.geoms) if has_boxes else ():
             if geom.mass == 0 and not (geom.contype | geom.conaffinity) & ~ROBOT_BIT:
                 spec.delete(geom)
-        for k, end in enumerate(FEET):
-            foot = spec.geom(f"{name}_{end}")
-            if has_boxes:
-                foot.conaffinity = _FOOT_BITS[k] | (FLOOR_BIT if code >> k & 1 else 0)
-            if end in WHEELS and foot is not None:
-                zone = code >> (len(FEET) + k * _ZONE_BITS) & (1 << _ZONE_BITS) - 1
-                foot.priority, foot.friction = 1, self.friction_of(zone)
+        for k, end in enumerate(FEET if has_boxes else ()):
+            spec.geom(f"{name}_{end}").conaffinity = _FOOT_BITS[k] | (FLOOR_BIT if code >> k & 1 else 0)
+        for k, wheels in enumerate(self.robot.SIDES):
+            zone = code >> (len(FEET) + k * _ZONE_BITS) & (1 << _ZONE_BITS) - 1
+            for wheel in wheels:
+                geom = spec.geom(f"{name}_{wheel}")
+                if geom is not None:  # another robot may have none
+                    geom.priority, geom.friction = 1, self.friction_of(zone)
         contact_sensor(spec, name)
-
-
-def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, corners: np.ndarray, **attributes: Any) -> None:
-    middle = corners.mean(axis=0)
-    mesh = spec.add_mesh(name=name, uservert=(corners - middle).ravel().tolist())
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=middle, conaffinity=0, **attributes)
 
 
 def _add_boxes(spec: mujoco.MjSpec, name: str) -> None:

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from minexplore.floors.volume_arrays import FloorSpans
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot_kind import Robot
 
 _STEEPEST = 0.364  # rise over run, as of the legs that are flat enough to drive on
 _STEP_M = 0.05  # a castor's radius
@@ -38,7 +38,7 @@ class ColumnFloors(Protocol):
         """Return the side of a column, m."""
 
 
-def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) -> np.ndarray:
+def standing_spans(spans: FloorSpans, robot: Robot, anchor_m: np.ndarray) -> np.ndarray:
     """Return which spans (s,) a robot can stand on that are connected to the one nearest to a place (3,) m.
 
     Raises
@@ -46,7 +46,7 @@ def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) 
     ValueError
         If the robot fits nowhere.
     """
-    top_m = robot.sensor_height_m + robot.scanner_height_m / 2
+    top_m = robot.top_m
     roomy = (spans.clearance_m >= robot.radius_m) & (spans.headroom_m >= top_m)
     fits = roomy & (spans.storey >= 0)
     if not fits.any():
@@ -54,18 +54,22 @@ def standing_spans(spans: FloorSpans, robot: RobotParams, anchor_m: np.ndarray) 
     numbers = np.flatnonzero(fits)
     seed = int(numbers[np.square(spans.places_m[numbers] - anchor_m).sum(axis=1).argmin()])
     pairs = neighbours(spans, _STEEPEST, _STEP_M, top_m)
-    pairs = pairs[fits[pairs].all(axis=1)]
+    return connected(pairs[fits[pairs].all(axis=1)], len(fits), seed)
+
+
+def connected(pairs: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """Return which of so many spans (count,) pairs (n, 2) of them join to one."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     both = both[np.argsort(both[:, 0], kind="stable")]
-    starts = np.searchsorted(both[:, 0], np.arange(len(fits) + 1))
-    standing, edge = np.zeros(len(fits), bool), np.array([seed])
+    starts = np.searchsorted(both[:, 0], np.arange(count + 1))
+    found, edge = np.zeros(count, bool), np.array([seed])
     while len(edge):  # all spans that are one step farther at a time
-        standing[edge] = True
-        count = starts[edge + 1] - starts[edge]
-        at = np.repeat(starts[edge] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        found = np.unique(both[at, 1])
-        edge = found[~standing[found]]
-    return standing
+        found[edge] = True
+        own = starts[edge + 1] - starts[edge]
+        at = np.repeat(starts[edge] - np.cumsum(own) + own, own) + np.arange(own.sum())
+        beside = np.unique(both[at, 1])
+        edge = beside[~found[beside]]
+    return found
 
 
 def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: float) -> np.ndarray:
@@ -81,13 +85,13 @@ def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: fl
     height_m : float
         Of the robot, which must fit under both roofs on the higher of the two floors.
     """
-    key = _keys(spans.column, spans.row)
+    key = keys_of(spans.column, spans.row)
     order = np.argsort(key, kind="stable")
     found, first, count = np.unique(key[order], return_index=True, return_counts=True)
     rise_m, top_m = steepest * spans.cell_m + step_m, spans.floor_m + spans.headroom_m
     pairs = [np.zeros((0, 2), np.int64)]
     for east, north in _NEXT:
-        beside = _keys(spans.column + east, spans.row + north)
+        beside = keys_of(spans.column + east, spans.row + north)
         at = np.minimum(np.searchsorted(found, beside), len(found) - 1)
         meets = found[at] == beside
         for k in range(int(count.max(initial=0))):
@@ -100,7 +104,7 @@ def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: fl
     return np.concatenate(pairs)
 
 
-def _keys(column: np.ndarray, row: np.ndarray) -> np.ndarray:
+def keys_of(column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """Return one number for each column; it is of columns within 2^30 cells of the origin."""
     found: np.ndarray = (column.astype(np.int64) << 32) + row.astype(np.int64)
     return found

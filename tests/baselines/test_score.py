@@ -11,7 +11,7 @@ from baselines.base.result_file import RESULTS, Episode, chain, read_results
 from baselines.base.statistics import estimate, figures, interquartile_mean, sample_times
 from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all
 from baselines.explorers import EXPLORERS
-from baselines.leaderboard import leaderboard
+from baselines.leaderboard import leaderboard, sections_of, with_sections
 from baselines.pages.split_page import UNVERIFIED_HEADING
 from baselines.policies.found import find_checkpoint, make_policy, policy_label
 from baselines.running.parallel import drive
@@ -326,6 +326,27 @@ def test_a_leaderboard_shows_apart_what_was_not_driven_here(honest, tmp_path):
     (folder / "a-stranger.jsonl").rename(folder / "another.jsonl")
     with pytest.raises(RejectedError, match=r"another\.jsonl: results of a-stranger"):
         leaderboard(results)
+
+
+def test_a_section_of_a_leaderboard_is_written_anew_alone_and_a_new_one_finds_its_place(honest, tmp_path):
+    folder = tmp_path / "results" / "ShortTee-v0"
+    folder.mkdir(parents=True)
+    (folder / "wall-following.jsonl").write_bytes(honest.read_bytes())
+    note_driven(folder / "wall-following.jsonl", tmp_path / "results", *read_results(honest))
+    env = read_results(honest)[0].env
+    sections = sections_of(tmp_path / "results", [env])
+    assert list(sections) == [env]
+    old = "\n\n## Unseen mines\n\n200 mines\n\n## MineXplore/ChileanMine-v0\n\none\n\n## MineXplore/Zoo-v0\n\ntwo\n"
+    page = with_sections(old, sections)
+    headings = [line for line in page.splitlines() if line.startswith("## ")]
+    assert headings == ["## Unseen mines", "## MineXplore/ChileanMine-v0", f"## {env}", "## MineXplore/Zoo-v0"]
+    assert sections[env].strip() in page
+    assert "200 mines\n\n## " in page
+    again = with_sections(page, {env: f"## {env}\n\nother\n"})
+    assert "| wall-following |" not in again
+    assert again.count(f"## {env}") == 1
+    with pytest.raises(BaselineError, match=r"no results of MineXplore/Nothing-v0; `python -m baselines\.evaluate`"):
+        sections_of(tmp_path / "results", ["MineXplore/Nothing-v0"])
 
 
 def test_a_leaderboard_shows_impossible_figures_as_unverified(honest, tmp_path):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import COVER_M, HFIELDS, BundleError, decode_msh, is_cover, is_rough_floor
+from minexplore.bundle import COVER_M, HFIELDS, VOLUME, BundleError, decode_msh, is_cover, is_rough_floor
 from minexplore.physics.local_models import LocalModels
-from minexplore.physics.placing import place
 from minexplore.physics.robot import RobotParams
+from minexplore.placing.place import place
 from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
@@ -21,6 +21,7 @@ from pipeline.mjcf.bundle import obstacles, open_bundle, read_record
 from pipeline.mjcf.rough_floor import rough_tiles
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.built import require_built
+from stages.realism import write_world
 from tests.composed import compose
 from tests.mines import BuiltMine, sealed
 
@@ -192,3 +193,11 @@ def test_files_and_geoms_of_a_rough_floor_that_a_world_cannot_have_are_refused(f
 def test_a_rough_floor_without_a_visible_one_is_refused():
     with pytest.raises(ParamsError, match="rough_floor needs a visible floor"):
         compose(["fittings=none", "realism.rough_floor=true"])
+
+
+def test_a_rough_floor_of_a_mine_that_is_one_volume_is_refused_in_one_line(tmp_path):
+    (tmp_path / VOLUME).write_bytes(b"")
+    with pytest.raises(
+        ParamsError, match=r"realism\.rough_floor = true: the mine is one volume, which has no visible fl"
+    ):
+        write_world(compose(["realism.rough_floor=true"]).realism, None, None, tmp_path)

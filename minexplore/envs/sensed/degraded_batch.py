@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.sensed.odometry_batch import POSES, OdometryBatch
@@ -89,6 +90,17 @@ class DegradedBatch(RobotBatch):
 
 class DegradedOdometryBatch(DegradedBatch, OdometryBatch):
     """Robots with degraded beams that know their pose by their wheels only."""
+
+
+class DegradedFlyerBatch(DegradedBatch, FlyerBatch):
+    """Robots that fly with degraded beams."""
+
+
+def flying_batch(conditions: SensorParams, *arguments: Any, **named: Any) -> FlyerBatch:
+    """Return robots that fly with clear or degraded beams."""
+    if conditions.is_ideal:
+        return FlyerBatch(*arguments, **named)
+    return DegradedFlyerBatch(*arguments, conditions=conditions, **named)
 
 
 def driving_batch(pose: object, conditions: SensorParams, *arguments: Any, **named: Any) -> RobotBatch:

@@ -83,7 +83,7 @@ class SensorSuite:
         self, robots: RobotBatch, drawing: Callable[[], Renderer], params: SensorParams, backend: Backend = "auto"
     ) -> None:
         """Take the robots and what draws their world; sensors cost nothing before they are read."""
-        self.params, self.camera = params, CameraParams()
+        self.params, self.camera = params, CameraParams.on(robots.robot)
         self._robots, self._drawing, self._backend = robots, drawing, backend
         self._scanners: dict[str, Scanner] = {}
         self._camera: RobotCamera | None = None
@@ -127,22 +127,21 @@ class SensorSuite:
     def scanner(self, name: str) -> Scanner:
         """Return a LiDAR by its name, on top of the robot's own."""
         if name not in self._scanners:
-            robot = self._robots.robot
-            mount = Mount(height_m=robot.sensor_height_m + robot.scanner_height_m / 2 + _ABOVE_SCANNER_M)
+            mount = Mount(height_m=self._robots.robot.top_m + _ABOVE_SCANNER_M)
             self._scanners[name] = scanner_of(name, self._robots.world, mount, self.params, self._backend)
         return self._scanners[name]
 
     def robot_pose(self) -> Pose3D:
-        """Return the robot's pose in the mine frame, its origin on the floor under its middle."""
+        """Return the robot's pose in the mine frame, its origin on the floor or at a guard's lower edge."""
         axes = rotate_inverse(rotation_matrices(self._robots.qpos[:1, 3:7])[0].T, self._robots.T_world_mine[:3, :3]).T
         turn, shift = self._robots.T_world_mine[:3, :3], self._robots.T_world_mine[:3, 3]
         place = rotate_inverse(self._robots.qpos[:1, :3] - shift, turn)[0]
-        return Pose3D(place - self._robots.robot.wheel_radius_m * axes[:, 2], axes)
+        return Pose3D(place - self._robots.robot.origin_height_m * axes[:, 2], axes)
 
     def _world_pose(self) -> Pose3D:
         """Return the same pose in the world frame, in which MuJoCo draws."""
         axes = rotation_matrices(self._robots.qpos[:1, 3:7])[0]
-        return Pose3D(self._robots.qpos[0, :3] - self._robots.robot.wheel_radius_m * axes[:, 2], axes)
+        return Pose3D(self._robots.qpos[0, :3] - self._robots.robot.origin_height_m * axes[:, 2], axes)
 
     def _read_imu(self) -> np.ndarray:
         axes, speed = rotation_matrices(self._robots.qpos[:1, 3:7])[0], self._robots.qvel[0]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.bundle import has_visible_rock
-from minexplore.sensing.lidar import Backend, Lidar, collision_meshes, surface_meshes
+from minexplore.sensing.lidar import Backend, Lidar, collision_meshes, surface_meshes, volume_meshes
 from minexplore.sensing.scanners.labels import FLOOR, NOTHING, ROOF, label_of_mesh, label_of_zone
 from minexplore.world import World, load_world
 
@@ -33,8 +33,13 @@ class SurfaceCaster:
     def __init__(self, world: World, range_m: float, backend: Backend = "auto") -> None:
         """Take the world's surfaces; scenes are made when rays start in their tile."""
         visible = has_visible_rock(world.record)
-        meshes = surface_meshes(world) if visible else collision_meshes(world)
-        self._floor_m, self._roof_m = 0.0, np.inf if visible else float(world.record["height_m"])
+        self._floor_m, self._roof_m = 0.0, np.inf
+        if world.volume is not None:
+            meshes, self._floor_m = volume_meshes(world, world.volume.facets), -np.inf
+        elif visible:
+            meshes = surface_meshes(world)
+        else:
+            meshes, self._roof_m = collision_meshes(world), float(world.record["height_m"])
         self.range_m = range_m
         self._lidar = Lidar(meshes, range_m, backend)
         faces = [len(faces) for _, faces in meshes.values()]

@@ -9,7 +9,7 @@ from baselines.explorers import EXPLORERS
 from baselines.explorers.in_volume import NearestFrontierInVolume, body_axes
 from baselines.explorers.maps.volume_map import FREE, ROCK, VolumeMap
 from baselines.oracle.bound import best_walk
-from baselines.oracle.flying import network_in_volume
+from baselines.oracle.other_robots import network_of
 from baselines.policies.found import fits, known_sha256, make_policy
 from baselines.running.protocol import params_facts, run_episodes
 from minexplore.envs.flyer_batch import FlyerBatch
@@ -37,7 +37,7 @@ def test_the_frontier_explorer_flies_through_the_tee_without_touching_it_and_sta
     (episode,) = run_episodes(env, make_policy("nearest-frontier", 1, env.task, env.robot), [0])
     assert episode.collided == 0
     assert episode.seen[-1] > 2 * episode.seen[0]
-    network = network_in_volume(env.robots, 2.0)
+    network = network_of(env.robots, 2.0)
     for seconds in (4.0, 10.0, 20.0):
         assert episode.seen[int(seconds / 2)] <= best_walk(network, seconds).most <= env.robots.grid.total
     env.close()
@@ -45,7 +45,7 @@ def test_the_frontier_explorer_flies_through_the_tee_without_touching_it_and_sta
 
 def test_the_network_credits_all_cubes_of_a_column_in_view(flying_id):
     env = make_env(flying_id, 1)
-    network = network_in_volume(env.robots, 4.0)
+    network = network_of(env.robots, 4.0)
     seen = np.unique(np.concatenate(list(network.credit.values())))
     np.testing.assert_array_equal(seen, np.arange(env.robots.grid.total))
     env.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,10 @@ import numpy as np
 
 from minexplore.bundle import MINE_BODY
 from minexplore.limits import Span
-from minexplore.physics.local_models import Box, LocalModels
-from minexplore.physics.robot import ROCK_BODY, RobotParams
-from minexplore.physics.robot_file import RobotFile, RobotStance, read_robot
-from minexplore.physics.rough_floor import RoughFloor
+from minexplore.physics.robot import ROCK_BODY
+from minexplore.placing.robot_file import RobotFile, RobotStance, read_robot
+from minexplore.placing.sites import Pose, Site, site_of
 from minexplore.rotations import quaternion
-from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
 
 SPAWN, REPORT = "spawn", "placement"  # the keyframe, and the text with what differs, of a placed robot's model
@@ -30,27 +28,6 @@ _REACH = Span(0.1, math.inf)
 
 class PlacementWarning(UserWarning):
     """What differs between a robot in its own file and the same robot in a mine."""
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where a robot is put: `x_m`, `y_m` and `yaw_rad` (0 east, counter-clockwise), and for a flyer `z_m`.
-
-    Without `z_m` the robot stands on the floor at a place of the plan, upright on its slope. With it the robot is level
-    in the world, whatever the mine's dip, and its lowest point is there in the mine frame.
-    """
-
-    x_m: float
-    y_m: float
-    yaw_rad: float = 0.0
-    z_m: float | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse what is no finite number."""
-        for name, value in vars(self).items():
-            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-            if not (number and math.isfinite(value)) and not (name == "z_m" and value is None):
-                raise ValueError(f"pose: {name} = {value!r}: want a finite number")
 
 
 def place(
@@ -74,7 +51,8 @@ def place(
     robot : str, Path or mujoco.MjSpec
         An MJCF file, or `menagerie:NAME` for one of MuJoCo Menagerie. The file's own floor and lights are left out.
     pose : Pose or tuple
-        `(x, y, yaw)`, m and rad, of the plan: the robot stands on the floor. `(x, y, yaw, z)`, mine frame: it hovers.
+        `(x, y, yaw)`, m and rad, mine frame: the robot stands on the floor. `(x, y, yaw, z)`: it hovers. `Pose` says
+        which floor where there are several.
     keyframe : str, optional
         Of the robot's file: how it stands. Its first one by default, or where it has none its `qpos0`.
     reach_m : float
@@ -101,12 +79,13 @@ def place(
     file = read_robot(robot)
     file.drop_scenery()
     stance = file.stance(keyframe)
-    models = LocalModels(world, TaskParams(), RobotParams())
-    T_world_robot = models.T_world_mine @ _stand(world, models.rough, stance, pose)
-    near = _compose(models, _copy(file), stance, T_world_robot, stance.radius_m + _BESIDE_M, prefix)
+    site = site_of(world)
+    T_world_robot = site.T_world_mine @ _stand(site, stance, pose)
+    near = _compose(site, _copy(file), stance, T_world_robot, stance.radius_m + _BESIDE_M, prefix)
     near.compiler.discardvisual = True  # its meshes take longest
     _require_room(world, near, file, pose, stance)
-    spec = _compose(models, file, stance, T_world_robot, reach_m, prefix)
+    spec = _compose(site, file, stance, T_world_robot, reach_m, prefix)
+    spec.modelname = f"{file.name} in {world.record['name']}"
     report = "; ".join(file.changes)
     spec.add_text(name=REPORT, data=report)
     warnings.warn(f"{file.name}: {report}", PlacementWarning, stacklevel=2)
@@ -123,16 +102,16 @@ def _copy(file: RobotFile) -> RobotFile:
     return replace(file, spec=file.spec.copy(), changes=[])
 
 
-def _stand(world: World, rough: RoughFloor, stance: RobotStance, pose: Pose) -> np.ndarray:
+def _stand(site: Site, stance: RobotStance, pose: Pose) -> np.ndarray:
     """Return T_mine_robot (4, 4): from the frame of the robot's file into the mine frame."""
-    plan, ahead = np.array([pose.x_m, pose.y_m]), np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0])
-    _require_floor(world, plan)
-    if pose.z_m is not None:
-        up = world.T_world_mine[2, :3]  # of the world, in the mine frame: a mine may dip
-        foot, turn, lift = np.array([*plan, pose.z_m]), _upright(up, ahead), 0.0
+    ahead = np.array([math.cos(pose.yaw_rad), math.sin(pose.yaw_rad), 0.0])
+    foot, normal = site.floor_at(pose)
+    if pose.hovers:
+        up = site.T_world_mine[2, :3]  # of the world, in the mine frame: a mine may dip
+        foot, turn, lift = np.array([pose.x_m, pose.y_m, pose.z_m]), _upright(up, ahead), 0.0
     else:
-        foot, turn = np.array([*plan, 0.0]), _upright(np.array([0.0, 0.0, 1.0]), ahead)
-        lift = _GAP_M + rough.highest_m(plan, stance.radius_m)
+        turn = _upright(normal, ahead)
+        lift = _GAP_M + site.rise(stance, foot, turn)
     T_mine_robot = np.eye(4)
     T_mine_robot[:3, :3] = turn
     T_mine_robot[:3, 3] = foot + turn @ [-stance.origin_m[0], -stance.origin_m[1], lift - stance.low_m[2]]
@@ -146,26 +125,13 @@ def _upright(up: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     return np.column_stack([level, np.cross(up, level), up])
 
 
-def _require_floor(world: World, plan: np.ndarray) -> None:
-    col, row = np.floor((plan - world.origin_m) / world.cell_m).astype(int)
-    rows, cols = world.clearance_m.shape
-    if not (0 <= row < rows and 0 <= col < cols) or world.clearance_m[row, col] <= 0:
-        raise ValueError(
-            f"pose: (x, y) = ({plan[0]:g}, {plan[1]:g}): in rock; want a place of the workings, such as one of "
-            "World.places_m(clearance_m)"
-        )
-
-
 def _compose(
-    models: LocalModels, file: RobotFile, stance: RobotStance, T_world_robot: np.ndarray, reach_m: float, prefix: str
+    site: Site, file: RobotFile, stance: RobotStance, T_world_robot: np.ndarray, reach_m: float, prefix: str
 ) -> mujoco.MjSpec:
     """Return the spec of the rock within reach and the robot at a transform of its file's frame."""
     root = T_world_robot @ [*stance.origin_m, stance.low_m[2], 1.0]
-    here = (root[:3] - models.T_world_mine[:3, 3]) @ models.T_world_mine[:3, :3]
-    box = None
-    if math.isfinite(reach_m):
-        box = Box(here[:2] - reach_m, here[:2] + reach_m)
-    spec = models.rock_spec(box)
+    here = (root[:3] - site.T_world_mine[:3, 3]) @ site.T_world_mine[:3, :3]
+    spec = site.rock(here, reach_m)
     file.take_options(spec)
     file.meet(spec.geoms)
     file.prepare_to_join(spec)
@@ -177,7 +143,6 @@ def _compose(
         qpos[at : at + 3] = T_world_robot[:3, :3] @ qpos[at : at + 3] + T_world_robot[:3, 3]
         mujoco.mju_mulQuat(qpos[at + 3 : at + 7], quat, stance.qpos[at + 3 : at + 7])
     spec.add_key(name=SPAWN, qpos=qpos, ctrl=stance.ctrl, act=stance.act)
-    spec.modelname = f"{file.name} in {models.world.record['name']}"
     return spec
 
 

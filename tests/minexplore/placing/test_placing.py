@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import minexplore
-from minexplore.physics.placing import PlacementWarning
 from minexplore.physics.robot import ROCK_BODY
+from minexplore.placing.place import PlacementWarning
 from minexplore.world import World, load_world
 from tests.mines import BuiltMine
 

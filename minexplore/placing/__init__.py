@@ -1,0 +1,1 @@
+"""Any MJCF robot in any world."""
