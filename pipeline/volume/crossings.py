@@ -18,13 +18,14 @@ def crossing_facets(
     only these are tried against all.
     """
     facets = Facets(vertices, faces)
-    chosen = np.arange(len(faces)) if some is None else np.flatnonzero(some)
+    tried = np.ones(len(faces), bool) if some is None else some
+    chosen = np.flatnonzero(tried)
     corners, normals = facets.corners[chosen], facets.normals[chosen]
     sides = np.roll(corners, -1, axis=1) - corners
     across = np.cross(sides, normals[:, None])
     across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-30)
     directions = np.concatenate([normals[:, None], -normals[:, None], across], axis=1)
-    found = facets.crossing(ConvexBodies(corners, directions, sides, chosen))
+    found = facets.crossing(ConvexBodies(corners, directions, sides, chosen), tried=tried)
     pairs = np.sort(np.column_stack([chosen[found.body], found.facet])[found.depth_m > deeper_than_m], axis=1)
     unique: np.ndarray = np.unique(pairs, axis=0)
     return unique
