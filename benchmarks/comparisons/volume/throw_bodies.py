@@ -83,9 +83,8 @@ def throw_everywhere(mine: Mine, kept: Path, robots: int, balls: int, most: int 
             number = int(key.split("/")[0])
             region, rng = regions[number], np.random.default_rng([seed, number])
             start = time.process_time()
-            at = {"targets": region.targets}
-            thrown = throw_robots(mine.volume, region.parts, asked[0], rng, **at)
-            pushed = throw_balls(mine.volume, region.parts, asked[1], True, rng, **at)
+            thrown = throw_robots(mine.volume, region.parts, asked[0], rng, targets=region.targets)
+            pushed = throw_balls(mine.volume, region.parts, asked[1], True, rng, targets=region.targets)
             row = {"key": key, "parts": len(region.parts), "facets": int(region.targets.sum())}
             row |= {"robots": dataclasses.asdict(thrown), "balls": dataclasses.asdict(pushed)}
             yield row | {"seconds": time.process_time() - start}
