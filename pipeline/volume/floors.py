@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import open3d
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.coarse import coarse_floors, plan_weights
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.folded.steps import DEEPEST_M, MIDDLE, Steps, are_steps, walls_on_floors
@@ -188,10 +188,10 @@ def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[n
 
     The facet is found in 32 bits, its height with all digits where it is not nearly plumb.
     """
-    scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), vertices.mean(axis=0)
-    scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
+    middle = vertices.mean(axis=0)
+    scene = ray_scene(vertices - middle, faces, 1)
     rays = np.column_stack([places - middle, np.tile([0, 0, -1.0], (len(places), 1))]).astype(np.float32)
-    found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
+    found = scene.cast_rays(rays, nthreads=1)
     hit = found["primitive_ids"].numpy().astype(np.int64)
     way = found["t_hit"].numpy().astype(float)
     hit = np.where(np.isfinite(way), hit, -1)

@@ -33,7 +33,7 @@ from pipeline.volume.union import pieces_of, unite
 from tests.heights import table
 
 RESULTS = Path("artifacts/bench/volume-large.jsonl")
-STEPS = ("union", "floors", "parts", "certificate")
+STEPS = ("union", "floors", "shell", "certificate")
 _WITHIN_M = (40.0, 80.0, 200.0, 1000.0)  # of Sakany's middle; the last is all of it
 _DEEP_KM = (5.0, 10.0, 20.0)
 _LEVEL_KM = 4.0  # of a mine on 20 levels of 80 km

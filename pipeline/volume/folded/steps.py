@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.union import Label, Volume
 
 DEEPEST_M = 0.6  # of a ledge between two floors that overlap; deeper ones are as surveyed
@@ -88,9 +88,7 @@ class _Rays:
     def __init__(self, volume: Volume, facets: np.ndarray) -> None:
         """Index some facets (n,)."""
         self._facets, self._middle = facets, volume.vertices.mean(axis=0)
-        self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-        places = (volume.vertices - self._middle).astype(np.float32)
-        self._scene.add_triangles(places, volume.faces[facets].astype(np.uint32))
+        self._scene = ray_scene(volume.vertices - self._middle, volume.faces[facets], 1)
 
     def cast(self, volume: Volume, some: np.ndarray, places: int) -> tuple[np.ndarray, np.ndarray]:
         """Return how far (3, places, n) m it is to the first facet, inf if none is, and its number (3, places, n).
@@ -111,7 +109,7 @@ class _Rays:
 
     def _first(self, places: np.ndarray, up: float) -> tuple[np.ndarray, np.ndarray]:
         rays = np.column_stack([places - self._middle, np.tile([0, 0, up], (len(places), 1))]).astype(np.float32)
-        found = self._scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
+        found = self._scene.cast_rays(rays, nthreads=1)
         far, hit = found["t_hit"].numpy(), found["primitive_ids"].numpy().astype(np.int64)
         return far, self._facets[np.where(np.isfinite(far), hit, 0)]
 
