@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import manifold3d
 import numpy as np
 
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.crossings import CROSSING_M, crosses_more
 from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.union import Label, Volume
@@ -53,13 +53,13 @@ def coarse_floors(volume: Volume, hit: np.ndarray, weights: np.ndarray, surveyed
     """
     samples = _samples(volume, hit, weights, surveyed)
     kept = np.zeros(len(volume.faces), bool)
-    most = len(crossing_facets(volume.vertices, volume.faces, CROSSING_M))
+    before = volume.vertices, volume.faces
     for _ in range(_TRIES):
         found = _without_vertices(volume, samples, kept)
-        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
-        if len(pairs) <= most:
+        crossing = crosses_more(found.vertices, found.faces, before, CROSSING_M)
+        if not len(crossing):
             return found
-        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _OFF_M)
+        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[crossing]], _OFF_M)
     return volume
 
 

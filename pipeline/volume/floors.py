@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import open3d
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.coarse import coarse_floors, plan_weights
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.folded.steps import DEEPEST_M, MIDDLE, Steps, are_steps, walls_on_floors
 from pipeline.volume.keyed import near_facets, simplified
-from pipeline.volume.ledges import DEEPEST_M, MIDDLE, FoldedLedges, are_steps, fold_ledges, ledges_of, walls_on_floors
+from pipeline.volume.ledges import FoldedLedges, fold_ledges, ledges_of
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
@@ -30,6 +31,7 @@ _PULL = 1e-7  # weight of the union's own height, which decides where no leg pas
 _HALVINGS = 6  # of rises at facets that would cross
 _ROUNDS = 12  # of floors: each folds the walls that the one before turned over, and holds floors where facets cross
 _TURNS = 7  # of these in which walls are folded: the others are for floors that cross
+_STILL_M = 1e-7  # of a vertex that does not rise
 _UNFOLDED_M = 0.1  # beside facets that cross
 _NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
@@ -51,10 +53,10 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     closed.
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
-    is_ledge = ledges_of(fine)
+    is_ledge, steps = ledges_of(fine), Steps(fine)
     stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
     for n in range(_ROUNDS):
-        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays)
+        folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays, steps)
         rise = _solve(folded, network, held)
         faces = folded.first[folded.volume.faces]
         real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
@@ -63,7 +65,8 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
             is_ledge |= turned
             continue
         moved = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
-        crossing = np.unique(crossing_facets(moved, faces[real], CROSSING_M))
+        changed = (np.abs(rise) > _STILL_M)[faces[real]].any(axis=1) | folded.was_cut[real]
+        crossing = np.unique(crossing_facets(moved, faces[real], CROSSING_M, changed))
         near = near_facets(fine.vertices[fine.faces], moved[faces[real][crossing]], _UNFOLDED_M)
         if not near.any() or held[fine.faces[near]].all():
             break
@@ -82,7 +85,7 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
 def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, and those that still do."""
     rise = rise.copy()
-    changed = np.abs(rise) > 0
+    changed = np.abs(rise) > _STILL_M
     for _ in range(_HALVINGS):
         pairs = crossing_facets(vertices + rise[:, None] * [0, 0, 1.0], faces, CROSSING_M, changed[faces].any(axis=1))
         crossing = np.unique(pairs)
@@ -185,10 +188,10 @@ def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[n
 
     The facet is found in 32 bits, its height with all digits where it is not nearly plumb.
     """
-    scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), vertices.mean(axis=0)
-    scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
+    middle = vertices.mean(axis=0)
+    scene = ray_scene(vertices - middle, faces, 1)
     rays = np.column_stack([places - middle, np.tile([0, 0, -1.0], (len(places), 1))]).astype(np.float32)
-    found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
+    found = scene.cast_rays(rays, nthreads=1)
     hit = found["primitive_ids"].numpy().astype(np.int64)
     way = found["t_hit"].numpy().astype(float)
     hit = np.where(np.isfinite(way), hit, -1)

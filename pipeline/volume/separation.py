@@ -81,10 +81,11 @@ class Facets:
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
         self._points, self._ways = _apart(self.corners), _apart(self.normals[:, None])[0]
 
-    def crossing(self, bodies: ConvexBodies, enough_m: float = np.inf) -> Contacts:
+    def crossing(self, bodies: ConvexBodies, enough_m: float = np.inf, tried: np.ndarray | None = None) -> Contacts:
         """Return the facets that reach into each body; those of its owner are not tried.
 
-        Of a body in which a corner of a facet is deeper than `enough_m`, m, that facet alone is returned.
+        Of a body in which a corner of a facet is deeper than `enough_m`, m, that facet alone is returned. Facets of
+        `tried`, a mask (f,), are bodies themselves: a pair of two is tried once.
 
         Tried are a body's directions, the facets' planes and the products of edges, which is all there is of planes
         that can separate two convex bodies.
@@ -94,6 +95,8 @@ class Facets:
             some = bodies.some(slice(start, start + _TOGETHER))
             body, facet = self.near(some.corners.min(axis=1), some.corners.max(axis=1))
             other = self.owner[facet] != some.owner[body]
+            if tried is not None:
+                other &= ~tried[facet] | (facet > some.owner[body])
             pairs = self._crossing(_Apart(some), body[other], facet[other], enough_m)
             found.append(Contacts(pairs.body + start, pairs.facet, pairs.depth_m))
         return Contacts.joined(found)

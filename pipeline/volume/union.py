@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from itertools import pairwise
 
 import manifold3d
@@ -66,7 +67,7 @@ class Volume:
     pieces: list[Solid]
     numbers: dict[int, int]  # manifold3d's number of a hull to that of its piece
 
-    @property
+    @cached_property
     def normals(self) -> np.ndarray:
         """Return twice the area times the normal (f, 3) out of the free space, m2."""
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
