@@ -145,6 +145,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("test-gpu", "setup-gpu", _GPU_TESTS, ""),
     Benchmark("env-page", "setup", _ENV_PAGE, "docs/reference/environment.md"),
     Benchmark("sbom", "setup", "python -m benchmarks.bill_of_materials", "artifacts/sbom.json"),
+    _python("layout", "setup", "benchmarks.tables.layout", _PARTS + "layout.md", "1"),
     _python("provenance", "setup", "pipeline provenance", "artifacts/provenance"),
 )
 

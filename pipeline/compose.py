@@ -20,7 +20,7 @@ from pipeline.errors import ParamsError, run_command
 from pipeline.params.config import Config
 from pipeline.params.reading.composed import COMPOSED, ROOT_PARAMS, root_overrides
 from pipeline.params.reading.plain_yaml import require_plain_yaml
-from pipeline.params.reading.refusals import describe_refusals
+from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
 
 CONF = Path("conf")

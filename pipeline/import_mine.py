@@ -18,7 +18,7 @@ from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.params.reading.refusals import in_own_words
+from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.remarks import Remark, warn_user
@@ -26,7 +26,7 @@ from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.detection import Detection
+from pipeline.survey.detection.found import Detection
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
 from pipeline.types import Image
 

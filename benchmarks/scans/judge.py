@@ -23,7 +23,7 @@ from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, tru
 from pipeline.errors import MineError
 from pipeline.survey.clouds.thinned import spacing_of, thin
 from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
-from pipeline.survey.detect_cloud import resolution
+from pipeline.survey.detection.cloud import resolution
 from pipeline.survey.solids.read import MOST_FACETS
 from pipeline.types import ClosedMesh
 from pipeline.volume.enclosure import Inside

@@ -10,7 +10,7 @@ from minexplore.envs.ground import RobotGround, ground_of
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.reward import step_reward
 from minexplore.envs.robot_places import RobotPlaces
-from minexplore.physics.robot_kind import Robot
+from minexplore.physics.robot_kind import DrivenRobot, Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.sensing.lidar import Backend, shared_lidar
@@ -171,6 +171,7 @@ class RobotBatch(RobotPlaces):
         (k,) bool
             Whether the chassis touched rock in any physics step.
         """
+        assert isinstance(self.robot, DrivenRobot)
         task, places = self.task, self._mine_places(robots)
         zone = self.world.zones_at(places[:, 0])
         forward = command[:, 0] * task.max_forward_mps * self._scale[zone]

@@ -11,7 +11,7 @@ import numpy as np
 from minexplore.bundle import is_floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
-from minexplore.physics.robot_kind import Robot, attach_file, check_measures
+from minexplore.physics.robot_kind import DrivenRobot, attach_file, check_measures
 
 # MuJoCo's contact time: the robot's weight presses its wheels in by 5 mm, as a tyre gives. On the rigid floor of 0.02 s
 # wheels that slip sideways hop at physics steps of 5 ms, and turning varies by a factor of two with the command.
@@ -28,7 +28,7 @@ _SPANS = {
 
 
 @dataclass(frozen=True)
-class HuskyParams(Robot):
+class HuskyParams(DrivenRobot):
     """The robot of `mjcf/husky.xml`, whose measures and sources stand there, and what its wheels make of a command.
 
     `radius_m` is that of the disc about its 990 x 670 mm. `max_speed_mps` is its manual's. `travel_scale` and

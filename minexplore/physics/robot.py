@@ -12,7 +12,7 @@ from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof, is_rough_fl
 from minexplore.floors.floor import Floor
 from minexplore.limits import Span, check_numbers
 from minexplore.looks import LAMP_ABOVE_M
-from minexplore.physics.robot_kind import Robot
+from minexplore.physics.robot_kind import DrivenRobot, Robot
 from minexplore.rotations import quaternion, rotate_inverse
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with
@@ -45,7 +45,7 @@ FASTEST_FALL_MPS = 3.0  # MuJoCo's contacts are soft: after 20 m of free fall a 
 
 
 @dataclass(frozen=True)
-class RobotParams(Robot):
+class RobotParams(DrivenRobot):
     """The robot's measures, by default those of a Clearpath Husky A200 where the paper gives none.
 
     `radius_m` is the paper's authors' disc. `mass_kg` and the clearance are of the Husky A200 User Manual, the wheels'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
 from collections.abc import Container
 from pathlib import Path
 from typing import ClassVar
@@ -13,7 +14,7 @@ import numpy as np
 _FILES = Path(__file__).parent / "mjcf"
 
 
-class Robot:
+class Robot(ABC):
     """A kind of robot: its parameters are a frozen dataclass that inherits from this.
 
     `COMMANDS` numbers in [-1, 1] drive it, `JOINTS` are its joints in the order of `qpos`, without the robot's name.
@@ -32,28 +33,32 @@ class Robot:
     wheel_base_m: float
 
     @property
+    @abstractmethod
     def lamp_height_m(self) -> float:
         """Return how high a headlamp is above the origin of the robot's body."""
-        raise NotImplementedError
 
     @property
     def between_sides_m(self) -> float:
         """Return how far the wheels of both sides are apart; a robot without wheels has no odometry."""
         return self.wheel_base_m
 
+    @abstractmethod
+    def attach(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Add the robot to a world as body `name`, with names that begin with it and `_`."""
+
+
+class DrivenRobot(Robot):
+    """A kind of robot that twists drive."""
+
+    @abstractmethod
     def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
         """Return the actuators' controls (k, actuators) of twists (k,)."""
-        raise NotImplementedError
 
     def disturb(
         self, forward_mps: np.ndarray, turn_radps: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the twists (k,) that robots (k,) make of commanded ones; each draws from its own generator."""
         return forward_mps, turn_radps
-
-    def attach(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Add the robot to a world as body `name`, with names that begin with it and `_`."""
-        raise NotImplementedError
 
 
 def check_measures(kind: str, params: Robot, free: Container[str]) -> None:

@@ -20,8 +20,10 @@ from minexplore.bundle import (
     BundleError,
 )
 from minexplore.schema.floor_mesh import MOST_FACES
-from minexplore.schema.volume.arrays import MOST_CORNERS, MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
 
+MOST_FACETS, MOST_SPANS = 5_000_000, 100_000_000  # of a volume
+MOST_CORNERS = 64  # of a part, on average; a mesh of MuJoCo may have more
+MOST_VOLUME_PARTS = 190_000  # a mesh and a geom each of the 400,000 elements of mine.xml
 MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
 MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _UNPACKED = 1.001, 65_536  # deflate stores what it cannot pack: so much more, and headers

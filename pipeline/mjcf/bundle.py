@@ -39,7 +39,7 @@ from pipeline.mjcf.loading import compile_spec, load_model
 from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
-from pipeline.params.reading.refusals import in_own_words
+from pipeline.params.refusals import in_own_words
 from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn

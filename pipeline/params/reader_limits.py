@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import ParamsError
 from pipeline.params.base import Params
-from pipeline.params.reading.refusals import in_own_words
+from pipeline.params.refusals import in_own_words
 
 FILE = "conf/reader_limits.yaml"
 # Readers also work outside the project's folder, so the file is found from this module.

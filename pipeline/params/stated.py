@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import InputError
 from pipeline.params.base import Params
-from pipeline.params.reading.refusals import in_own_words
+from pipeline.params.refusals import in_own_words
 from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, PieceOption, StartM, Unit
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384

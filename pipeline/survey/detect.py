@@ -21,10 +21,10 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.remarks import Remark, collect_remarks, hand_on
-from pipeline.survey.detect_cloud import detect_cloud, is_cloud
-from pipeline.survey.detect_picture import detect_picture
-from pipeline.survey.detect_solid import detect_solid
-from pipeline.survey.detection import Detection
+from pipeline.survey.detection.cloud import detect_cloud, is_cloud
+from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.picture import detect_picture
+from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import is_solved, kind_of
 from pipeline.survey.grid.nav2 import nav2_picture

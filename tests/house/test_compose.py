@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
 from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, FIXED_PARTS
-from pipeline.params.reading.refusals import describe_refusals
+from pipeline.params.refusals import describe_refusals
 from pipeline.params.validation import ValidationParams
 from tests.project import ROOT
 

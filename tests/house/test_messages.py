@@ -13,7 +13,7 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from benchmarks.reference_tables import options_table
+from benchmarks.tables.reference import options_table
 from pipeline.params.config import Config
 from pipeline.params.survey import SurveyParams
 from pipeline.remarks import options_of
@@ -184,7 +184,7 @@ def test_no_message_quotes_an_exception_of_a_library():
 
 def test_no_message_has_the_words_of_pydantic():
     quoting = {path for path, tree in modules(("pipeline", "stages")) for node in ast.walk(tree) if _is_msg(node)}
-    assert quoting == {"pipeline/params/reading/refusals.py", "pipeline/store/manifest.py"}  # no user writes a manifest
+    assert quoting == {"pipeline/params/refusals.py", "pipeline/store/manifest.py"}  # no user writes a manifest
 
 
 def _is_msg(node: ast.AST) -> bool:

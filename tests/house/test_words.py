@@ -27,7 +27,7 @@ DRAWINGS = (
     "pipeline/survey/drawing",
     "pipeline/survey/vector",
     "pipeline/survey/detect.py",
-    "pipeline/survey/detect_picture.py",
+    "pipeline/survey/detection/picture.py",
     "pipeline/params/survey.py",
     "pipeline/params/stated.py",
     "docs/adr/0016-workings-on-drawings.md",

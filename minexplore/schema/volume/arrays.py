@@ -10,10 +10,8 @@ import numpy as np
 from minexplore.bundle import CELLS, PARTS, VOLUME, BundleError
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeArrays, VolumeFacets
 from minexplore.schema.readers.arrays import read_arrays
+from minexplore.schema.sizes import MOST_CORNERS, MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
 
-MOST_FACETS, MOST_SPANS = 5_000_000, 100_000_000
-MOST_CORNERS = 64  # of a part, on average; a mesh of MuJoCo may have more
-MOST_VOLUME_PARTS = 190_000  # a mesh and a geom each of the 400,000 elements of mine.xml
 MOST_OF_PART = 4096  # corners
 REACH_M = 1e5  # of any coordinate: 32 bits of a ray then have a centimetre
 

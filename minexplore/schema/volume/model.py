@@ -18,7 +18,8 @@ from minexplore.looks import EXTENT_M, LOOKS
 from minexplore.schema.attributes import Attribute, Element, any_of, constant, named, required
 from minexplore.schema.model import MOST_LIGHTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
 from minexplore.schema.readers.rules import exactly, matching, numbers, points, unit_vector
-from minexplore.schema.volume.arrays import MOST_OF_PART, MOST_VOLUME_PARTS
+from minexplore.schema.sizes import MOST_VOLUME_PARTS
+from minexplore.schema.volume.arrays import MOST_OF_PART
 
 FLOOR_NAMES = rf"{floor_geom(ZONE_NAME)}_\d{{5,6}}"
 PART_NAMES = rf"(?:{FLOOR_NAMES}|{ROCK_NAMES})"

@@ -10,7 +10,8 @@ from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema.model import MOST_LIGHTS, REACH_M
 from minexplore.schema.readers.rules import list_of, number, same_json, whole
 from minexplore.schema.record import LENGTH, RECORD_FIELDS, check_fields, check_frame, check_gain, shown
-from minexplore.schema.volume.arrays import MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS, figures_of
+from minexplore.schema.sizes import MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
+from minexplore.schema.volume.arrays import figures_of
 
 _PLACE = list_of(number(-REACH_M, REACH_M), 3)
 _MOST_ENDS, _MOST_NAME = 100_000, 200  # stations, and characters of a station's name

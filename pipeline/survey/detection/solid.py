@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.survey.detection import Detection
+from pipeline.survey.detection.found import Detection
 
 
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:

@@ -8,8 +8,8 @@ import yaml
 
 from baselines.base.errors import BaselineError
 from baselines.base.markdown import BEGIN, END, with_table, write_table
-from benchmarks.include_parts import on_page_markdown
-from benchmarks.reference_tables import TABLES, options_table
+from benchmarks.tables.include_parts import on_page_markdown
+from benchmarks.tables.reference import TABLES, options_table
 from pipeline.params.config import Config
 from tests.project import ROOT
 
@@ -100,7 +100,7 @@ def test_code_and_configuration_name_only_pages_that_exist():
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_of_the_reference_is_that_of_the_code(name):
     page = (DOCS / name).read_text()
-    assert page == with_table(page, TABLES[name]()), "run `python -m benchmarks.reference_tables`"
+    assert page == with_table(page, TABLES[name]()), "run `python -m benchmarks.tables.reference`"
 
 
 @pytest.mark.parametrize(

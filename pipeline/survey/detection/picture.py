@@ -12,10 +12,10 @@ from pydantic import ValidationError
 from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
-from pipeline.params.reading.refusals import in_own_words
+from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
-from pipeline.survey.detection import Detection
+from pipeline.survey.detection.found import Detection
 from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page

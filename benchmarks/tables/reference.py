@@ -1,6 +1,6 @@
 """Tables of the reference, from the code: options of `new`, configuration, limits of stage 6, defences.
 
-`python -m benchmarks.reference_tables` writes them between two marks of each page.
+`python -m benchmarks.tables.reference` writes them between two marks of each page.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 from baselines.base.markdown import write_table
-from benchmarks.configuration_table import configuration_table, noted_table
-from benchmarks.defence_table import defence_table
+from benchmarks.tables.configuration import configuration_table, noted_table
+from benchmarks.tables.defences import defence_table
 from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import FileKind, StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.survey.detection import Detection
+from pipeline.survey.detection.found import Detection
 from pipeline.survey.formats import kind_of
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2

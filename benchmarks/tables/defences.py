@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.configuration_table import noted_table
+from benchmarks.tables.configuration import noted_table
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Tables of the docs that are made from the code, and their place on the pages."""

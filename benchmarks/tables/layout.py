@@ -1,0 +1,192 @@
+"""The project's layout at two commits: modules a folder, lines, names, pages, and the way of three artifacts.
+
+`python -m benchmarks layout` compares the commit before the folders were cut with the present one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import io
+import re
+import subprocess
+import sys
+import tarfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+
+import yaml
+
+from baselines.base.markdown import markdown_table, write_table
+
+BEFORE = "9d8be4aa"  # the last commit before the folders were cut
+PAGE = Path("docs/evidence/parts/layout.md")
+PRODUCT = ("minexplore", "pipeline", "stages", "baselines")
+MOST_MODULES = 15
+ARTIFACTS = {"plan": {"plan"}, "topology": {"topology", "DriftNetwork"}, "free_space": {"free_space", "FreeSpace"}}
+
+
+@dataclass(frozen=True)
+class Way:
+    """What names an artifact on its way through the stages.
+
+    `modules` and `folders` are their numbers; `returns` is how often a stage enters a folder that the stage before it
+    did not enter and an earlier one did.
+    """
+
+    modules: int
+    folders: int
+    returns: int
+
+
+@dataclass(frozen=True)
+class ProjectFiles:
+    """The text files of the project at one commit, by their paths."""
+
+    texts: dict[str, str]
+
+    @classmethod
+    def at(cls, commit: str) -> ProjectFiles:
+        """Read the files of a commit of this repository."""
+        packed = subprocess.run(["git", "archive", commit], capture_output=True, check=True).stdout
+        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+            found = ((member.name, archive.extractfile(member)) for member in archive if _is_text(member.name))
+            return cls({name: stream.read().decode() for name, stream in found if stream is not None})
+
+    def modules(self, *packages: str) -> list[str]:
+        """Return the paths of the modules of packages."""
+        return [path for path in self.texts if path.endswith(".py") and path.split("/")[0] in packages]
+
+    def lines(self, *packages: str) -> int:
+        """Return how many lines the modules of packages have."""
+        return sum(self.texts[path].count("\n") for path in self.modules(*packages))
+
+    @cached_property
+    def trees(self) -> dict[str, ast.Module]:
+        """The parsed modules of the product."""
+        return {path: ast.parse(self.texts[path]) for path in self.modules(*PRODUCT)}
+
+    def fullest(self) -> tuple[str, int]:
+        """Return the folder with the most modules, without `__init__.py`, and their number."""
+        return self._modules_a_folder().most_common(1)[0]
+
+    def crowded(self) -> int:
+        """Return how many folders have more than 15 modules."""
+        return sum(count > MOST_MODULES for count in self._modules_a_folder().values())
+
+    def _modules_a_folder(self) -> Counter[str]:
+        paths = (PurePosixPath(path) for path in self.modules(*PRODUCT, "benchmarks", "tests"))
+        return Counter(path.parent.as_posix() for path in paths if path.name != "__init__.py")
+
+    def classes(self) -> int:
+        """Return how many classes the product has."""
+        return sum(isinstance(node, ast.ClassDef) for tree in self.trees.values() for node in ast.walk(tree))
+
+    def registries(self) -> int:
+        """Return how many public constants of the product are dicts of functions, classes or their results."""
+        return sum(_is_registry(node) for tree in self.trees.values() for node in tree.body)
+
+    def targets(self) -> int:
+        """Return how many targets the Makefile has; the six stages share a rule."""
+        rules = re.findall(r"^([a-z][a-z -]*|\$\(STAGES\)):(?!=)", self.texts["Makefile"], flags=re.M)
+        return sum(6 if rule == "$(STAGES)" else len(rule.split()) for rule in rules)
+
+    def contracts(self) -> int:
+        """Return how many import contracts hold."""
+        return self.texts["pyproject.toml"].count("[[tool.importlinter.contracts]]")
+
+    def pages(self) -> int:
+        """Return how many pages the site's menu has."""
+        _, _, menu = self.texts["mkdocs.yml"].partition("\nnav:")
+        return len(re.findall(r"^ .*\.md$", menu, flags=re.M))
+
+    def index_words(self) -> int:
+        """Return how many words the docs' first page has."""
+        return len(self.texts["docs/index.md"].split())
+
+    def way(self, artifact: str) -> Way:
+        """Follow an artifact through the modules that the stages name in `dvc.yaml`, stage by stage."""
+        names = ARTIFACTS[artifact]
+        naming = {path for path, tree in self.trees.items() if names & set(_identifiers(tree))}
+        stages = [naming.intersection(stage) for stage in self._modules_by_stage()]
+        seen: set[str] = set()
+        last: set[str] = set()
+        returns = 0
+        for modules in stages:
+            folders = {PurePosixPath(path).parent.as_posix() for path in modules}
+            returns += len((folders & seen) - last)
+            seen, last = seen | folders, folders
+        return Way(len(set().union(*stages)), len(seen), returns)
+
+    def _modules_by_stage(self) -> Iterator[set[str]]:
+        for stage in yaml.safe_load(self.texts["dvc.yaml"])["stages"].values():
+            yield set(map(str, stage["deps"]))
+
+
+def _is_text(name: str) -> bool:
+    return name.endswith(".py") or name in ("Makefile", "mkdocs.yml", "dvc.yaml", "pyproject.toml", "docs/index.md")
+
+
+def _is_registry(node: ast.stmt) -> bool:
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or not isinstance(node.value, ast.Dict):
+        return False
+    target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+    values = node.value.values
+    is_public = isinstance(target, ast.Name) and target.id.isupper() and not target.id.startswith("_")
+    return is_public and len(values) > 1 and all(isinstance(v, ast.Name | ast.Attribute | ast.Call) for v in values)
+
+
+def _identifiers(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+
+
+def layout_table(before: ProjectFiles, after: ProjectFiles) -> str:
+    """Return the table of two states of the project, as Markdown."""
+
+    def row(name: str, figure: Callable[[ProjectFiles], str]) -> tuple[str, str, str]:
+        return name, figure(before), figure(after)
+
+    def way(artifact: str) -> Callable[[ProjectFiles], str]:
+        return lambda files: "{0.modules}, {0.folders}, {0.returns}".format(files.way(artifact))
+
+    def lines(package: str) -> Callable[[ProjectFiles], str]:
+        return lambda files: f"{files.lines(package):,}"
+
+    rows = [
+        row("most modules in a folder", lambda files: "{1} ({0})".format(*files.fullest())),
+        row("folders of more than 15 modules", lambda files: str(files.crowded())),
+        *(row(f"lines of `{package}/`", lines(package)) for package in (*PRODUCT, "benchmarks", "tests")),
+        row("classes", lambda files: str(files.classes())),
+        row("registries: public dicts of functions or classes", lambda files: str(files.registries())),
+        row("import contracts", lambda files: str(files.contracts())),
+        row("targets of `make`", lambda files: str(files.targets())),
+        row("pages in the site's menu", lambda files: str(files.pages())),
+        row("words of the docs' first page", lambda files: str(files.index_words())),
+        *(row(f"`{artifact}`: modules, folders entered, returns", way(artifact)) for artifact in ARTIFACTS),
+    ]
+    return markdown_table(("", "before", "after"), rows)
+
+
+def main(words: list[str]) -> int:
+    """Write the table and print it."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks layout", description=__doc__)
+    parser.add_argument("--before", default=BEFORE, metavar="COMMIT")
+    parser.add_argument("--after", default="HEAD", metavar="COMMIT")
+    stated = parser.parse_args(words)
+    table = layout_table(ProjectFiles.at(stated.before), ProjectFiles.at(stated.after))
+    write_table(PAGE, table)
+    print(table)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

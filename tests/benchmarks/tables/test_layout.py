@@ -1,0 +1,38 @@
+"""The table of the layout, on a project of five modules."""
+
+from benchmarks.tables.layout import ProjectFiles, Way, layout_table
+
+DVC = "stages:\n  survey: {deps: [pipeline/a/read.py]}\n  rock: {deps: [pipeline/b/cut.py]}\n  proof: {deps: [%s]}\n"
+TEXTS = {
+    "pipeline/a/__init__.py": '"""A."""\n',
+    "pipeline/a/read.py": "FORMATS = {'.csv': len, '.dxf': min}\nLIMITS = {'a': 1, 'b': 2}\nplan = 1\n",
+    "pipeline/b/cut.py": "class Cut:\n    def solid(self, plan): ...\n",
+    "minexplore/world.py": "class World:\n    pass\n",
+    "tests/test_a.py": "plan = 2\n",
+    "Makefile": "setup:  ## install\n\t@true\nbench train: setup  ## measure\n$(STAGES): setup\nPY := python\n",
+    "mkdocs.yml": "docs_dir: docs\nnav:\n  - Home: index.md\n  - How to:\n      - Start: start.md\nnot_in_nav: adr/\n",
+    "docs/index.md": "three words here\n",
+    "pyproject.toml": "[[tool.importlinter.contracts]]\n",
+    "dvc.yaml": DVC % "pipeline/a/read.py",
+}
+
+
+def test_lines_classes_registries_targets_pages_and_words_are_counted():
+    files = ProjectFiles(TEXTS)
+    assert files.fullest()[1] == 1  # __init__.py does not count
+    assert (files.crowded(), files.lines("pipeline"), files.classes(), files.registries()) == (0, 6, 2, 1)
+    assert (files.targets(), files.contracts(), files.pages(), files.index_words()) == (9, 1, 2, 3)
+
+
+def test_a_stage_that_enters_a_folder_again_returns_to_it():
+    assert ProjectFiles(TEXTS).way("plan") == Way(modules=2, folders=2, returns=1)
+    onwards = ProjectFiles({**TEXTS, "dvc.yaml": DVC % "pipeline/b/cut.py"})
+    assert onwards.way("plan").returns == 0
+
+
+def test_a_folder_of_sixteen_modules_is_counted():
+    many = {f"pipeline/b/m{number}.py": "" for number in range(15)}
+    assert ProjectFiles({**TEXTS, **many}).crowded() == 1
+    assert "| folders of more than 15 modules | 0 | 1 |" in layout_table(
+        ProjectFiles(TEXTS), ProjectFiles({**TEXTS, **many})
+    )
