@@ -15,6 +15,7 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import reading_by
+from pipeline.params.reader_limits import reader_limits
 from pipeline.params.survey import (
     CloudSurveyParams,
     PlanSurveyParams,
@@ -135,8 +136,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
-    scratch = is_solved(Path(subject))
-    payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
+    scratch_bytes = reader_limits().scratch_bytes if is_solved(Path(subject)) else 0
+    payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch_bytes=scratch_bytes)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
     whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))
