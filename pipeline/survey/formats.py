@@ -55,7 +55,7 @@ FORMATS: dict[str, Format] = {
     ".str": Format(FileKind.VECTOR, shapes=read_surpac),
     **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson, has_fields=True)),
     **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata, has_fields=True)),
-    **dict.fromkeys((".obj", ".stl", ".ply", ".glb"), Format(FileKind.SOLID)),
+    **dict.fromkeys((".obj", ".stl", ".ply", ".glb", ".dtm"), Format(FileKind.SOLID)),
     **dict.fromkeys((".las", ".laz", ".pcd", ".xyz", ".txt", ".pts", ".asc", ".e57", ".zip"), Format(FileKind.CLOUD)),
     ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
     ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
@@ -91,7 +91,7 @@ _CONVERTED = {
     **dict.fromkeys((".tsv",), "a table of stations is saved as .csv, with the names of its columns first"),
     **dict.fromkeys((".tdr", ".tdz", ".cave"), "TopoDroid exports it for Survex or Therion: give the .svx or .th"),
     **dict.fromkeys(
-        (".3ds", ".3mf", ".dae", ".fbx", ".gltf", ".ifc", ".off", ".skp", ".step", ".stp", ".vtk", ".dtm", ".00t"),
+        (".3ds", ".3mf", ".dae", ".fbx", ".gltf", ".ifc", ".off", ".skp", ".step", ".stp", ".vtk", ".00t"),
         "the program that made it, or Blender, saves the surface of the workings as .obj, .stl, .ply or .glb",
     ),
     **dict.fromkeys((".ptx", ".rcp", ".rcs"), "CloudCompare saves it as .laz or .xyz"),

@@ -45,6 +45,7 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
 from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan, start_over
 from pipeline.survey.stations.table import read_stations, section_of
@@ -448,7 +449,8 @@ def _sources(params: SurveyParams) -> list[str]:
         case "grid":
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
         case "solid":
-            files = [params.file]
+            beside = [strings_beside(Path(params.file)).as_posix()] if params.file.lower().endswith(DTM) else []
+            files = [params.file, *beside]
         case "cloud":
             files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:

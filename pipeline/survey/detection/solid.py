@@ -7,6 +7,7 @@ from pathlib import Path
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.detection.found import Detection
+from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 
 
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:
@@ -40,4 +41,5 @@ def detect_solid(path: Path, stated: StatedOptions) -> Detection:
         "up": "axis of the file that points up; null: y in GLB, z in others",
     }
     width_m = 2 * read.workings.area / read.workings.length
-    return Detection(values, remarks, [path], width_m, has_heights=True)
+    beside = [strings_beside(path)] if path.suffix.lower() == DTM else []
+    return Detection(values, remarks, [path, *beside], width_m, has_heights=True)
