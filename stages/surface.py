@@ -25,6 +25,8 @@ from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (
     NO_PICTURE,
+    NO_SOLID,
+    ClosedMesh,
     DriftNetwork,
     FreeSpace,
     Image,
@@ -38,18 +40,19 @@ def model_surface(
     topology: DriftNetwork,
     extent: SolidExtent,
     volume: Path | None = None,
+    solid: ClosedMesh = NO_SOLID,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
-    A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs.
-
+    A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs: of
+    a scan the volume's own, where its points are.
     """
     if params.overlay == "none":
         return _NO_ROCK
     if volume is not None and (volume / VOLUME).is_file():
         from pipeline.volume.surface.build import rock_of_volume  # open3d takes a second to load
 
-        rock = rock_of_volume(params, volume)
+        rock = rock_of_volume(params, volume, solid.scan_m)
         return {**_NO_ROCK, "rough": rock.files, "texture": _texture(params.texture), "mesh_checks": rock.report}
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
@@ -115,6 +118,7 @@ STAGE = Stage(
         "topology": Artifact("contours/topology.json", DriftNetwork),
         "extent": Artifact("compile3d/extent.json", SolidExtent),
         "volume": Artifact("compile3d/volume", Bundle),
+        "solid": Artifact("survey/solid.npz", ClosedMesh),
     },
     writes={
         "smooth": Artifact("surface/smooth.npz", Meshes),

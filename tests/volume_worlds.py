@@ -43,9 +43,10 @@ class VolumeWorld:
         self._build(_stage_1(source, folder, values), folder)
 
     @classmethod
-    def from_solid(cls, path: Path) -> Self:
+    def from_solid(cls, path: Path, **values: Any) -> Self:
         """Build a mesh of workings instead; the folders are beside it."""
-        params = SolidSurveyParams(kind="solid", name="test", file="data/x", heights=None)
+        section = {"kind": "solid", "name": "test", "file": "data/x", "heights": None}
+        params = SolidSurveyParams.model_validate(section | values)
         world = cls.__new__(cls)
         world._build(_read(params.model_copy(update={"file": path.as_posix()})), path.parent)
         return world

@@ -42,7 +42,7 @@ def run_limited(
     subject: str,
     extra_s: float = 0.0,
     fresh: bool = False,
-    scratch: bool = False,
+    scratch_bytes: int = 0,
 ) -> Payload:
     """Run a task with JSON arguments in a child process, and return its payload.
 
@@ -62,9 +62,9 @@ def run_limited(
     extra_s : float
         Time in addition to the limit.
     fresh : bool
-    scratch : bool
-        Whether the task may write temporary files, each up to `scratch_bytes`: they lie in a folder that this function
-        removes.
+    scratch_bytes : int
+        How large the temporary files are that the task may write; 0: it writes none. They lie in a folder that this
+        function removes.
 
     Raises
     ------
@@ -78,10 +78,10 @@ def run_limited(
     begin = _spawn if fresh or _other_threads() else _fork
     with ExitStack() as stack:
         folder = ""
-        if scratch:
+        if scratch_bytes:
             kept = tempfile.TemporaryDirectory(prefix="minexplore-", ignore_cleanup_errors=True)
             folder = stack.enter_context(kept)
-        pid, answer = begin(task, arguments, seconds, folder)
+        pid, answer = begin(task, arguments, seconds, folder, scratch_bytes)
         try:
             data = _receive(answer, subject, limits, start, seconds)
         except BaseException:
@@ -108,7 +108,7 @@ def _other_threads() -> bool:
     return any(thread is not current and thread.name != "tqdm_monitor" for thread in threading.enumerate())
 
 
-def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
+def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str, scratch_bytes: int) -> tuple[int, int]:
     answer, out = os.pipe()
     parent, threads = os.getpid(), cv2.getNumThreads()
     cv2.setNumThreads(1)  # ends OpenCV's own threads: a child would wait for those that the fork left behind
@@ -122,16 +122,16 @@ def _fork(task: str, arguments: dict[str, Any], seconds: float, scratch: str) ->
     status = 1
     try:
         os.close(answer)
-        serve(task, arguments, out, parent, seconds, scratch)
+        serve(task, arguments, out, parent, seconds, scratch, scratch_bytes)
         status = 0
     finally:
         os._exit(status)  # without the parent's exit handlers and buffers
 
 
-def _spawn(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -> tuple[int, int]:
+def _spawn(task: str, arguments: dict[str, Any], seconds: float, scratch: str, scratch_bytes: int) -> tuple[int, int]:
     answer, out = os.pipe()
     os.set_inheritable(out, True)
-    words = [task, json.dumps(arguments), str(out), str(os.getpid()), str(seconds), scratch]
+    words = [task, json.dumps(arguments), str(out), str(os.getpid()), str(seconds), scratch, str(scratch_bytes)]
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
     # Every thread reserves address space, which the limit on memory counts.
@@ -143,10 +143,18 @@ def _spawn(task: str, arguments: dict[str, Any], seconds: float, scratch: str) -
     return pid, answer
 
 
-def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: float, scratch: str = "") -> None:
+def serve(
+    task: str,
+    arguments: dict[str, Any],
+    out: int,
+    parent: int,
+    seconds: float,
+    scratch: str = "",
+    scratch_bytes: int = 0,
+) -> None:
     """Restrict this process, run the task and write its answer to the descriptor `out`.
 
-    Temporary files go into the folder `scratch`; without one, no file can be written.
+    Temporary files go into the folder `scratch`, each up to `scratch_bytes`; without them, no file can be written.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     die_with_parent(parent)
@@ -157,7 +165,7 @@ def serve(task: str, arguments: dict[str, Any], out: int, parent: int, seconds: 
     sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__  # a test runner's own are files, which may not grow
     if scratch:
         tempfile.tempdir = scratch
-    restrict(reader_limits().memory_bytes, seconds, reader_limits().scratch_bytes if scratch else 0)
+    restrict(reader_limits().memory_bytes, seconds, scratch_bytes)
     answer = answer_to(task, arguments)
     with os.fdopen(out, "wb") as file:
         for part in answer.parts():
@@ -214,5 +222,5 @@ def _wait(pid: int) -> int:
 
 
 if __name__ == "__main__":
-    _task, _arguments, _out, _parent, _seconds, _scratch = sys.argv[1:]
-    serve(_task, json.loads(_arguments), int(_out), int(_parent), float(_seconds), _scratch)
+    _task, _arguments, _out, _parent, _seconds, _scratch, _bytes = sys.argv[1:]
+    serve(_task, json.loads(_arguments), int(_out), int(_parent), float(_seconds), _scratch, int(_bytes))

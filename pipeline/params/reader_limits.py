@@ -29,6 +29,7 @@ class ReaderLimits(Params):
     text_bytes: int = Field(gt=0)
     yaml_bytes: int = Field(gt=0)
     cloud_bytes: int = Field(gt=0)
+    unpacked_bytes: int = Field(gt=0)
     solid_facets: int = Field(gt=0)
     nesting: int = Field(ge=9, le=200)
     megapixels: float = Field(gt=0)

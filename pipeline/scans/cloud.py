@@ -13,9 +13,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import Payload, run_limited
-from pipeline.params.reader_limits import reader_limits
-from pipeline.scans.cloud_formats import LEAST_POINTS, read_blocks
+from pipeline.guard.reading_process import Payload
+from pipeline.scans.cloud_formats import LEAST_POINTS, read_blocks, run_on_cloud
 
 UNIT_M = {"m": 1.0, "mm": 0.001, "ft": 0.3048}
 
@@ -63,9 +62,7 @@ def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     if not path.is_file():
         raise InputError(f"{path}: {'not a plain file' if path.exists() else 'missing'}")
     arguments = {"path": str(path), "units": units, "limits": asdict(limits)}
-    extra_s = reader_limits().cloud_s_per_gb * path.stat().st_size / 1e9
-    fresh = path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork
-    return run_limited("cloud", arguments, str(path), extra_s, fresh).arrays["points"]
+    return run_on_cloud("cloud", arguments, path).arrays["points"]
 
 
 def read_here(path: str, units: str, limits: dict[str, Any]) -> Payload:

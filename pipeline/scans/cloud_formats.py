@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,22 +9,35 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.plain_number import plain_number
+from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.e57_clouds import e57_blocks
+from pipeline.scans.text_clouds import TEXT, text_blocks
+from pipeline.scans.zipped_clouds import zipped_blocks
 
 LEAST_POINTS = 100
-_TEXT = {".dat", ".xyz", ".txt"}
-_MESHES = {".stl", ".obj"}
+_UNPACKED = 4  # times as large as its zip file is a cloud of text
+_MESHES = (".stl", ".obj")
+CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57")
 _BLOCK = 1_000_000
 _LAS_HEAD, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 100, 243  # bytes of the header and in it
 _PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
 
 
+def run_on_cloud(task: str, arguments: dict[str, Any], path: Path) -> Payload:
+    """Run a task that reads a cloud, in a process with limits; its time grows with the file."""
+    limits, is_zip = reader_limits(), path.suffix.lower() == ".zip"
+    extra_s = limits.cloud_s_per_gb * path.stat().st_size / 1e9 * (_UNPACKED if is_zip else 1)
+    fresh = is_zip or path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork
+    return run_limited(task, arguments, str(path), extra_s, fresh, limits.unpacked_bytes if is_zip else 0)
+
+
 def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
 
-    Text and LAS files are read block by block. PLY, PCD and meshes are read at once. Meshes are sampled.
+    Text and LAS files are read block by block, E57 files scan by scan. PLY, PCD and meshes are read at once. Meshes are
+    sampled. The clouds of a zip file are read one after the other.
 
     Parameters
     ----------
@@ -40,11 +52,15 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
         If the format is unknown, or the file is empty, truncated, too large, not numeric or not finite.
     """
     suffix = path.suffix.lower()
-    if suffix in _TEXT:
-        return _text_blocks(path)
+    if suffix in TEXT:
+        return text_blocks(path)
+    if suffix == ".e57":
+        return e57_blocks(path)
+    if suffix == ".zip":
+        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2))
     if suffix in {".las", ".laz"}:
         return _las_blocks(path)
-    if suffix in {".ply", ".pcd"} | _MESHES:
+    if suffix in {".ply", ".pcd", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
             raise InputError(
@@ -52,7 +68,7 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
                 f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
         return _whole_file(path, suffix, points_per_unit2)
-    raise InputError(f"{path}: no reader for {suffix!r}; there are .dat .xyz .txt .ply .pcd .las .laz .stl .obj")
+    raise InputError(f"{path}: no reader for {suffix!r}; there are {' '.join([*CLOUDS, *_MESHES])} .zip")
 
 
 def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np.ndarray]:
@@ -61,56 +77,6 @@ def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np
     if suffix == ".ply" and not read_ply_header(path).get("face"):
         return iter([_ply_points(path)])
     return _mesh_blocks(path, points_per_unit2)
-
-
-def _text_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield rows `x y z ...`; in `.dat` files rows `time x y z intensity` below one header line."""
-    has_header = path.suffix.lower() == ".dat"
-    columns = (1, 2, 3) if has_header else (0, 1, 2)
-    with path.open(encoding="utf-8", errors="replace") as stream:
-        number = 0
-        if has_header:
-            header = stream.readline()
-            number = 1
-            if _is_row(header):
-                raise InputError(f"{path}:1: a row of numbers, expected the header line (time x y z intensity)")
-        while lines := list(itertools.islice(stream, _BLOCK)):
-            yield _parse_rows(path, lines, number, columns)
-            number += len(lines)
-    if number <= has_header:
-        raise InputError(f"{path}: no rows")
-
-
-def _is_row(line: str) -> bool:
-    try:
-        return len([plain_number(word) for word in line.split()]) >= 3
-    except ValueError:
-        return False
-
-
-def _parse_rows(path: Path, lines: list[str], before: int, columns: tuple[int, ...]) -> np.ndarray:
-    try:
-        block = np.loadtxt(lines, usecols=columns, ndmin=2, comments="#")
-    except (ValueError, IndexError):
-        block = None
-    if block is not None and np.isfinite(block).all():
-        return block
-    for number, line in enumerate(lines, start=before + 1):
-        words = line.split("#")[0].split()
-        if not words:
-            continue
-        if len(words) <= max(columns):
-            raise InputError(
-                f"{path}:{number}: {len(words)} columns, at least {max(columns) + 1} are needed; is the file truncated?"
-            )
-        for word in (words[k] for k in columns):
-            try:
-                finite = np.isfinite(plain_number(word))
-            except ValueError:
-                raise InputError(f"{path}:{number}: {word[:40]!r} is not a number") from None
-            if not finite:
-                raise InputError(f"{path}:{number}: {word} is not finite")
-    raise InputError(f"{path}: rows {before + 1} to {before + len(lines)} cannot be read as numbers")
 
 
 def _las_blocks(path: Path) -> Iterator[np.ndarray]:

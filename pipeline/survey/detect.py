@@ -12,6 +12,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
+from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
@@ -67,10 +68,13 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
     """
     require_plain_file(path)
     stated = stated or StatedOptions()
-    require_read(path, kind_of(path), stated)
     if is_cloud(path, stated):  # its points are read in a process of their own
+        require_read(path, FileKind.CLOUD, stated)
         return detect_cloud(path, stated)
-    payload = run_limited("detect", {"path": str(path), "stated": stated.values()}, str(path), scratch=is_solved(path))
+    require_read(path, kind_of(path), stated)
+    arguments = {"path": str(path), "stated": stated.values()}
+    scratch_bytes = reader_limits().scratch_bytes if is_solved(path) else 0
+    payload = run_limited("detect", arguments, str(path), scratch_bytes=scratch_bytes)
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
 

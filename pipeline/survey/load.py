@@ -15,6 +15,7 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import reading_by
+from pipeline.params.reader_limits import reader_limits
 from pipeline.params.survey import (
     CloudSurveyParams,
     PlanSurveyParams,
@@ -44,6 +45,7 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
 from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan, start_over
 from pipeline.survey.stations.table import read_stations, section_of
@@ -135,8 +137,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
-    scratch = is_solved(Path(subject))
-    payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch=scratch)
+    scratch_bytes = reader_limits().scratch_bytes if is_solved(Path(subject)) else 0
+    payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch_bytes=scratch_bytes)
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
     whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))
@@ -447,7 +449,8 @@ def _sources(params: SurveyParams) -> list[str]:
         case "grid":
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
         case "solid":
-            files = [params.file]
+            beside = [strings_beside(Path(params.file)).as_posix()] if params.file.lower().endswith(DTM) else []
+            files = [params.file, *beside]
         case "cloud":
             files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:

@@ -18,8 +18,9 @@ from pipeline.guard import answers
 from pipeline.guard import process_limits as child_limits
 from pipeline.guard import reading_process as child
 from pipeline.guard.reading_process import Payload, run_limited
-from pipeline.params.reader_limits import reader_limits
 from tests.project import ROOT
+
+SCRATCH = 1_000_000  # bytes
 
 
 def give_back(number):
@@ -163,11 +164,13 @@ def test_a_task_with_a_scratch_folder_writes_there_up_to_its_limit_and_leaves_no
     monkeypatch.setattr(child.tempfile, "tempdir", str(tmp_path))
     if fresh:
         with pytest.raises(InputError, match=r"a\.3d: "):
-            run_limited("detect", {"path": str(tmp_path / "a.3d"), "stated": {}}, "a.3d", fresh=True, scratch=True)
+            run_limited(
+                "detect", {"path": str(tmp_path / "a.3d"), "stated": {}}, "a.3d", fresh=True, scratch_bytes=SCRATCH
+            )
     else:
-        assert run_limited("write_temporary", {"size": 1000}, "a.svx", scratch=True).values == 1000
+        assert run_limited("write_temporary", {"size": 1000}, "a.svx", scratch_bytes=SCRATCH).values == 1000
         with pytest.raises(UnexpectedError) as caught:
-            run_limited("write_temporary", {"size": reader_limits().scratch_bytes + 1}, "a.svx", scratch=True)
+            run_limited("write_temporary", {"size": SCRATCH + 1}, "a.svx", scratch_bytes=SCRATCH)
         assert "File too large" in caught.value.detail
     assert list(tmp_path.iterdir()) == []
 

@@ -121,9 +121,9 @@ def test_a_cloud_with_too_many_points_is_refused(drift, tmp_path):
 
 
 def test_an_unknown_suffix_is_refused_with_a_list_of_formats(tmp_path):
-    (tmp_path / "a.e57").write_bytes(b"x")
-    with pytest.raises(InputError, match=r"no reader for '\.e57'; there are \.dat"):
-        read_cloud(tmp_path / "a.e57", "m", LIMITS)
+    (tmp_path / "a.rcp").write_bytes(b"x")
+    with pytest.raises(InputError, match=r"no reader for '\.rcp'; there are \.dat"):
+        read_cloud(tmp_path / "a.rcp", "m", LIMITS)
 
 
 def test_a_drift_is_split_into_walls_roof_and_floor(drift):

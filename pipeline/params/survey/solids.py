@@ -31,5 +31,8 @@ class SolidSurveyParams(DrawnSurveyParams):
         default=10.0, ge=0, le=50, description="holes up to this width are closed: entrances are open in most scans"
     )
     simplify_m: float = Field(
-        default=0.001, gt=0, le=0.5, description="the mesh is simplified, and moves by no more than this"
+        default=0.001,
+        gt=0,
+        le=0.5,
+        description="the mesh is simplified: up to 1 mm all of it moves by no more than this, else four fifths of it",
     )

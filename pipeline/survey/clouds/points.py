@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import Payload, run_limited
-from pipeline.params.reader_limits import reader_limits
-from pipeline.scans.cloud_formats import read_blocks
+from pipeline.guard.reading_process import Payload
+from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.vector.shapes import REACH_M
 
@@ -50,10 +49,7 @@ def read_points(file: ScanFile) -> ScanPoints:
     InputError
         If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
     """
-    path = Path(file.path)
-    extra_s = reader_limits().cloud_s_per_gb * path.stat().st_size / 1e9
-    fresh = path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork
-    payload = run_limited("points", {"file": vars(file)}, file.path, extra_s, fresh)
+    payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
     cloud = ThinnedCloud(payload.arrays["points"], payload.arrays["count"], int(payload.values["total"]))
     x, y, z = payload.values["origin"]
     return ScanPoints(cloud, (x, y, z))

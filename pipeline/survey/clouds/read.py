@@ -16,11 +16,10 @@ from pipeline.survey.clouds.points import Origin, ScanFile, read_points
 from pipeline.survey.clouds.thinned import ThinnedCloud
 from pipeline.survey.clouds.trajectory import read_trajectory
 from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
-from pipeline.survey.solids.read import MOST_FACETS, view_from_above
+from pipeline.survey.solids.read import KEPT_M, MOST_FACETS, view_from_above
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh, Georeference
 
-_KEPT_M = 0.001  # a surface that is simplified already moves by no more than this in stage 3
 _NAMED = 5
 _LEAST_OTHER_M3 = 20.0  # the inside of a vehicle is no space of its own
 
@@ -68,7 +67,7 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         found.vertices - lift,
         found.faces.astype(np.int32),
         origin[2] * metres + down,
-        _KEPT_M,
+        KEPT_M,
         found.bounding.points_m - lift,
     )
     place = Georeference(params.unit or "m", metres, (origin[0], origin[1]))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.clouds.decimate import decimated
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
 from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, sided
@@ -16,6 +15,7 @@ from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, grown, is_in, keys_of
 from pipeline.survey.solids.closing import close_solids
+from pipeline.survey.solids.decimate import decimated
 
 _WELD_M = 1e-6
 _FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four sheets meet in an edge

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import FileKind, StatedOptions
 from pipeline.params.survey import CloudSurveyParams
+from pipeline.scans.text_clouds import has_point_rows
 from pipeline.survey.detection.found import Detection
 from pipeline.survey.formats import kind_of
 
@@ -16,14 +17,20 @@ _FINEST_M, _COARSEST_M = 0.05, 0.2
 _BY_SPACING = 1.0  # a voxel by the spacing of points: the nine of a thickened one have nine points
 _MOST_VOXELS = 100_000  # of the surface, at which a volume takes a minute
 _HEAD_BYTES = 65_536
+_TABLE = ".csv"  # of stations, or of points
 _LARGE_BYTES = 200_000_000  # points of such a file are looked at coarsely
 
 
 def is_cloud(path: Path, stated: StatedOptions) -> bool:
-    """Return whether a file is read as a scan: its format is one of clouds, or `--voxel` says so of a mesh."""
+    """Return whether a file is read as a scan.
+
+    Its format is one of clouds, it is a table of points, or `--voxel` says so of a mesh.
+    """
     kind = kind_of(path)
     if kind is FileKind.CLOUD:
         return True
+    if path.suffix.lower() == _TABLE:
+        return has_point_rows(path)
     if kind is not FileKind.SOLID:
         return False
     return stated.voxel_m is not None or (path.suffix.lower() == ".ply" and _has_no_faces(path))

@@ -7,6 +7,7 @@ from pathlib import Path
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.detection.found import Detection
+from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 
 
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:
@@ -19,7 +20,7 @@ def detect_solid(path: Path, stated: StatedOptions) -> Detection:
     """
     from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load
 
-    options = stated.model_dump(include={"layers", "unit", "close_m", "up"}, exclude_none=True)
+    options = stated.model_dump(include={"layers", "unit", "close_m", "up", "simplify_m"}, exclude_none=True)
     params = SolidSurveyParams.model_validate({"kind": "solid", "name": "detect", "file": "data/x", **options})
     read = read_solid(params.model_copy(update={"file": path.as_posix()}), is_stated=False)
     place = read.georeference
@@ -31,13 +32,14 @@ def detect_solid(path: Path, stated: StatedOptions) -> Detection:
         "up": stated.up,
         "origin": [*place.origin, read.solid.datum_m / place.metres_per_unit],
         "close_m": params.close_m,
-        "simplify_m": stated.simplify_m or read.solid.simplify_m,
+        "simplify_m": read.simplify_m,
     }
     remarks = {
         "origin": "of the mine frame, in the file's coordinates",
         "close_m": "holes up to this width are closed, m",
-        "simplify_m": "the mesh moves by no more than this when it is simplified, m",
+        "simplify_m": "the mesh is simplified; beyond 0.001 as a scan: four fifths of it move by no more than this, m",
         "up": "axis of the file that points up; null: y in GLB, z in others",
     }
     width_m = 2 * read.workings.area / read.workings.length
-    return Detection(values, remarks, [path], width_m, has_heights=True)
+    beside = [strings_beside(path)] if path.suffix.lower() == DTM else []
+    return Detection(values, remarks, [path, *beside], width_m, has_heights=True)

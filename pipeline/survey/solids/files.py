@@ -1,4 +1,4 @@
-"""Readers of triangle meshes: OBJ, STL, PLY and GLB by trimesh, DXF by ezdxf."""
+"""Readers of triangle meshes: OBJ, STL, PLY and GLB by trimesh, DXF by ezdxf, Surpac's triangulations."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ezdxf.render.mesh import MeshBuilder
 
 from pipeline.errors import InputError
 from pipeline.params.survey import Unit
+from pipeline.survey.solids.surpac_solid import read_dtm
 from pipeline.survey.vector.dxf import READING_ERRORS
 
 DXF = ".dxf"
@@ -50,7 +51,13 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
     suffix = path.suffix.lower()
-    found = _read_dxf(path) if suffix == DXF else list(_scene_meshes(path, data, suffix))
+    match suffix:
+        case ".dxf":
+            found = _read_dxf(path)
+        case ".dtm":
+            found = read_dtm(path)
+        case _:
+            found = list(_scene_meshes(path, data, suffix))
     names = tuple(dict.fromkeys(name for name, _, _ in found))
     unknown = sorted(set(layers or []) - set(names))
     if unknown:

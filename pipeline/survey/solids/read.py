@@ -1,4 +1,4 @@
-"""Read a solid of workings: its triangles in the mine frame, closed and simplified, with what was done to them."""
+"""Read a solid of workings: its triangles in the mine frame, closed, and simplified where they are many."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import manifold3d
 import numpy as np
+import trimesh
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
@@ -16,13 +17,16 @@ from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.solids.closing import ClosedSolids, close_solids
+from pipeline.survey.solids.decimate import decimated
 from pipeline.survey.solids.files import Triangles, read_triangles
 from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
 MOST_FACETS = 20_000  # parts of the rock, of which MuJoCo reads 1,000 a second
 _NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
-_STEPS_M = (0.001, 0.005, 0.01, 0.02, 0.03, 0.05)
+KEPT_M = 0.001  # a mesh that is simplified by no more is exact
+_SCANNED_M = 0.03  # of meshes with more facets than a world has: scanners make them, with noise of as much
+_SAMPLES = 200_000  # points on such a mesh, which the world is compared with
 _LEAST_M2 = 0.01  # of a part of the plan view
 _NAMED = 5
 _SIDE_RATIO = 1.5  # a file with so many times as much area square to y as to x and to z stands on its side
@@ -30,17 +34,20 @@ _SIDE_RATIO = 1.5  # a file with so many times as much area square to y as to x 
 
 @dataclass(frozen=True)
 class SolidReading:
-    """A closed mesh (m, mine frame), its view from above, and where the frame lies."""
+    """A closed mesh (m, mine frame), its view from above, where the frame lies, and how far it was simplified, m."""
 
     solid: ClosedMesh
     workings: MultiPolygon
     georeference: Georeference
+    simplify_m: float
 
 
 def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReading:
     """Read a solid and close it.
 
-    Without `is_stated` it is simplified as far as 20,000 facets need, at most by 5 cm, and warnings say what was done.
+    A mesh that may be simplified by more than 1 mm is reduced as scans are, and is compared with points on the file's
+    triangles. Without `is_stated` meshes of more than 20,000 facets are simplified by
+    3 cm, and warnings list what was done.
 
     Raises
     ------
@@ -61,16 +68,25 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         raise InputError(f"{path}: reaches {np.abs(vertices).max():.0f} m far, beyond {REACH_M:g} m; --unit states it")
     try:
         closed = close_solids(vertices, read.faces, params.weld_m, params.close_m)
+        tolerance = params.simplify_m if is_stated else _tolerance(closed, params.simplify_m)
+        corners, faces = _simplified(closed, tolerance)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    tolerance = params.simplify_m if is_stated else _tolerance(closed)
-    solid = closed.solid.to_mesh64()
-    vertices, faces = np.array(solid.vert_properties)[:, :3], np.asarray(solid.tri_verts).astype(np.int32)
-    mesh = ClosedMesh(vertices, faces, float(origin[2]) * METRES[unit], tolerance)
+    points = np.zeros((0, 3))
+    if tolerance > KEPT_M:
+        points = trimesh.sample.sample_surface(trimesh.Trimesh(vertices, read.faces, process=False), _SAMPLES, seed=0)[
+            0
+        ]
     if not is_stated:
         _warn(path, read, closed, params, up)
+        if tolerance > KEPT_M:
+            warn_user(
+                f"{path.name}: {closed.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
+                f"fifths move by at most {tolerance:g} m; --simplify M"
+            )
+    solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
-    return SolidReading(mesh, view_from_above(closed.solid), place)
+    return SolidReading(solid, view_from_above(closed.solid), place, tolerance)
 
 
 def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
@@ -81,12 +97,17 @@ def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _tolerance(closed: ClosedSolids) -> float:
-    """Return the smallest tolerance, m, that leaves so many facets as a world can have."""
-    for tolerance in _STEPS_M:
-        if closed.solid.simplify(tolerance).num_tri() <= MOST_FACETS:
-            return tolerance
-    return _STEPS_M[-1]
+def _tolerance(closed: ClosedSolids, stated_m: float) -> float:
+    """Return how far a mesh is simplified, m: as stated, or 3 cm if it has more facets than a world."""
+    return stated_m if closed.solid.simplify(KEPT_M).num_tri() <= MOST_FACETS else max(stated_m, _SCANNED_M)
+
+
+def _simplified(closed: ClosedSolids, tolerance_m: float) -> tuple[np.ndarray, np.ndarray]:
+    found = closed.solid.to_mesh64()
+    vertices, faces = np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
+    if tolerance_m > KEPT_M:
+        return decimated(vertices, faces, tolerance_m, MOST_FACETS)
+    return vertices, faces
 
 
 def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:

@@ -40,16 +40,16 @@ def read_surpac(path: Path, layers: list[str] | None) -> Shapes:
     InputError
         If the file is a binary string file, a record is none (the message names its line), or a number is unknown.
     """
-    data = read_text_bytes(path)
-    if b"\0" in data:
-        raise InputError(f"{path}: a binary Surpac string file; save it in Surpac as a text string file")
-    require_size(path, data.count(b"\n"))
-    text = data.decode("latin-1").splitlines()  # descriptions may be in any encoding; numbers are ASCII
-    if len(text) <= _HEADERS:
-        raise InputError(f"{path}: not a Surpac string file; it has {len(text)} lines, and its header alone has two")
-    pieces, is_ended = _pieces(path, text)
-    if not is_ended and not pieces:
-        raise InputError(f"{path}: not a Surpac string file; it has neither strings nor a record with END")
+    pieces: list[tuple[str, list[Point]]] = []
+    is_open = False
+    for number, point in read_records(path):
+        if point is None:
+            is_open = False
+            continue
+        if not is_open or pieces[-1][0] != str(number):
+            pieces.append((str(number), []))
+        pieces[-1][1].append(point)
+        is_open = True
     existing = list(dict.fromkeys(number for number, _ in pieces))
     unknown = sorted(set(layers or []) - set(existing))
     if unknown:
@@ -61,25 +61,33 @@ def read_surpac(path: Path, layers: list[str] | None) -> Shapes:
     return Shapes(list(shapes), layer_of=[number for number, _ in lines], others=others)
 
 
-def _pieces(path: Path, text: list[str]) -> tuple[list[tuple[str, list[Point]]], bool]:
-    """Return the pieces of strings with their numbers, and whether the file has its end."""
-    pieces: list[tuple[str, list[Point]]] = []
-    is_open = False
+def read_records(path: Path) -> list[tuple[int, Point | None]]:
+    """Read the records of a string file in their order: a string's number and a point, or 0 and None between pieces.
+
+    Raises
+    ------
+    InputError
+        If the file is a binary string file, or a record is none. The message names its line.
+    """
+    data = read_text_bytes(path)
+    if b"\0" in data:
+        raise InputError(f"{path}: a binary Surpac string file; save it in Surpac as a text string file")
+    require_size(path, data.count(b"\n"))
+    text = data.decode("latin-1").splitlines()  # descriptions may be in any encoding; numbers are ASCII
+    if len(text) <= _HEADERS:
+        raise InputError(f"{path}: not a Surpac string file; it has {len(text)} lines, and its header alone has two")
+    records: list[tuple[int, Point | None]] = []
     for row, line in enumerate(text[_HEADERS:], start=_HEADERS + 1):
         cells = [cell.strip() for cell in line.split(",")]
         if not any(cells):
             continue
         number, point = _record(path, row, cells)
-        if number == 0:
-            if _END in (cell.upper() for cell in cells[4:]):
-                return pieces, True
-            is_open = False
-            continue
-        if not is_open or pieces[-1][0] != str(number):
-            pieces.append((str(number), []))
-        pieces[-1][1].append(point)
-        is_open = True
-    return pieces, False
+        if number == 0 and _END in (cell.upper() for cell in cells[4:]):
+            return records
+        records.append((number, point if number else None))
+    if not any(number for number, _ in records):
+        raise InputError(f"{path}: not a Surpac string file; it has neither strings nor a record with END")
+    return records
 
 
 def _record(path: Path, row: int, cells: list[str]) -> tuple[int, Point]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from minexplore.bundle import VOLUME
 from pipeline.errors import InputError
@@ -26,9 +27,11 @@ from pipeline.volume.surface.room import room_about
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
 
+NO_SCAN = np.zeros((0, 3))
 _WIDEST_M = 0.5
 _SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
 _FACES = 2.2  # of a square whose side is the spacing
+_SEEN_M = (0.3, 0.9)  # from the next point of a scan: up to here the walls are the scan's, from here on synthetic rock
 
 
 @dataclass(frozen=True)
@@ -39,28 +42,31 @@ class VolumeRock:
     report: MeshReport
 
 
-def rock_of_volume(params: SurfaceParams, compiled: Path) -> VolumeRock:
+def rock_of_volume(params: SurfaceParams, compiled: Path, scan_m: np.ndarray = NO_SCAN) -> VolumeRock:
     """Return the visible rock of the volume in a folder of stage 3.
+
+    Near points (n, 3) m of a scan it is the volume itself, which follows them. Away from them, and in workings that
+    were not scanned, it is synthetic.
 
     Raises
     ------
     InputError
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
-    rock = displaced_rock(params, decode(compiled / VOLUME, MineVolume))
+    rock = displaced_rock(params, decode(compiled / VOLUME, MineVolume), scan_m)
     files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in cut_rock(rock, params).items()}
     return VolumeRock(files, _report(rock))
 
 
-def displaced_rock(params: SurfaceParams, volume: MineVolume) -> DisplacedRock:
+def displaced_rock(params: SurfaceParams, volume: MineVolume, scan_m: np.ndarray = NO_SCAN) -> DisplacedRock:
     """Return the displaced rock of a volume; see `rock_of_volume`."""
     spacing_m = _spacing_m(params, volume)
     fine = refine(volume, spacing_m)
     rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
-    wanted = _wanted_m(params, fine)
+    wanted, share = _wanted_m(params, fine), _unseen(fine.vertices, scan_m)
     room = room_about(fine, volume)
-    rock = displace_rock(fine, wanted, room, bounds_of(rough), params.floor_chamfer_m, simplification)
+    rock = displace_rock(fine, wanted, room, bounds_of(rough), params.floor_chamfer_m, simplification, share)
     if len(rock.crossings):
         place = rock.crossings[0].round(1).tolist()
         warn_user(
@@ -101,6 +107,15 @@ def _wanted_m(params: SurfaceParams, fine: FineRock) -> np.ndarray:
         return wanted
     modulation = Modulation(rough.modulation_m, rough.modulation_spread)
     return relief_of_noise(fine, *relief, modulation, np.random.default_rng(rough.seed))
+
+
+def _unseen(places: np.ndarray, scan_m: np.ndarray) -> np.ndarray:
+    """Return the share (n,) of synthetic rock at places (n, 3) m: it grows from 0 to 1 away from a scan's points."""
+    if not len(scan_m):
+        return np.ones(len(places))
+    near, far = _SEEN_M
+    apart, _ = cKDTree(scan_m).query(places, distance_upper_bound=far)
+    return np.asarray(np.clip((apart - near) / (far - near), 0.0, 1.0))
 
 
 def _relief(params: SurfaceParams) -> Relief:

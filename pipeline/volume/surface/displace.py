@@ -43,15 +43,16 @@ def displace_rock(
     bounds: Bounds,
     foot_m: float,
     simplification: Simplification | None,
+    share: np.ndarray | float = 1.0,
 ) -> DisplacedRock:
     """Displace the rock by `wanted_m` (n,) m, positive into the workings, within its bounds.
 
-    Floors stay, and the rock over them within `foot_m` moves the less the nearer it is. Where the mesh crosses itself
-    or four faces share an edge, the displacement is halved, and after some rounds taken back in growing circles, where
-    the mesh is not simplified either. What then still crosses does so in the volume itself. Points have 32 bits, as in
-    the files of meshes.
+    Each point gets a `share` (n,) of what its bounds leave. Floors stay, and the rock over them within `foot_m` moves
+    the less the nearer it is. Where the mesh crosses itself or four faces share an edge, the displacement is halved,
+    and after some rounds taken back in growing circles, where the mesh is not simplified either. What then still
+    crosses does so in the volume itself. Points have 32 bits, as in the files of meshes.
     """
-    given = _bounded(fine, wanted_m, room, bounds, foot_m)
+    given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
     moved, mended = np.ones(len(given), bool), np.zeros((0, 3))
     for repair in range(_ROUNDS + 1):

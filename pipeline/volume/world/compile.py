@@ -17,6 +17,7 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
+from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
@@ -25,7 +26,7 @@ from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
-from pipeline.volume.world.solid import legs_on_floors, mine_volume, nearest_leg, volume_of_solid
+from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
@@ -113,7 +114,8 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
 
 def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _VolumeDraft:
     robot = robot_size(params.volume)
-    solved = volume_of_solid(solid, robot.steepest)
+    solved = without_thin_rock(volume_of_solid(solid, robot.steepest))
+    solved = replace(solved, label=labels_of(solved.vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)
     surveyed = replace(legs_on_floors(cells, neighbours_of(cells, robot), solid.datum_m), start_m=stated.start_m)

@@ -15,7 +15,9 @@ from shapely import Polygon
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
+from pipeline.remarks import warn_user
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
+from pipeline.volume.uncrossed import uncrossed
 from pipeline.volume.union import Label, Volume
 from pipeline.volume.world.content import Cells, MineVolume
 
@@ -39,21 +41,30 @@ def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.nd
 def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
     """Return a solid, simplified, as the shell and the measures take it; all facets are of one piece.
 
+    Where facets cross it is smoothed, with a warning.
+
     Raises
     ------
     GeometryError
-        If its mesh is not closed.
+        If its mesh is not closed, or crosses itself and cannot be smoothed.
     """
-    whole = manifold3d.Manifold(
-        manifold3d.Mesh64(np.array(mesh.vertices, order="C"), mesh.faces.astype(np.uint64, order="C"))
-    )
-    solid = whole.simplify(mesh.simplify_m).as_original()
-    if solid.status() != manifold3d.Error.NoError or solid.is_empty():
+    solid = _manifold(mesh.vertices, mesh.faces).simplify(mesh.simplify_m)
+    if solid.is_empty():
         raise GeometryError(f"compile3d: the solid's mesh encloses no space ({solid.status().name})")
+    found = solid.to_mesh64()
+    apart = uncrossed(np.array(found.vert_properties, np.float64, order="C"), np.array(found.tri_verts, np.int64))
+    if apart.crossed:
+        warn_user(f"compile3d: {apart.crossed} facets cross others; they are smoothed by up to {apart.moved_m:.2f} m")
+    solid = _manifold(apart.vertices, apart.faces).as_original()
     found = solid.to_mesh64()
     vertices = np.array(found.vert_properties, np.float64, order="C")
     faces = np.array(found.tri_verts, np.int64, order="C")
     return Volume(solid, vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [], {})
+
+
+def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
+    mesh = manifold3d.Mesh64(np.array(vertices, order="C"), faces.astype(np.uint64, order="C"))
+    return manifold3d.Manifold(mesh)
 
 
 def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:

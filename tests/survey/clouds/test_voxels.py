@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-import trimesh
 from scipy import ndimage
 
-from pipeline.survey.clouds.decimate import decimated
 from pipeline.survey.clouds.flood import Walls
 from pipeline.survey.clouds.voxels import cells_of_keys, components_of, grown, is_in, keys_of
 
@@ -48,17 +46,3 @@ def test_a_wall_is_counted_in_each_direction_in_which_it_lies():
     cube[[0, -1]] = cube[:, [0, -1]] = cube[:, :, [0, -1]] = True
     walls = Walls(keys(cube, (0, 0, 0)), 0.2)
     assert walls.hits(np.array([[10, 10, 10], [100, 10, 10], [-100, 10, 10]])).tolist() == [26, 1, 1]
-
-
-def test_a_flat_surface_keeps_its_place_with_few_facets():
-    box = trimesh.creation.box([20, 4, 3]).subdivide().subdivide().subdivide().subdivide()
-    vertices, faces = decimated(box.vertices, box.faces, 0.01, 20_000)
-    assert len(faces) < len(box.faces) / 10
-    found = trimesh.Trimesh(vertices, faces, process=False)
-    assert found.is_watertight
-    assert found.volume == pytest.approx(20 * 4 * 3, rel=1e-3)
-
-
-def test_no_more_facets_than_the_most_are_left():
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
-    assert len(decimated(ball.vertices, ball.faces, 1e-4, 3000)[1]) <= 3000

@@ -22,7 +22,30 @@ def crossing_tunnels():
     return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), union.volume()
 
 
+def write_surpac(path, vertices, faces, parted=()):
+    """Write a triangulation and its strings, which end before the corners in `parted`, numbered by record if so."""
+    rows, number = [], np.arange(1, len(vertices) + 1)
+    for k, (x, y, z) in enumerate(vertices.tolist()):
+        if k in parted:
+            rows.append("0, 0.000, 0.000, 0.000,")
+            number[k:] += 1
+        rows.append(f"32000, {y:.6f}, {x:.6f}, {z:.6f},")
+    strings = ["mine, 01-Jan-26,,", "0, 0, 0, 0, 0, 0, 0", *rows, "0, 0, 0, 0, END"]
+    path.with_suffix(".str").write_text("\n".join(strings) + "\n")
+    triangles = [f"{k}, {a}, {b}, {c}, 0, 0, 0," for k, (a, b, c) in enumerate(number[faces].tolist(), start=1)]
+    head = [
+        f"{path.stem}.str,",
+        "0, 0.000, 0.000, 0.000, END",
+        "OBJECT, 1,",
+        "TRISOLATION, 1, neighbours=no,closed=yes",
+    ]
+    path.write_text("\n".join([*head, *triangles, "END"]) + "\n")
+
+
 def write(path, vertices, faces, entity="MESH"):
+    if path.suffix == ".dtm":
+        write_surpac(path, vertices, faces)
+        return
     if path.suffix != ".dxf":
         up = vertices[:, [0, 2, 1]] * [1, 1, -1] if path.suffix == ".glb" else vertices
         trimesh.Trimesh(up, faces, process=False).export(path)
@@ -45,7 +68,9 @@ def closed(path, largest_hole_m=HOLE_M, layers=None):
     return read, close_solids(vertices, read.faces, WELD_M, largest_hole_m)
 
 
-@pytest.mark.parametrize("name", ["a.obj", "a.stl", "a.ply", "a.glb", "MESH.dxf", "POLYFACE.dxf", "3DFACE.dxf"])
+@pytest.mark.parametrize(
+    "name", ["a.obj", "a.stl", "a.ply", "a.glb", "a.dtm", "MESH.dxf", "POLYFACE.dxf", "3DFACE.dxf"]
+)
 def test_a_solid_has_the_same_volume_and_place_from_every_format(tmp_path, name):
     vertices, faces, volume = crossing_tunnels()
     write(tmp_path / name, vertices, faces, name.partition(".")[0])
@@ -54,6 +79,37 @@ def test_a_solid_has_the_same_volume_and_place_from_every_format(tmp_path, name)
     assert found.solid.bounding_box() == pytest.approx((*vertices.min(axis=0), *vertices.max(axis=0)), abs=1e-5)
     assert (found.pieces, found.holes, found.turned, found.flipped) == (1, [], 0, 0)
     assert read.unit == ("m" if name.endswith(("glb", "dxf")) else None)
+
+
+def test_points_of_a_triangulation_are_numbered_with_the_records_between_strings_where_their_numbers_need_it(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    write_surpac(tmp_path / "a.dtm", vertices, faces, parted=(2, 7))
+    assert closed(tmp_path / "a.dtm")[1].solid.volume() == pytest.approx(volume, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("1, 2,", "1, 999,", r"a\.dtm: a triangle of point 999; a\.str has \d+"),
+        ("OBJECT, 1,", "OBJECT, 1,\n1, 2, x, 4,", r"a\.dtm:4: '1, 2, x, 4,' is no triangle"),
+        ("a.str", "a\0str", r"a\.dtm: a binary Surpac triangulation"),
+    ],
+)
+def test_a_broken_triangulation_is_refused_by_what_is_wrong(tmp_path, old, new, message):
+    vertices, faces, _ = crossing_tunnels()
+    faces[0, 0] = 1
+    write_surpac(tmp_path / "a.dtm", vertices, faces)
+    (tmp_path / "a.dtm").write_text((tmp_path / "a.dtm").read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        closed(tmp_path / "a.dtm")
+
+
+def test_a_triangulation_without_its_strings_is_refused(tmp_path):
+    vertices, faces, _ = crossing_tunnels()
+    write_surpac(tmp_path / "a.dtm", vertices, faces)
+    (tmp_path / "a.str").unlink()
+    with pytest.raises(InputError, match=r"a\.dtm: a\.str is not beside it"):
+        closed(tmp_path / "a.dtm")
 
 
 def test_inverted_normals_are_turned_and_counted(tmp_path):

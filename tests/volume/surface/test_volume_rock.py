@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 from minexplore.bundle import ROCK_TEXTURE, BundleError, surface_geom, world_sha256
 from minexplore.schema import check_files, check_world, hash_files, read_folder
@@ -112,6 +113,18 @@ def test_displaced_rock_is_closed_and_crosses_itself_nowhere_not_even_through_th
     assert np.abs(rock.given_m).max() <= CONFIG.surface.rough.bounds.wall_m
     walls = np.unique(rock.fine.faces[rock.fine.piece == WALL])
     assert np.std(rock.given_m[walls]) > 0.03  # it is rough
+
+
+def test_where_a_wall_was_scanned_its_rock_is_the_wall_and_elsewhere_it_grows_rough_without_a_seam(tmp_path):
+    VolumeWorld(BOX, tmp_path)
+    volume = volume_of(tmp_path)
+    walls = displaced_rock(CONFIG.surface, volume).fine.vertices
+    seen = walls[walls[:, 0] < 10]
+    rock = displaced_rock(CONFIG.surface, volume, seen)
+    away = cKDTree(seen).query(rock.fine.vertices)[0]
+    assert (rock.given_m[away <= 0.3] == 0).all()
+    assert np.std(rock.given_m[away > 1.5]) > 0.03
+    assert np.abs(rock.given_m[(away > 0.3) & (away < 0.4)]).max() < 0.1
 
 
 def test_the_rock_that_is_built_holds_every_limit_of_the_certificate(box):

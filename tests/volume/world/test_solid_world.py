@@ -1,6 +1,7 @@
 """Solids as volumes: labels, legs along floors, and files of a world."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import manifold3d
@@ -12,7 +13,9 @@ from minexplore.bundle import TOPOLOGY, VOLUME
 from pipeline.errors import GeometryError
 from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
+from pipeline.survey.detect import detect_survey
 from pipeline.types import NO_LEGS, ClosedMesh
+from pipeline.volume.shell import facets_without_part
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, _built, compile_volume
 from pipeline.volume.world.content import MineVolume
@@ -81,6 +84,25 @@ def test_floors_over_each_other_have_legs_of_their_own_that_a_ramp_joins(tmp_pat
 def test_a_shaft_without_a_floor_for_robots_is_refused_by_what_overrules_it(tmp_path):
     with pytest.raises(GeometryError, match=r"no floor of 1 m2 is flat and high enough .* compile3d.volume"):
         compiled(manifold3d.Manifold.cube([0.7, 0.7, 30]), tmp_path)
+
+
+def test_rock_between_drifts_that_is_thinner_than_a_body_sinks_in_is_thickened(tmp_path):
+    beside = manifold3d.Manifold.cube([DRIFT_M, 4, 3]).translate([0, 4.005, 0])
+    compiled(manifold3d.Manifold.cube([DRIFT_M, 4, 3]) + beside, tmp_path)
+    volume = decode(tmp_path / VOLUME, MineVolume).measured()
+    assert not facets_without_part(volume)
+    assert volume.solid.volume() == pytest.approx(2 * DRIFT_M * 4 * 3 - 0.1 * DRIFT_M * 3, rel=0.01)
+    assert {int(label) for label in volume.label} == {Label.FLOOR, Label.ROOF, Label.WALL}
+
+
+@pytest.mark.slow
+def test_the_world_of_a_scanned_cave_that_crosses_itself_is_certified(shared_rock, tmp_path):
+    found = detect_survey(shared_rock)
+    path = shutil.copy(shared_rock, tmp_path / "cave.stl")
+    cave = VolumeWorld.from_solid(path, simplify_m=found.values["simplify_m"])
+    judged = validated(cave.opened(), solid=cave.solid, robot_contacts=300, ball_contacts=300)
+    assert broken(judged) == set()
+    assert judged.metrics["scan"]["within_10cm"] >= 0.95
 
 
 def test_limits_of_floors_are_those_of_the_robot():

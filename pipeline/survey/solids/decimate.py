@@ -35,12 +35,12 @@ def decimated(
     """
     middle = vertices.mean(axis=0)
     about = (vertices - middle).astype(np.float32)
-    best = None
+    best: manifold3d.Manifold | None = None
     wanted = min(len(faces), most_facets)
     for _ in range(_TRIES):
-        found = fast_simplification.simplify(about, faces.astype(np.int32), target_count=wanted)
-        if _is_closed(*found):
-            off = _distances(about, *found)
+        found = _closed(*fast_simplification.simplify(about, faces.astype(np.int32), target_count=wanted))
+        if found is not None:
+            off = _distances(about, *_mesh_of(found))
             if best is not None and any(np.quantile(off, share) > most * tolerance_m for share, most in _WITHIN):
                 break
             best = found
@@ -51,13 +51,20 @@ def decimated(
             break
     if best is None:
         raise InputError("its surface cannot be simplified to a closed mesh; --voxel states a larger size")
-    return best[0].astype(float) + middle, best[1].astype(np.int64)
+    found_vertices, found_faces = _mesh_of(best)
+    return found_vertices + middle, found_faces
 
 
-def _is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
+def _closed(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold | None:
+    """Return a mesh without facets that lie on each other, None if it encloses nothing."""
     mesh = manifold3d.Mesh64(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint64))
     solid = manifold3d.Manifold(mesh)
-    return bool(solid.status() == manifold3d.Error.NoError and solid.volume() > 0)
+    return solid if solid.status() == manifold3d.Error.NoError and solid.volume() > 0 else None
+
+
+def _mesh_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
+    mesh = solid.to_mesh64()
+    return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
 def _distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

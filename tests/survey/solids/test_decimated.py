@@ -1,0 +1,32 @@
+"""Closed surfaces with fewer facets."""
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.params.survey import SolidSurveyParams
+from pipeline.survey.solids.decimate import decimated
+from pipeline.survey.solids.read import read_solid
+
+
+def test_a_flat_surface_keeps_its_place_with_few_facets():
+    box = trimesh.creation.box([20, 4, 3]).subdivide().subdivide().subdivide().subdivide()
+    vertices, faces = decimated(box.vertices, box.faces, 0.01, 20_000)
+    assert len(faces) < len(box.faces) / 10
+    found = trimesh.Trimesh(vertices, faces, process=False)
+    assert found.is_watertight
+    assert found.volume == pytest.approx(20 * 4 * 3, rel=1e-3)
+
+
+def test_no_more_facets_than_the_most_are_left():
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=5.0)
+    assert len(decimated(ball.vertices, ball.faces, 1e-4, 3000)[1]) <= 3000
+
+
+def test_a_scanned_cave_has_no_facets_that_lie_on_each_other(shared_rock):
+    params = SolidSurveyParams(kind="solid", name="a", file="data/x", heights=None, simplify_m=0.03)
+    solid = read_solid(params.model_copy(update={"file": shared_rock.as_posix()})).solid
+    mesh = manifold3d.Mesh64(solid.vertices.copy(), solid.faces.astype(np.uint64))
+    assert manifold3d.Manifold(mesh).num_tri() == len(solid.faces) < 5000
+    assert len(solid.scan_m) == 200_000  # what the world is compared with
