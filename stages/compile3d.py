@@ -60,7 +60,7 @@ def compile_rock(
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
     cell = params.grid_cell_m
     grid = occupancy_grid(free, cell, world)
-    columns = Columns.of_cells(np.nonzero(grid.free), grid.origin_m, cell, params.height_m)
+    columns = Columns.of_cells(np.argwhere(grid.free), grid.origin_m, cell, params.height_m)
     pixels, yaml = nav2_map(grid)
     start = survey.entrance_m or topology.main_drift_m[0]
     return {

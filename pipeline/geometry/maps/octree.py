@@ -59,7 +59,7 @@ class Columns:
     @classmethod
     def of_cells(
         cls,
-        cells: tuple[np.ndarray, np.ndarray],
+        cells: np.ndarray,
         origin_m: np.ndarray,
         cell_m: float,
         height_m: float | np.ndarray,
@@ -69,8 +69,8 @@ class Columns:
 
         Parameters
         ----------
-        cells : (row (k,), column (k,))
-            Row 0 is in the south.
+        cells : (k, 2) int
+            Row and column; row 0 is in the south.
         origin_m : (2,), m, mine frame
             South-west corner of the cells, a whole number of cells from the mine's origin.
         cell_m : float
@@ -78,7 +78,7 @@ class Columns:
         height_m, floor_m : float or (k,) m
             A voxel is free when its centre lies above the floor and below the height over it.
         """
-        row, col = cells
+        row, col = cells.T
         west, south = (round(v / cell_m) for v in origin_m)
         layers, base = (np.round(np.broadcast_to(v, row.shape) / cell_m).astype(np.int64) for v in (height_m, floor_m))
         return cls(col + west + _CENTRE, row + south + _CENTRE, base + _CENTRE, np.maximum(1, layers))

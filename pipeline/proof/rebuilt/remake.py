@@ -210,7 +210,7 @@ def _require_map_and_octree(folder: Path, record: WorldRecord, grid: Occupancy) 
     picture = decode(path.with_suffix(".png"), Image)
     if picture.shape != pixels.shape or (picture != pixels).any():
         raise ArtifactError(f"{path.with_suffix('.png')}: pixels differ from the clearance grid")
-    columns = Columns.of_cells(np.nonzero(grid.free), grid.origin_m, grid.cell_m, record.height_m)
+    columns = Columns.of_cells(np.argwhere(grid.free), grid.origin_m, grid.cell_m, record.height_m)
     made = to_bt(build_octree(columns, grid.cell_m))
     if (folder / OCTREE).read_bytes() != made:
         raise ArtifactError(

@@ -18,7 +18,7 @@ _MOST = 100  # maps
 
 def octree_of(cells: Cells) -> bytes:
     """Return the octree of all spans as OctoMap's `.bt`."""
-    at = cells.row.astype(np.int64), cells.column.astype(np.int64)
+    at = np.column_stack([cells.row, cells.column]).astype(np.int64)
     columns = Columns.of_cells(at, cells.origin_m, cells.cell_m, cells.headroom_m, cells.floor_m)
     return to_bt(build_octree(columns, cells.cell_m))
 

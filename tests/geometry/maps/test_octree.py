@@ -8,7 +8,7 @@ from tests.octomap import FREE, OCCUPIED, UNKNOWN, BinaryTree
 
 
 def _octree(free, origin_m, cell_m, height_m):
-    return build_octree(Columns.of_cells(np.nonzero(free), origin_m, cell_m, height_m), cell_m)
+    return build_octree(Columns.of_cells(np.argwhere(free), origin_m, cell_m, height_m), cell_m)
 
 
 def test_free_volume_is_the_cells_times_the_height():

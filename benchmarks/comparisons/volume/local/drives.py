@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
 from benchmarks.speed.time_env import start_spread
 from minexplore.envs.vector import MineVectorEnv
+from minexplore.physics.robot_kind import DrivenRobot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotation_matrices
 from minexplore.volume.models import FEET, code_of
@@ -86,10 +87,9 @@ class VolumeDrive:
 
     def step(self, action: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Step all robots; return the seconds of the choice, which robots stood on parts, and which touched rock."""
-        task, stepper, start = self.models.task, self.stepper, time.process_time()
-        stepper.ctrl[:] = self.models.robot.controls(
-            action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps
-        )
+        task, robot, stepper, start = self.models.task, self.models.robot, self.stepper, time.process_time()
+        assert isinstance(robot, DrivenRobot)
+        stepper.ctrl[:] = robot.controls(action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps)
         qpos = stepper.qpos
         choice = self._last = self.chooser.choose(qpos[:, :3], qpos[:, 3:7], stepper.qvel[:, :6], self._zones)
         stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
