@@ -83,7 +83,7 @@ _ROUGH = "rough_"
 ROCK_NAMES, SPOT_NAMES = rf"{_ROCK}\d{{4,6}}", rf"{_SPOT}\d{{2,5}}"
 SHADE_NAMES, COVER_MESHES = rf"{_SHADE}\d", rf"{_COVER}\d{{3,4}}_\d{{2,4}}_\d{{2,4}}"
 ROUGH_FLOORS = r"rough_\d{3,4}_\d{2,4}_\d{2,4}"
-SHEET_MAPS = rf"{_MAP}\d{{2,4}}\.(?:yaml|png)"
+STOREY_MAPS = rf"{_MAP}\d{{2,4}}\.(?:yaml|png)"
 
 _MOST_MESSAGE = 2000  # characters of an error
 
@@ -161,7 +161,7 @@ def is_volume(record: Mapping[str, Any]) -> bool:
     return record.get("format") == VOLUME_FORMAT
 
 
-def sheet_map(storey: int) -> tuple[str, str]:
+def storey_map(storey: int) -> tuple[str, str]:
     """Return the files of the Nav2 map of one storey of a volume: map and picture."""
     return f"{_MAP}{storey:02d}.yaml", f"{_MAP}{storey:02d}.png"
 
@@ -171,14 +171,9 @@ def is_floor(geom: str) -> bool:
     return geom.startswith(_FLOOR)
 
 
-def floor_wedge(zone: str, number: int) -> str:
+def floor_part(zone: str, number: int) -> str:
     """Return the name of the geom and mesh of one convex part under the floor of a volume, in a zone."""
     return f"{floor_geom(zone)}_{number:05d}"
-
-
-def zone_of_wedge(geom: str) -> str:
-    """Return the name of the zone geom that a part under the floor belongs to."""
-    return geom.rpartition("_")[0]
 
 
 def rough_floor(zone: int, col: int, row: int) -> str:

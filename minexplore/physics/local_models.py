@@ -18,7 +18,6 @@ from minexplore.bundle import (
     is_floor,
     is_rock,
     is_roof,
-    zone_of_wedge,
 )
 from minexplore.physics.robot import ROCK_BODY, contact_sensor, separate_contacts, stand_on_facets
 from minexplore.physics.robot_kind import Robot
@@ -38,13 +37,12 @@ _MOST_GEOMS = 1000  # larger models keep MuJoCo's value
 
 @dataclass(frozen=True)
 class RockPart:
-    """One convex part: its mesh vertices, place, outline seen from above, lowest and highest z (m, mine frame)."""
+    """One convex part: its mesh vertices, place, and outline seen from above (m, mine frame)."""
 
     name: str
     vertices: np.ndarray
     place: np.ndarray
     outline: np.ndarray
-    heights: tuple[float, float]
 
 
 class LocalModels:
@@ -60,11 +58,9 @@ class LocalModels:
         self.parts = [_part(self._spec, g) for g in self._spec.geoms if is_rock(g.name)]
         self._rock = _PartIndex(self.parts)
         self._zones = {zone.geom: zone for zone in world.active_zones(task.terrain)}
-        self._slabs = [g for g in self._spec.geoms if (is_floor(g.name) or is_roof(g.name)) and not g.meshname]
-        floors = [g for g in self._spec.geoms if is_floor(g.name) and g.meshname]  # only of a volume
-        self._floors = _PartIndex([_part(self._spec, g) for g in floors])
+        self._slabs = [g for g in self._spec.geoms if is_floor(g.name) or is_roof(g.name)]
         absent = sorted(set(self._zones) - {geom.name for geom in self._slabs})
-        if absent and world.volume is None:
+        if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
         self.rough = read_rough_floor(world, self._spec)
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + MARGIN_M
@@ -102,7 +98,7 @@ class LocalModels:
         mine = spec.worldbody.add_body(name=MINE_BODY, pos=self.T_world_mine[:3, 3])
         mine.quat = quaternion(self.T_world_mine[:3, :3])
         solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
-        self._add_floor_and_roof(spec, mine, solid, box)
+        self._add_floor_and_roof(mine, solid, box)
         zones = self.world.active_zones(self.task.terrain)
         for tile in self.rough.tiles if box is None else self.rough.within(box.low, box.high):
             tile.add_to(spec, mine, [zones[tile.zone].friction, 0.005, 0.0001])
@@ -112,22 +108,21 @@ class LocalModels:
         separate_contacts(spec)
         return spec
 
-    def _add_floor_and_roof(
-        self, spec: mujoco.MjSpec, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: Box | None
-    ) -> None:
-        """Add the floor zones and the roof, or the parts under the floors of a volume, that reach into a box."""
+    def _add_floor_and_roof(self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: Box | None) -> None:
+        """Add the floor zones and the roof that reach into a box; a floor's sliding friction is that of its zone."""
         for geom in self._slabs:
-            if box is None or _overlaps(geom, box.low, box.high):
-                body = mine if is_floor(geom.name) else solid
-                body.add_geom(name=geom.name, type=geom.type, pos=geom.pos, size=geom.size, **self._contacts(geom))
-        for part in self._floors.parts if box is None else self._floors.within(box):
-            _add_part(spec, mine, part, **self._contacts(self._spec.geom(part.name)))
-
-    def _contacts(self, geom: mujoco.MjsGeom) -> dict[str, Any]:
-        """Return how a geom of floor or roof touches: its sliding friction is that of its floor zone."""
-        zone = self._zones.get(zone_of_wedge(geom.name) if geom.meshname else geom.name)
-        friction = list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]]
-        return {"friction": friction, "priority": geom.priority, "group": geom.group}
+            if box is not None and not _overlaps(geom, box.low, box.high):
+                continue
+            body, zone = mine if is_floor(geom.name) else solid, self._zones.get(geom.name)
+            body.add_geom(
+                name=geom.name,
+                type=geom.type,
+                pos=geom.pos,
+                size=geom.size,
+                friction=list(geom.friction) if zone is None else [zone.friction, *geom.friction[1:]],
+                priority=geom.priority,
+                group=geom.group,
+            )
 
     def _box(self, tile: Tile) -> Box:
         """Return the box of the mine frame that holds all that a robot in a tile can touch."""
@@ -144,12 +139,10 @@ class LocalModels:
 
 @dataclass(frozen=True)
 class Box:
-    """A box of the mine frame: its south-west and north-east corners seen from above, and its heights, m."""
+    """A box of the mine frame, as high as the mine: its south-west and north-east corners (2,) seen from above, m."""
 
     low: np.ndarray
     high: np.ndarray
-    bottom_m: float = -np.inf
-    top_m: float = np.inf
 
 
 class _PartIndex:
@@ -160,12 +153,10 @@ class _PartIndex:
         self.parts = parts
         bounds = np.array([(part.outline.min(axis=0), part.outline.max(axis=0)) for part in parts])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
-        self._bottom, self._top = np.array([part.heights for part in parts]).reshape(-1, 2).T
 
     def within(self, box: Box) -> list[RockPart]:
         """Return the parts that may reach into a box."""
         near = ((self._low <= box.high) & (self._high >= box.low)).all(axis=1)
-        near &= (self._bottom <= box.top_m) & (self._top >= box.bottom_m)
         found = [self.parts[number] for number in np.flatnonzero(near)]
         return [part for part in found if meets(part.outline, box.low[None], box.high[None])[0]]
 
@@ -197,8 +188,7 @@ def _overlaps(geom: mujoco.MjsGeom, low: np.ndarray, high: np.ndarray) -> bool:
 def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> RockPart:
     vertices = np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3)
     place = np.array(geom.pos)
-    heights = vertices[:, 2] + place[2]
-    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2], (heights.min(), heights.max()))
+    return RockPart(geom.name, vertices, place, vertices[:, :2] + place[:2])
 
 
 def _add_part(spec: mujoco.MjSpec, body: mujoco.MjsBody, part: RockPart, **attributes: Any) -> None:

@@ -29,7 +29,7 @@ from minexplore.bundle import (
     RECORD,
     ROCK_TEXTURE,
     ROUGH_FLOORS,
-    SHEET_MAPS,
+    STOREY_MAPS,
     TOPOLOGY,
     VOLUME,
     BundleError,
@@ -72,7 +72,7 @@ _MAP = re.compile(
     r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
     re.ASCII,
 )
-_STOREY_MAP = re.compile(SHEET_MAPS, re.ASCII)
+_STOREY_MAP = re.compile(STOREY_MAPS, re.ASCII)
 
 
 def is_known(name: str) -> bool:

@@ -15,7 +15,7 @@ from minexplore.bundle import (
     RECORD,
     BundleError,
     GeomGroup,
-    floor_wedge,
+    floor_part,
     ground_material,
     rock_geom,
     spot_light,
@@ -96,7 +96,7 @@ def _names_of(parts: Parts, zones: list[str]) -> list[str]:
     names, floors = list[str](), 0
     for label, zone in zip(parts.label.tolist(), zones, strict=True):
         is_floor = label == FacetLabel.FLOOR
-        names.append(floor_wedge(zone, floors) if is_floor else rock_geom(len(names) - floors))
+        names.append(floor_part(zone, floors) if is_floor else rock_geom(len(names) - floors))
         floors += is_floor
     return names
 

@@ -18,7 +18,7 @@ from minexplore.bundle import (
     TOPOLOGY,
     VOLUME,
     BundleError,
-    sheet_map,
+    storey_map,
 )
 from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.schema.readers.json_text import read_json
@@ -49,7 +49,7 @@ def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], sp
     _check_octree(files[OCTREE])
     check_network(record, read_json(TOPOLOGY, files[TOPOLOGY]))
     for storey in range(record["volume"]["storeys"]):
-        name, picture = sheet_map(storey)
+        name, picture = storey_map(storey)
         if (name in files) != (picture in files):
             raise BundleError(f"{name if picture in files else picture}: missing; a map has a text and a picture")
         if name in files:
@@ -71,7 +71,7 @@ def require_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes]) 
     for name in VOLUME_FILES:
         if name not in files:
             raise BundleError(f"{name}: missing")
-    maps = {name for storey in range(min(record["volume"]["storeys"], 100)) for name in sheet_map(storey)}
+    maps = {name for storey in range(min(record["volume"]["storeys"], 100)) for name in storey_map(storey)}
     known = {*VOLUME_FILES, MADE_BY, *maps, *require_rock_files(record, files)}
     for name in files:
         if name not in known:
@@ -94,9 +94,9 @@ def _check_map(storey: int, name: str, data: bytes, spans: FloorSpans) -> None:
     found = _MAP.fullmatch(data.decode("ascii", "replace"))
     number, low, high, image, *values = found.groups() if found else (None,) * 5
     numbers = [value for value in (low, high, *values) if value is not None]
-    if image != sheet_map(storey)[1] or number != str(storey) or any(numbers_in(value) is None for value in numbers):
+    if image != storey_map(storey)[1] or number != str(storey) or any(numbers_in(value) is None for value in numbers):
         raise BundleError(
-            f"{name}: want a remark on storey {storey}, image: {sheet_map(storey)[1]}, mode, resolution, origin, "
+            f"{name}: want a remark on storey {storey}, image: {storey_map(storey)[1]}, mode, resolution, origin, "
             "negate and the two thresholds only"
         )
     if not (spans.storey == storey).any():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from minexplore.bundle import sheet_map
+from minexplore.bundle import storey_map
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.maps.octree import Columns, build_octree, to_bt
 from pipeline.store.codecs import Bundle, encode
@@ -36,7 +36,7 @@ def storey_maps(cells: Cells) -> Bundle:
         first, end = at.min(axis=0) - 1, at.max(axis=0) + 2
         free = np.zeros((end - first)[::-1], bool)
         free[tuple((at - first)[:, ::-1].T)] = True
-        name, picture = sheet_map(storey)
+        name, picture = storey_map(storey)
         pixels, text = nav2_files(free, cells.origin_m + first * cells.cell_m, cells.cell_m, picture)
         low, high = cells.floor_m[own].min(), cells.floor_m[own].max()
         files[name] = f"# storey {storey}: floor {low:.3f} to {high:.3f} m high\n{text}".encode()

@@ -16,7 +16,7 @@ from minexplore.bundle import (
     OVERVIEW_CAMERA,
     ROCK_CLASS,
     GeomGroup,
-    floor_wedge,
+    floor_part,
     ground_material,
     rock_geom,
     spot_light,
@@ -61,7 +61,7 @@ def part_names(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> list[str]:
     names, floors = [], 0
     for label, zone in zip(parts.label.tolist(), zone_numbers(parts, zones).tolist(), strict=True):
         if label == Label.FLOOR:
-            names.append(floor_wedge(zones[zone].name, floors))
+            names.append(floor_part(zones[zone].name, floors))
             floors += 1
         else:
             names.append(rock_geom(len(names) - floors))
