@@ -20,6 +20,7 @@ from pathlib import Path, PurePosixPath
 
 import yaml
 
+from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
 
 BEFORE = "9d8be4aa"  # the last commit before the folders were cut
@@ -50,9 +51,17 @@ class ProjectFiles:
 
     @classmethod
     def at(cls, commit: str) -> ProjectFiles:
-        """Read the files of a commit of this repository."""
-        packed = subprocess.run(["git", "archive", commit], capture_output=True, check=True).stdout
-        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+        """Read the files of a commit of this repository.
+
+        Raises
+        ------
+        BaselineError
+            If it has no such commit, as in a clone without history.
+        """
+        packed = subprocess.run(["git", "archive", commit], capture_output=True)
+        if packed.returncode:
+            raise BaselineError(f"{commit}: not a commit of this clone; `git fetch --unshallow`, or --before COMMIT")
+        with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
             found = ((member.name, archive.extractfile(member)) for member in archive if _is_text(member.name))
             return cls({name: stream.read().decode() for name, stream in found if stream is not None})
 
@@ -176,17 +185,16 @@ def layout_table(before: ProjectFiles, after: ProjectFiles) -> str:
     return markdown_table(("", "before", "after"), rows)
 
 
-def main(words: list[str]) -> int:
+def main() -> None:
     """Write the table and print it."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks layout", description=__doc__)
     parser.add_argument("--before", default=BEFORE, metavar="COMMIT")
     parser.add_argument("--after", default="HEAD", metavar="COMMIT")
-    stated = parser.parse_args(words)
+    stated = parser.parse_args()
     table = layout_table(ProjectFiles.at(stated.before), ProjectFiles.at(stated.after))
     write_table(PAGE, table)
     print(table)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run_command("layout", main))

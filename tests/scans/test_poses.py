@@ -35,8 +35,8 @@ def test_the_true_scale_is_recovered_from_sweeps():
     true = 6.5
     frame = Frame(true, 50.5, 150.5, 1150, 260)
     poses = {"0": SurveyedPose(20, 3, 0.1), "1": SurveyedPose(85, 2.5, -0.2), "2": SurveyedPose(124, 3.5, 3.0)}
-    sweeps = {name: cast((x, y), heading) for name, (x, y, heading, _) in poses.items()}
-    fit = scale_from_poses(plan_of(MINE, frame), poses, sweeps, (55, 148), (6.0, 7.0))
+    sweeps = {name: cast((x, y), heading, 180) for name, (x, y, heading, _) in poses.items()}
+    fit = scale_from_poses(plan_of(MINE, frame), poses, sweeps, (55, 148), (6.2, 6.8))
     assert fit.px_per_m == pytest.approx(true, rel=0.01)
     assert fit.low_px_per_m <= fit.px_per_m <= fit.high_px_per_m
     assert fit.error_m < 0.15

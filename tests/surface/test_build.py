@@ -160,10 +160,10 @@ def test_a_world_without_walls_to_see_is_refused(tee, config):
 
 
 def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opened, tee, config):
-    params = config.validation.texture.model_copy(update={"points_per_m2": 1200.0})
+    params = config.validation.texture.model_copy(update={"points_per_m2": 600.0})
     polygon, network = tee.free_space.polygon, tee.network
     report = report_texture(opened.model, polygon, network, params)
-    assert report.strict.overall > 0.45  # of the T, whose own width bounds its relief: 0.490; flat walls: 0.00001
+    assert report.strict.overall > 0.45  # of the T, whose own width bounds its relief: 0.511; flat walls: 0.00001
     model = opened.model
     before = model.mesh_vert.copy()
     chunks = [i for i in range(model.nmesh) if model.mesh(i).name.startswith((WALLS, ROOF))]

@@ -1,5 +1,8 @@
 """The table of the layout, on a project of five modules."""
 
+import pytest
+
+from baselines.base.errors import BaselineError
 from benchmarks.tables.layout import ProjectFiles, Way, layout_table
 
 DVC = "stages:\n  survey: {deps: [pipeline/a/read.py]}\n  rock: {deps: [pipeline/b/cut.py]}\n  proof: {deps: [%s]}\n"
@@ -36,3 +39,8 @@ def test_a_folder_of_sixteen_modules_is_counted():
     assert "| folders of more than 15 modules | 0 | 1 |" in layout_table(
         ProjectFiles(TEXTS), ProjectFiles({**TEXTS, **many})
     )
+
+
+def test_a_commit_that_a_clone_does_not_have_is_named_with_what_to_do():
+    with pytest.raises(BaselineError, match="f00df00d: not a commit of this clone; `git fetch --unshallow`"):
+        ProjectFiles.at("f00df00d")
