@@ -201,7 +201,7 @@ def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(smal
         "seed": 0,
         "live": None,
     }
-    given["out"] = tmp_path / "flight.mcap"
+    given |= {"out": tmp_path / "flight.mcap", "live": None}
     command.record(Namespace(**given), lambda observation, beams: observation[:2])
     assert "4 steps, 4 looks" in (said := capsys.readouterr().out)
     assert "odometry off by 0.00 m" in said
