@@ -82,7 +82,7 @@ class LevelSite:
         """Return the spec of the rock within reach of a place; see `Site`."""
         if not math.isfinite(reach_m):
             return self._models.rock_spec(None)
-        return self._models.rock_spec(Box(here_m[:2] - reach_m, here_m[:2] + reach_m, is_exact=True))
+        return self._models.rock_spec(Box(here_m[:2] - reach_m, here_m[:2] + reach_m))
 
     def floor_at(self, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
         """Return the place on the floor and its normal; see `Site`."""
