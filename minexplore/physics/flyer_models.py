@@ -26,7 +26,7 @@ class FlyerModels(LocalModels):
         box = None
         if tile is not None and not self.whole:
             low, high = self.reach(np.array(tile), CUBE_M)
-            box = Box(low[:2], high[:2])
+            box = Box(low[:2], high[:2], is_exact=True)
         spec = self.rock_spec(box)
         add_flyers(spec, self.robot, robots)
         return spec
