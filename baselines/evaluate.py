@@ -137,6 +137,8 @@ def main() -> None:
     env_id = find_id(arguments.env)
     out = arguments.out or result_path(policy_label(arguments.policy), env_id)
     print_table(*evaluate(arguments.policy, env_id, seeds, out, arguments.jobs))
+    if arguments.out is None and arguments.policy in EXPLORERS:  # the project's own code
+        note_driven(out, RESULTS, *read_results(out))
 
 
 if __name__ == "__main__":

@@ -15,8 +15,9 @@ from minexplore import environments
 from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
+from minexplore.physics.robots import ROBOTS
 from minexplore.pictures.opengl import DisplayError
-from minexplore.record.command import add_arguments, record
+from minexplore.record.command import add_arguments, given_of, record
 from minexplore.record.policies import spread_command
 from minexplore.world import find_world, load_world
 
@@ -52,9 +53,8 @@ def ahead(observation: np.ndarray, beams: int) -> np.ndarray:
     return np.array([np.clip(4 * nearest, 0.05, 1.0), np.clip(1.5 * turn, -1, 1)], dtype=np.float32)
 
 
-def play(env_id: str, world: str | None, policy: str, steps: int, video: str | None) -> None:
+def play(env_id: str, kwargs: dict[str, Any], policy: str, steps: int, video: str | None) -> None:
     """Drive by the arrow keys in MuJoCo's viewer, or let a policy drive; `--video FOLDER` records without a screen."""
-    kwargs: dict[str, Any] = {} if world is None else {"world": world}
     env = gymnasium.make(env_id, render_mode="rgb_array" if video else "human", **kwargs)
     if video:
         env = gymnasium.wrappers.RecordVideo(env, video, episode_trigger=lambda k: True)
@@ -86,9 +86,8 @@ def play(env_id: str, world: str | None, policy: str, steps: int, video: str | N
     env.close()
 
 
-def time_env(env_id: str, world: str | None, robots: int, threads: int, steps: int) -> None:
+def time_env(env_id: str, kwargs: dict[str, Any], robots: int, threads: int, steps: int) -> None:
     """Step many robots with random commands and print control steps a second."""
-    kwargs: dict[str, Any] = {} if world is None else {"world": world}
     env = gymnasium.make_vec(env_id, robots, vectorization_mode="vector_entry_point", threads=threads, **kwargs)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -113,16 +112,17 @@ def main() -> int:
     for command in (player, timer, recorder):
         command.add_argument("id", choices=list(environments()), metavar="ID", help="as `list` names them")
         command.add_argument("--world", help="a bundle, for MineXplore/World-v0")
+        command.add_argument("--robot", choices=list(ROBOTS), help="another than the id's")
     player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")
     player.add_argument("--steps", type=int, default=6000)
     player.add_argument("--video", metavar="FOLDER")
-    player.set_defaults(run=lambda a: play(a.id, a.world, a.policy, a.steps, a.video))
+    player.set_defaults(run=lambda a: play(a.id, given_of(a), a.policy, a.steps, a.video))
     add_arguments(recorder)
     recorder.set_defaults(run=lambda a: record(a, ahead))
     timer.add_argument("--robots", type=int, default=64)
     timer.add_argument("--threads", type=int, default=1)
     timer.add_argument("--steps", type=int, default=100)
-    timer.set_defaults(run=lambda a: time_env(a.id, a.world, a.robots, a.threads, a.steps))
+    timer.set_defaults(run=lambda a: time_env(a.id, given_of(a), a.robots, a.threads, a.steps))
     arguments = parser.parse_args()
     try:
         arguments.run(arguments)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
 
 from minexplore.envs.env import MineEnv
 from minexplore.envs.sensed.sensor_suite import check_sensors, sensor_names
+from minexplore.physics.robots import find_robot
 from minexplore.record.episode import SensedStep, frames_of
 from minexplore.record.live import LiveView, require_viser
 from minexplore.record.mcap_file import McapFile, require_mcap
@@ -41,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--live", type=int, metavar="PORT", nargs="?", const=8080, help="show it in a browser")
 
 
+def given_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments of an environment that were given."""
+    return {key: value for key in ("world", "robot") if (value := getattr(arguments, key)) is not None}
+
+
 def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     """Record one episode as MCAP with ROS 2 messages, or show it in a browser.
 
@@ -58,8 +64,10 @@ def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     if arguments.out is None and arguments.live is None:
         raise ValueError("nothing to do: give --out FILE, --live, or both")
     _require(arguments)
-    kwargs = {} if arguments.world is None else {"world": arguments.world}
-    made = gymnasium.make(arguments.id, pose="odometry", conditions=arguments.conditions, **kwargs)
+    kwargs = given_of(arguments)
+    robot = find_robot((gymnasium.spec(arguments.id).kwargs | kwargs).get("robot"))
+    pose = arguments.pose if robot.FLIES else "odometry"  # refused of what has no wheels
+    made = gymnasium.make(arguments.id, pose=pose, conditions=arguments.conditions, **kwargs)
     env: MineEnv = made.unwrapped  # type: ignore[assignment]
     drive = find_drive(arguments.policy, env, arguments.seed, ahead)
     sinks: list[Sink] = []

@@ -18,8 +18,8 @@ class SensedStep:
     """One control step.
 
     `robot` is the true pose in the mine frame, its origin on the floor under the robot's middle; `counted` that which
-    its wheels count, level. `speed_mps` and `turn_radps` are the counted twist. `readings` holds the sensors' by name;
-    it is empty in the steps between two looks.
+    its wheels count, level, or of a robot without wheels the true one. `speed_mps` and `turn_radps` are the counted
+    twist. `readings` holds the sensors' by name; it is empty in the steps between two looks.
     """
 
     time_ns: int
@@ -39,17 +39,18 @@ def frames_of(
     Parameters
     ----------
     env : MineEnv
-        Made with `pose="odometry"` and without `sensors`: those are read here, one look in `every` steps.
+        Made with `pose="odometry"` if it has wheels, and without `sensors`: those are read here, one look in `every`
+        steps.
     drive : Drive
     true_pose : bool
         Whether the policy gets the true pose; else that which the wheels count.
     """
     step_ns = round(1e9 * env.task.control_s)
     observation, info = env.reset(seed=seed)
-    before = info["pose_m_rad"]
+    before, wheels = info["pose_m_rad"], "true_pose_m_rad" in info
     for step in range(steps + 1):
         if step:
-            given = {**info, "pose_m_rad": info["true_pose_m_rad"]} if true_pose else info
+            given = {**info, "pose_m_rad": info["true_pose_m_rad"]} if true_pose and wheels else info
             observation, _, _, truncated, info = env.step(drive(observation, given))
         looks = sensors if step % every == 0 else ()
         counted = info["pose_m_rad"]
@@ -58,7 +59,7 @@ def frames_of(
         yield SensedStep(
             time_ns=step * step_ns,
             robot=env.suite.robot_pose(),
-            counted=level_pose(counted),
+            counted=level_pose(counted) if wheels else env.suite.robot_pose(),
             speed_mps=ahead_m / env.task.control_s,
             turn_radps=turn / env.task.control_s,
             readings={name: env.capture(name) for name in looks},

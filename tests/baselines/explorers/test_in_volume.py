@@ -1,10 +1,14 @@
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
 
 import minexplore
+from baselines import evaluate
 from baselines.base.environments import find_id, make_env, require_trainable
 from baselines.base.errors import BaselineError
+from baselines.base.result_file import read_results
 from baselines.explorers import EXPLORERS
 from baselines.explorers.in_volume import NearestFrontierInVolume, body_axes
 from baselines.explorers.maps.volume_map import FREE, ROCK, VolumeMap
@@ -12,6 +16,7 @@ from baselines.oracle.bound import best_walk
 from baselines.oracle.other_robots import network_of
 from baselines.policies.found import fits, known_sha256, make_policy
 from baselines.running.protocol import params_facts, run_episodes
+from baselines.scoring.verified_runs import was_driven_here
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.physics.husky import HuskyParams
 from minexplore.physics.quadrotor import QuadrotorParams
@@ -113,3 +118,14 @@ def test_the_robots_tasks_are_found_by_their_short_names_and_their_facts_name_th
         assert minexplore.is_built_in(find_id(name))
     assert params_facts(HuskyParams())["side_ratio"] == HuskyParams().side_ratio
     assert isinstance(make_policy("nearest-frontier", 1, TaskParams(), QuadrotorParams()), NearestFrontierInVolume)
+
+
+def test_results_that_an_explorer_was_driven_for_here_count_as_verified(flying_id, tmp_path, monkeypatch):
+    results = tmp_path / "results"
+    monkeypatch.setattr(evaluate, "RESULTS", results)
+    monkeypatch.setattr(evaluate, "result_path", lambda policy, env: results / "flying" / f"{policy}.jsonl")
+    words = ["evaluate", "--policy", "nearest-frontier", "--env", flying_id, "--episodes", "1", "--jobs", "1"]
+    monkeypatch.setattr(sys, "argv", words)
+    evaluate.main()
+    path = results / "flying" / "nearest-frontier.jsonl"
+    assert was_driven_here(path, results, *read_results(path))

@@ -173,6 +173,42 @@ def test_the_command_records_and_says_how_much(small_world, tmp_path):
     assert out.read_bytes().startswith(b"\x89MCAP")
 
 
+def test_a_quadrotor_is_recorded_at_its_own_height_and_counts_no_pose(small_world, tmp_path):
+    env = MineEnv(small_world, robot="quadrotor")
+    path, frames = tmp_path / "flight.mcap", []
+    file = McapFile(path, env.suite)
+    for frame in frames_of(env, lambda observation, info: np.array([0.5, 0.0, 1.0, 0.1]), ("vlp-16", "imu"), 6, seed=0):
+        file.add(frame)
+        frames.append(frame)
+    file.close()
+    np.testing.assert_array_equal(frames[-1].counted.place_m, frames[-1].robot.place_m)
+    assert frames[-1].robot.place_m[2] > frames[0].robot.place_m[2] + 0.1 > 1.1
+    cloud = frames[-1].readings["vlp-16"]
+    places = env.suite.scanner("vlp-16").mount.on(frames[-1].robot).points(cloud.points_m)
+    assert np.abs(places[np.array(LABELS)[cloud.label] == "floor", 2]).max() < 0.05
+    assert path.stat().st_size > 100_000
+    env.close()
+
+
+def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(small_world, tmp_path, capsys):
+    given = {"id": "MineXplore/World-v0", "world": str(small_world), "robot": "quadrotor", "policy": "random"}
+    given |= {
+        "sensors": "imu",
+        "conditions": "typical",
+        "pose": "true",
+        "steps": 3,
+        "every": 1,
+        "seed": 0,
+        "live": None,
+    }
+    given |= {"out": tmp_path / "flight.mcap", "live": None}
+    command.record(Namespace(**given), lambda observation, beams: observation[:2])
+    assert "4 steps, 4 looks" in (said := capsys.readouterr().out)
+    assert "odometry off by 0.00 m" in said
+    with pytest.raises(ValueError, match="pose = 'odometry': a quadrotor has no wheels; want true"):
+        command.record(Namespace(**given | {"pose": "odometry"}), lambda observation, beams: observation[:2])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
