@@ -63,8 +63,9 @@ def main() -> int:
         found = read_here(vars(ScanFile(path.as_posix(), 1.0, "z", None, _THIN_M)))
         seconds, voxels = time.process_time() - start, len(found.arrays["count"])
         print(
-            f"{found.values['total']:,} points, {size / 1e6:.0f} MB, in {voxels:,} voxels of {_THIN_M:g} m: {seconds:.1f} s "
-            f"of processor time ({1e3 * seconds / arguments.millions:.0f} ms a million), peak {_peak_mb():.0f} MB"
+            f"{found.values['total']:,} points, {size / 1e6:.0f} MB, in {voxels:,} voxels of {_THIN_M:g} m: "
+            f"{seconds:.1f} s of processor time ({1e3 * seconds / arguments.millions:.0f} ms a million), "
+            f"peak {_peak_mb():.0f} MB"
         )
         if arguments.volume:
             params = CloudSurveyParams(kind="cloud", name="large", file="data/x", heights=None, voxel_m=_VOXEL_M)
