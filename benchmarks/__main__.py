@@ -89,6 +89,8 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("fuzz", "setup", "benchmarks.fuzz", _PARTS + "fuzz.md"),
     _python("random-mines", "setup", "benchmarks.worlds.random_mines", _PARTS + "random-mines.md"),
     _python("scans", "setup", "benchmarks.scans.judge", _PARTS + "scans.md"),
+    _python("large-scan", "setup", "benchmarks.scans.large", "nothing", "1"),
+    _python("round-trips", "setup", "benchmarks.scans.round_trips", _PARTS + "round-trips.md", "1"),
     _python("drawn-sheets", "setup", "benchmarks.pictures.drawn_sheets", _PARTS + "drawn-sheets.md"),
     _python("leave-out-sweeps", "setup", "benchmarks.comparisons.leave_out_sweeps", _PARTS + "corrected-plan.md"),
     _python("evidence", "all", "benchmarks.evidence", _PARTS + "evidence-figures.md"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +46,32 @@ def _xyz(points: np.ndarray) -> Files:
     return {"c.xyz": b"".join(b"%.3f %.3f %.3f 9\n" % tuple(p) for p in points)}
 
 
+def _csv(points: np.ndarray) -> Files:
+    rows = b"".join(b"%d,%.3f,%.3f,%.3f\n" % (k, *p) for k, p in enumerate(points))
+    return {"c.csv": b"time,x,y,z\n" + rows}
+
+
+def _zip(points: np.ndarray) -> Files:
+    def write(path: Path) -> None:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for files in (_xyz(points[::2]), _csv(points[1::2])):
+                for name, data in files.items():
+                    archive.writestr(f"scan/{name}", data)
+
+    return saved("c.zip", write)
+
+
+def _e57(points: np.ndarray) -> Files:
+    import pye57
+
+    def write(path: Path) -> None:
+        file = pye57.E57(str(path), mode="w")
+        file.write_scan_raw({f"cartesian{axis}": points[:, k].copy() for k, axis in enumerate("XYZ")})
+        file.close()
+
+    return saved("c.e57", write)
+
+
 def _las(points: np.ndarray, name: str = "c.las") -> Files:
     import laspy
 
@@ -77,4 +105,8 @@ SCANS: dict[str, Callable[[], Files]] = {
     "pcd scan": lambda: _pcd(_drift()),
     "las scan": lambda: _las(_drift()),
     "laz scan": lambda: _las(_drift(), "c.laz"),
+    "csv scan": lambda: _csv(_drift()),
+    "zip scan": lambda: _zip(_drift()),
 }
+if find_spec("pye57"):  # the extra e57
+    SCANS["e57 scan"] = lambda: _e57(_drift())

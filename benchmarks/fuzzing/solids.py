@@ -36,10 +36,22 @@ def _faces() -> Files:
     return saved("m.dxf", write)
 
 
+def _surpac() -> Files:
+    import trimesh
+
+    drift = trimesh.creation.box(extents=[30.0, 4.0, 3.0])
+    points = [f"1, {y:.3f}, {x:.3f}, {z:.3f}," for x, y, z in drift.vertices.tolist()]
+    triangles = [f"{k}, {a}, {b}, {c}, 0, 0, 0," for k, (a, b, c) in enumerate((drift.faces + 1).tolist(), start=1)]
+    strings = ["drift, 01-Jan-26,,", "0, 0, 0, 0, 0, 0, 0", *points, "0, 0, 0, 0, END", ""]
+    head = ["m.str,", "0, 0, 0, 0, END", "OBJECT, 1,", "TRISOLATION, 1, neighbours=no,closed=yes"]
+    return {"m.dtm": "\n".join([*head, *triangles, "END", ""]).encode(), "m.str": "\n".join(strings).encode()}
+
+
 SOLIDS: dict[str, Callable[[], Files]] = {
     "obj solid": lambda: _drift("m.obj"),
     "stl solid": lambda: _drift("m.stl"),
     "ply solid": lambda: _drift("m.ply"),
     "glb solid": lambda: _drift("m.glb"),
     "dxf faces": _faces,
+    "dtm solid": _surpac,
 }

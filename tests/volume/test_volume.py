@@ -101,6 +101,12 @@ def test_a_robot_rests_and_climbs_on_a_sloping_junction(tmp_path):
     assert found.both_off_s < 0.05
 
 
+def test_where_no_robot_fits_none_moves_and_none_climbs(tmp_path):
+    _, crawl = built("A,1,0,0,0.1,0.1,0,0.2,0\nA,2,5,0,0.1,0.1,0,0.2,0\n", tmp_path)
+    found = physics.measure_standing(crawl, build_shell(crawl), np.random.default_rng(0))
+    assert (found.rest_m, found.climb_share, found.both_off_s) == (0, 0, 0)
+
+
 def test_robots_at_rest_are_judged_where_the_floor_about_them_is_even(tmp_path):
     network, rough = built(PITCH, tmp_path)
     volume = solve_floors(rough, network)

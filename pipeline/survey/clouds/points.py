@@ -16,6 +16,7 @@ from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.vector.shapes import REACH_M
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm
+_LOOKED_AT = 2_000_000  # voxels that the spacing and the size of a scan are measured of
 _NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
 _MESH_POINTS = 4.0  # of a voxel's side of a mesh
 
@@ -24,13 +25,17 @@ Origin = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ScanFile:
-    """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m."""
+    """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m.
+
+    A `look` needs no more than 2 million voxels, which are larger if the scan is.
+    """
 
     path: str
     unit_m: float
     up: str
     origin: Origin | None
     thin_m: float
+    look: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,8 @@ def _read(file: ScanFile) -> ScanPoints:
     origin = np.array(file.origin if file.origin is not None else origin_of(first, file.unit_m))
     in_metres = ((block - origin) * file.unit_m for block in _after(first, blocks))
     try:
-        cloud = thin(_within_reach(path, in_metres), file.thin_m, MOST_VOXELS)
+        most = _LOOKED_AT if file.look else MOST_VOXELS
+        cloud = thin(_within_reach(path, in_metres), file.thin_m, most, file.look)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     x, y, z = origin.tolist()

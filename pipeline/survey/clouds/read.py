@@ -34,9 +34,12 @@ class ScanReading:
     volume: ScannedVolume
 
 
-def thinned_scan(params: CloudSurveyParams, thin_m: float) -> tuple[ThinnedCloud, Origin]:
-    """Read the points of a scan, m from the origin that is returned, thinned to voxels of `thin_m`."""
-    file = ScanFile(params.file, METRES[params.unit or "m"], params.up or "z", params.origin, thin_m)
+def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -> tuple[ThinnedCloud, Origin]:
+    """Read the points of a scan, m from the origin that is returned, thinned to voxels of `thin_m`.
+
+    A `look` at a large scan has larger ones.
+    """
+    file = ScanFile(params.file, METRES[params.unit or "m"], params.up or "z", params.origin, thin_m, look)
     found = read_points(file)
     return found.cloud, found.origin
 

@@ -34,8 +34,8 @@ class ThinnedCloud:
         return ThinnedCloud(self.points_m[rows], self.count[rows], self.total)
 
 
-def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int) -> ThinnedCloud:
-    """Return the means of blocks of points (n, 3) m in voxels.
+def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int, coarsen: bool = False) -> ThinnedCloud:
+    """Return the means of blocks of points (n, 3) m in voxels; with `coarsen` these double until `most` suffice.
 
     Raises
     ------
@@ -55,16 +55,26 @@ def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int) -> ThinnedClou
         waiting.append(_summed(keys_of(cells_at(block, voxel_m)), np.column_stack([block, np.ones(len(block))])))
         rows += len(waiting[-1][0])
         if rows > max(_PENDING, len(keys)):
-            keys, sums = _merged(keys, sums, waiting)
+            keys, sums, voxel_m = _few(*_merged(keys, sums, waiting), voxel_m, most, coarsen)
             waiting, rows = [], 0
             if len(keys) > most:
                 break
-    keys, sums = _merged(keys, sums, waiting)
+    keys, sums, voxel_m = _few(*_merged(keys, sums, waiting), voxel_m, most, coarsen)
     if len(keys) > most:
         raise InputError(f"its points fill more than {most:,} voxels of {voxel_m:g} m; --voxel states a larger size")
     if len(keys) < LEAST_POINTS:
         raise InputError(f"its points fill {len(keys)} voxels of {voxel_m:g} m, at least {LEAST_POINTS} are needed")
     return ThinnedCloud(sums[:, :3] / sums[:, 3:], sums[:, 3], total)
+
+
+def _few(
+    keys: np.ndarray, sums: np.ndarray, voxel_m: float, most: int, coarsen: bool
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return voxels, their sums and their size: doubled until there are no more than `most`, if they may coarsen."""
+    while coarsen and len(keys) > most:
+        voxel_m *= 2
+        keys, sums = _summed(keys_of(cells_at(sums[:, :3] / sums[:, 3:], voxel_m)), sums)
+    return keys, sums, voxel_m
 
 
 def _merged(

@@ -18,7 +18,6 @@ _BY_SPACING = 1.0  # a voxel by the spacing of points: the nine of a thickened o
 _MOST_VOXELS = 100_000  # of the surface, at which a volume takes a minute
 _HEAD_BYTES = 65_536
 _TABLE = ".csv"  # of stations, or of points
-_LARGE_BYTES = 200_000_000  # points of such a file are looked at coarsely
 
 
 def is_cloud(path: Path, stated: StatedOptions) -> bool:
@@ -56,8 +55,7 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
 
     options = stated.model_dump(include={"unit", "up", "close_m", "simplify_m", "voxel_m"}, exclude_none=True)
     params = CloudSurveyParams.model_validate({"kind": "cloud", "name": "detect", "file": "data/x", **options})
-    thin_m = _FINEST_M / 2 if path.stat().st_size < _LARGE_BYTES else _FINEST_M
-    cloud, origin = thinned_scan(params.model_copy(update={"file": path.as_posix()}), thin_m)
+    cloud, origin = thinned_scan(params.model_copy(update={"file": path.as_posix()}), _FINEST_M / 2, look=True)
     spacing = spacing_of(cloud.points_m)
     voxel_m = stated.voxel_m or resolution(cloud.points_m, spacing)
     if stated.unit is None:

@@ -40,7 +40,7 @@ def decimated(
     for _ in range(_TRIES):
         found = _closed(*fast_simplification.simplify(about, faces.astype(np.int32), target_count=wanted))
         if found is not None:
-            off = _distances(about, *_mesh_of(found))
+            off = distances(about, *_mesh_of(found))
             if best is not None and any(np.quantile(off, share) > most * tolerance_m for share, most in _WITHIN):
                 break
             best = found
@@ -67,5 +67,6 @@ def _mesh_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
-def _distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the distance (k,) of points (k, 3) from a mesh, in 32 bits."""
     return np.asarray(ray_scene(vertices, faces).compute_distance(points.astype(np.float32)).numpy())

@@ -132,8 +132,8 @@ def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurvey
         size = " x ".join(f"{side:.4g}" for side in high - low)
         say(f"states no unit; read as metres, {size} m; --unit states another")
     side = _standing_on_side(read)
-    if params.up is None and side:
-        say(f"most level surfaces face along its y axis; {up} is taken as up; --up y turns it")
+    if params.up is None and up == "z" and side:
+        say("most level surfaces face along its y axis; z is taken as up; --up y turns it")
     if closed.holes:
         widest = sorted(closed.holes, key=lambda hole: -hole.edge_m)
         listed = ", ".join(

@@ -139,6 +139,13 @@ def test_a_scan_in_blocks_is_thinned_as_a_whole(plain):
     assert (whole.count.sum(), blocks.total) == (len(plain), len(plain))
 
 
+def test_a_look_at_a_large_scan_takes_larger_voxels_with_the_same_means(plain):
+    found = thin(iter(np.array_split(plain, 7)), 0.01, 3000, coarsen=True)
+    assert 500 < len(found) <= 3000
+    assert found.count.sum() == found.total == len(plain)
+    assert np.average(found.points_m, axis=0, weights=found.count) == pytest.approx(plain.mean(axis=0))
+
+
 def test_more_voxels_than_the_limit_are_refused(plain):
     with pytest.raises(InputError, match=r"fill more than 500 voxels of 0\.1 m; --voxel"):
         thin(iter([plain]), 0.1, 500)

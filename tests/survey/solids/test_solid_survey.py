@@ -53,6 +53,8 @@ def test_a_file_with_y_up_is_noticed_and_turned_by_the_option(tmp_path):
     write(tmp_path / "a.obj", vertices[:, [0, 2, 1]] * [1, 1, -1], faces)
     assert "most level surfaces face along its y axis" in remarks_of(tmp_path / "a.obj")
     assert read(tmp_path / "a.obj", up="y").workings.bounds == pytest.approx((0, -2, 12, 6))
+    write(tmp_path / "a.glb", vertices, faces)  # has y up by its rule
+    assert "y axis" not in remarks_of(tmp_path / "a.glb")
 
 
 def test_what_is_guessed_closed_and_turned_is_listed(tmp_path):

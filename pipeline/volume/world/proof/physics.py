@@ -158,7 +158,7 @@ def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
     )
     beside = (places[:, None] + ring).reshape(-1, 3)
     free = Inside(volume).distance_m(beside) > 0
-    rise = np.abs(drop(volume.vertices, volume.faces, beside)[1].reshape(len(places), -1) - places[:, 2:])
+    rise = np.abs(drop(volume.vertices, volume.faces, beside)[1].reshape(len(places), len(ring)) - places[:, 2:])
     found: np.ndarray = (~free.reshape(rise.shape) | (rise <= STEEPEST * around)).all(axis=1)
     return found
 
