@@ -50,7 +50,8 @@ class Steps:
         self._row = np.full(len(volume.faces), -1)
         self._far = np.zeros((3, ALL_PLACES, 0), np.float32)
         self._hit = np.zeros((3, ALL_PLACES, 0), np.int32)
-        self._cut, self._near = volume, self._rays
+        self._cut, self._local = volume, self._rays
+        self._cells = _Cells(volume)
 
     def find(self, cut: Volume, parent: np.ndarray, is_floor: np.ndarray, some: np.ndarray, places: int) -> np.ndarray:
         """Return the same as `are_steps` of a mesh whose facets (f,) are cut from those of `parent` (f,)."""
@@ -66,10 +67,15 @@ class Steps:
         found[some[whole]] = _between(far[:, :places], floor[hit[:, :places]])
         if again.any():
             if self._cut is not cut:
-                self._cut, self._near = cut, _Rays(cut, _facets_near(cut, some[again]))
-            far, hit = self._near.cast(cut, some[again], places)
+                self._cut = cut
+                self._local = _Rays(cut, np.flatnonzero(self.near(parent[some[again]])[parent]))
+            far, hit = self._local.cast(cut, some[again], places)
             found[some[again]] = _between(far, is_floor[hit])
         return found
+
+    def near(self, facets: np.ndarray) -> np.ndarray:
+        """Return which facets (f,) of the mesh that was not cut a ray from some of them (n,) can meet, and more."""
+        return self._cells.near(facets)
 
     def _known(self, facets: np.ndarray) -> np.ndarray:
         """Return the rows of some facets, whose rays are cast if they are not known."""
@@ -121,14 +127,23 @@ def _between(far: np.ndarray, on_floor: np.ndarray) -> np.ndarray:
     return found
 
 
-def _facets_near(volume: Volume, some: np.ndarray) -> np.ndarray:
-    """Return the facets (n,) that a ray of `DEEPEST_M` from some others can meet, and more."""
-    corners = volume.vertices[volume.faces]
-    reach = DEEPEST_M + _BEFORE_M[1] + float(np.ptp(corners, axis=1).max())
-    middle = corners.mean(axis=1)
-    cell = ((middle - middle.min(axis=0)) / reach).astype(np.int64) + 1
-    count = cell.max(axis=0) + 2
-    key = (cell[:, 0] * count[1] + cell[:, 1]) * count[2] + cell[:, 2]
-    around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    shift = (around[:, 0] * count[1] + around[:, 1]) * count[2] + around[:, 2]
-    return np.flatnonzero(np.isin(key, np.unique(key[some])[:, None] + shift))
+class _Cells:
+    """The facets of a mesh in cells that are longer than a ray from one of them to another."""
+
+    def __init__(self, volume: Volume) -> None:
+        """Put each facet in the cell of its middle."""
+        corners = volume.vertices[volume.faces]
+        reach = DEEPEST_M + _BEFORE_M[1] + float(np.ptp(corners, axis=1).max())
+        middle = corners.mean(axis=1)
+        place = ((middle - middle.min(axis=0)) / reach).astype(np.int64) + 1
+        count = place.max(axis=0) + 2
+        around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._about = (around[:, 0] * count[1] + around[:, 1]) * count[2] + around[:, 2]
+        key = (place[:, 0] * count[1] + place[:, 1]) * count[2] + place[:, 2]
+        self._keys, self._cell = np.unique(key, return_inverse=True)
+
+    def near(self, facets: np.ndarray) -> np.ndarray:
+        """Return which facets (f,) are in the cells of some (n,) and about them."""
+        wanted = self._keys[np.unique(self._cell[facets])][:, None] + self._about
+        marked: np.ndarray = np.isin(self._keys, wanted)
+        return marked[self._cell]
