@@ -133,7 +133,7 @@ def fold_ledges(
         some = some[near[parent[some]]]
         seen = np.where(near[parent], steps.find(cut, parent, is_floor, some, ALL_PLACES), seen)
         cut, first, own = cut_ledges(cut, is_ledge | seen)
-        near |= steps.near(parent[np.bincount(own) > 1])
+        near |= steps.facets_near(parent[np.bincount(own) > 1])
         parent, is_floor, is_ledge, stays, seen = (x[own] for x in (parent, is_floor, is_ledge, stays, seen))
         some = walls_on_floors(cut, is_floor, stays)
         some = some[near[parent[some]]]
@@ -142,7 +142,7 @@ def fold_ledges(
         if not more.any():
             break
         is_floor, is_ledge = is_floor | more, is_ledge | more
-        near = steps.near(parent[more | (np.bincount(own)[own] > 1)])
+        near = steps.facets_near(parent[more | (np.bincount(own)[own] > 1)])
     return FoldedLedges(cut, is_floor, is_ledge, first, parent)
 
 

@@ -68,12 +68,12 @@ class Steps:
         if again.any():
             if self._cut is not cut:
                 self._cut = cut
-                self._local = _Rays(cut, np.flatnonzero(self.near(parent[some[again]])[parent]))
+                self._local = _Rays(cut, np.flatnonzero(self.facets_near(parent[some[again]])[parent]))
             far, hit = self._local.cast(cut, some[again], places)
             found[some[again]] = _between(far, is_floor[hit])
         return found
 
-    def near(self, facets: np.ndarray) -> np.ndarray:
+    def facets_near(self, facets: np.ndarray) -> np.ndarray:
         """Return which facets (f,) of the mesh that was not cut a ray from some of them (n,) can meet, and more."""
         return self._cells.near(facets)
 
