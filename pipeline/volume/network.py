@@ -20,6 +20,19 @@ _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
 @dataclass(frozen=True)
+class NearLegs:
+    """Which of `count` shots are within a way of each other along the survey: sorted codes of their pairs."""
+
+    codes: np.ndarray
+    count: int
+
+    def has(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return which pairs of shots (n,) are near each other; a shot is near itself."""
+        found: np.ndarray = (one == other) | np.isin(one * self.count + other, self.codes)
+        return found
+
+
+@dataclass(frozen=True)
 class SurveyNetwork:
     """Stations and the shots between them.
 
@@ -92,8 +105,8 @@ class SurveyNetwork:
             self, shots=self.shots[kept], across=self.across[kept], lrud_m=self.lrud_m[kept], joined=joined[kept]
         )
 
-    def near_pairs(self, reach_m: float) -> list[np.ndarray]:
-        """Return for each shot the shots that are within a way of `reach_m` along the survey, without itself."""
+    def near_legs(self, reach_m: float) -> NearLegs:
+        """Return which shots are within a way of `reach_m` of each other along the survey."""
         n, (a, b) = len(self.places_m), self.shots.T
         graph = coo_matrix((self.lengths_m, (a, b)), (n, n)).tocsr()
         at: list[list[int]] = [[] for _ in range(n)]
@@ -105,8 +118,9 @@ class SurveyNetwork:
             some = range(start, min(start + _STATIONS_TOGETHER, n))
             far = np.isfinite(dijkstra(graph, directed=False, indices=some, limit=reach_m))
             near += [np.unique(np.concatenate([at[k] for k in np.flatnonzero(row)] or [[]])) for row in far]
-        both = (np.union1d(near[i], near[j]).astype(int) for i, j in self.shots)
-        return [other[other != shot] for shot, other in enumerate(both)]
+        count = len(self.shots)
+        codes = [shot * count + np.union1d(near[i], near[j]) for shot, (i, j) in enumerate(self.shots.tolist())]
+        return NearLegs(np.concatenate([np.zeros(0, int), *codes]).astype(int), count)
 
 
 def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:
