@@ -21,6 +21,7 @@ _ABOVE_M = 0.1  # over a surveyed floor, from where the floor is looked for
 _STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
 _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
 _OVER_M = 0.3  # over an edge, where it is free for a robot
+ON_WALL_M = 0.005  # in rock: stations may be on a wall, which is where it was within 4 mm
 _ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
@@ -104,7 +105,7 @@ def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     """Return the share of the surveyed length that is in the free space."""
     places, owner = leg_floor_samples(network, np.arange(len(network.shots)), _SAMPLE_M)
     above = np.minimum(_ABOVE_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
-    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -1e-3
+    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -ON_WALL_M
     weight = network.lengths_m[owner] / np.bincount(owner)[owner]
     return float(weight[inside].sum() / weight.sum())
 
