@@ -13,7 +13,7 @@ from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams
 from minexplore.task import TaskParams
 from pipeline.proof.standing import STEEPEST
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.floors import drop
+from pipeline.volume.folded.leg_lines import drop
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Label, Volume
 
