@@ -20,6 +20,7 @@ _LEVEL = 0.5  # of a floor facet's normal, at least; a steeper one is a ledge, w
 _TURN = 0.95  # of the cosine between a wall facet's normals before and after
 _OUTSIDE = -0.02  # of a weight in a facet: a place is in it or hardly beside it
 _ROUNDS, _TRIES = 60, 3
+_NO_AREA_M2 = 1e-12  # of a triangle seen from above, twice
 _TOGETHER = 20_000  # vertices and where they may go
 _EACH = 5  # of the places along the legs, which are 5 cm apart
 _GOING = np.dtype([("gone", int), ("stays", int), ("cost", float)])  # a vertex that becomes another
@@ -153,6 +154,8 @@ class _Floors:
     def thin_out(self) -> int:
         """Let vertices go that are not beside each other, those first that move the floor least; return how many."""
         edges = MeshEdges(self.faces, np.flatnonzero(self.alive), self._label, len(self._places))
+        order = np.argsort(self._of_sample, kind="stable")
+        self._by_facet = order, np.searchsorted(self._of_sample[order], np.arange(len(self.faces) + 1))
         tries = self._tries(edges)
         cost = np.full(len(tries), np.inf)
         for start in range(0, len(tries), _TOGETHER):
@@ -231,23 +234,21 @@ class _Floors:
         self, edges: MeshEdges, tries: np.ndarray, number: np.ndarray, corners: np.ndarray, facet: np.ndarray
     ) -> _Settled:
         """Find the new facet that each sample about the vertices lies in."""
-        order = np.argsort(self._of_sample, kind="stable")
-        first = np.searchsorted(self._of_sample[order], np.arange(len(self.faces) + 1))
+        order, first = self._by_facet
         of_try, edge = edges.around(tries)
         row, at = ranges(first[edges.facet[edge]], first[edges.facet[edge] + 1])
         of_try, sample = of_try[row], order[at]
         starts = np.searchsorted(number, np.arange(len(tries) + 1))
         row, new = ranges(starts[of_try], starts[of_try + 1])
-        weights = plan_weights(self._places, corners[new], self._samples.places[sample[row]])
-        inside = weights.min(axis=1)
-        best = np.lexsort((-inside, row))
-        best = best[np.unique(row[best], return_index=True)[1]]
-        off = (weights[best] * self._places[corners[new[best]], 2]).sum(axis=1) - self._samples.heights[
-            sample[row[best]]
-        ]
-        share = np.abs(off) / self._samples.most_off[sample[row[best]]]
+        v, w = _plan_weights(self._places[corners], new, self._samples.places[sample[row]])
+        inside = np.minimum(np.minimum(v, w), 1 - v - w)
+        best = _first_largest(row, inside)
+        v, w, sample, new = v[best], w[best], sample[row[best]], new[best]
+        weights = np.column_stack([1 - v - w, v, w])
+        off = (weights * self._places[corners[new], 2]).sum(axis=1) - self._samples.heights[sample]
+        share = np.abs(off) / self._samples.most_off[sample]
         share[inside[best] < _OUTSIDE] = np.inf
-        return _Settled(of_try[row[best]], sample[row[best]], facet[new[best]], share)
+        return _Settled(of_try[row[best]], sample, facet[new], share)
 
     def _collapse(self, edges: MeshEdges, chosen: np.ndarray) -> None:
         number, corners, facet, is_floor = self._new_facets(edges, chosen)
@@ -257,12 +258,28 @@ class _Floors:
         self.faces[facet], self.alive[facet] = corners, True
 
 
+def _first_largest(row: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return where the largest value of each run of equal numbers stands, the first of equals."""
+    starts = np.flatnonzero(np.diff(row, prepend=-1))
+    if not len(starts):
+        return starts
+    largest = np.maximum.reduceat(values, starts)
+    at = np.flatnonzero(values == np.repeat(largest, np.diff(starts, append=len(row))))
+    found: np.ndarray = at[np.unique(row[at], return_index=True)[1]]
+    return found
+
+
+def _plan_weights(corners: np.ndarray, number: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the second and third of `plan_weights` (n,) of places (n, 2) in triangles (t, 3, 3) with numbers (n,)."""
+    (ax, bx, cx), (ay, by, cy) = corners[:, :, 0].T, corners[:, :, 1].T
+    ab, ac = (bx - ax, by - ay), (cx - ax, cy - ay)
+    double = ab[0] * ac[1] - ab[1] * ac[0]
+    double = np.where(np.abs(double) < _NO_AREA_M2, _NO_AREA_M2, double)[number]
+    x, y = places[:, 0] - ax[number], places[:, 1] - ay[number]
+    return (x * ac[1][number] - y * ac[0][number]) / double, (ab[0][number] * y - ab[1][number] * x) / double
+
+
 def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Return the barycentric weights (n, 3) of places in triangles (n, 3), seen from above."""
-    a, b, c = np.moveaxis(vertices[faces][:, :, :2], 1, 0)
-    p = places[:, :2]
-    double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    double = np.where(np.abs(double) < 1e-12, 1e-12, double)
-    v = ((p[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (p[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / double
-    w = ((b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])) / double
+    v, w = _plan_weights(vertices[faces], np.arange(len(faces)), places)
     return np.column_stack([1 - v - w, v, w])

@@ -9,14 +9,13 @@ import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.rock.cleared import parts_not_cleared
-from pipeline.volume.rock.faces import PartFaces, faces_on_facets
+from pipeline.volume.rock.faces import ON_PLANE_M, PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.tiles import Tile, Tiles
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 
 _BOXES = 4  # in which booleans measure all parts: each takes 0.2 s, and planes have measured the whole
-_INTO_FREE_M = 1e-6  # parts move into the free space by this, so that they overlap what they cover
 
 
 @dataclass(frozen=True)
@@ -79,10 +78,10 @@ class _Box:
 
 
 def _measure_box(tile: Tile, source: int, parts: PartCorners, outward: np.ndarray) -> _Box:
-    """Take all parts, moved a little into the free space, from the free space in a box."""
+    """Take all parts from the free space in a box, moved into it by what they may be behind the planes of facets."""
     low, high = parts.boxes()
-    near = np.flatnonzero(((low < tile.high + _INTO_FREE_M) & (high > tile.low - _INTO_FREE_M)).all(axis=1)).tolist()
-    moved = [manifold3d.Manifold.hull_points(parts[k] + _INTO_FREE_M * outward[k]) for k in near]
+    near = np.flatnonzero(((low < tile.high + ON_PLANE_M) & (high > tile.low - ON_PLANE_M)).all(axis=1)).tolist()
+    moved = [manifold3d.Manifold.hull_points(parts[k] + ON_PLANE_M * outward[k]) for k in near]
     left = manifold3d.Manifold.batch_boolean([tile.solid, *moved], manifold3d.OpType.Subtract)
     return _Box(near, _area_of(left, source))
 

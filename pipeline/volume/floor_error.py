@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.floors import drop, leg_floor_samples
+from pipeline.volume.floors import NEAR_M
+from pipeline.volume.folded.leg_lines import drop, leg_floor_samples
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST, Label, Volume
 
@@ -20,8 +21,8 @@ _ABOVE_M = 0.1  # over a surveyed floor, from where the floor is looked for
 _STEP_REACH_M = 0.05  # beyond the edge of a floor's facet, where the next floor is looked for
 _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
 _OVER_M = 0.3  # over an edge, where it is free for a robot
+ON_WALL_M = 0.005  # in rock: stations may be on a wall, which is where it was within 4 mm
 _ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
-_NEAR_M = 5.0
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
 
@@ -104,7 +105,7 @@ def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     """Return the share of the surveyed length that is in the free space."""
     places, owner = leg_floor_samples(network, np.arange(len(network.shots)), _SAMPLE_M)
     above = np.minimum(_ABOVE_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
-    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -1e-3
+    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -ON_WALL_M
     weight = network.lengths_m[owner] / np.bincount(owner)[owner]
     return float(weight[inside].sum() / weight.sum())
 
@@ -156,12 +157,11 @@ def _steps(
     for share in _ENDS:  # what is a wall at an end is the end of a wall
         step = np.maximum(step, _across(volume, floor, edges[:, 2], a + share * (b - a), out)[1])
     good = (hit >= 0) & (step < _STEP_MOST_M) & _open(volume, middle, out)
-    near = network.near_pairs(_NEAR_M)
     shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
     pairs = np.column_stack([shot[edges[good, 2]], shot[hit[good]]])
     step, length = step[good], length[good]
     on_way = cKDTree(ways).query(middle[good], distance_upper_bound=_WAY_M)[0] < _WAY_M
-    meets = np.array([i == j or j in near[i] for i, j in pairs.tolist()], bool)
+    meets = network.near_legs(NEAR_M).has(*pairs.T)
     ledges = []
     for leg, other in np.unique(np.sort(pairs[step > _OFF_M], axis=1), axis=0).tolist():
         these = (np.sort(pairs, axis=1) == (leg, other)).all(axis=1) & (step > _OFF_M)

@@ -9,19 +9,18 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.coarse import coarse_floors, plan_weights
+from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.folded.leg_lines import along_legs, with_leg_lines
 from pipeline.volume.folded.steps import DEEPEST_M, MIDDLE, Steps, are_steps, walls_on_floors
 from pipeline.volume.keyed import near_facets, simplified
 from pipeline.volume.ledges import FoldedLedges, fold_ledges, ledges_of
-from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.network import NearLegs, SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Label, Volume, label_facets
 
 EDGE_M = 0.8  # longest edge of the mesh on which heights are solved
-_SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _SIMPLE_M = 0.004  # of the solved mesh: floors keep within 1 cm of the survey
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same where a wall goes down from a floor
@@ -33,34 +32,34 @@ _ROUNDS = 12  # of floors: each folds the walls that the one before turned over,
 _TURNS = 7  # of these in which walls are folded: the others are for floors that cross
 _STILL_M = 1e-7  # of a vertex that does not rise
 _UNFOLDED_M = 0.1  # beside facets that cross
-_NEAR_M = 5.0  # along the survey: legs so near have one floor where their sections overlap
+NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _LONE = 1e-6  # holds vertices that are joined to no floor
 _FADE_M = 1.0  # over the floor, and beside it: the walls' vertices move less with distance
 _STEEPEST_FADE = 2.0  # heights that a rise fades over, at least: else walls turn over
-_PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
 _LEAST_M2 = 1e-6  # of a triangle in plan
 _LEAST_M = 0.02  # of an edge in plan
-_OWN_FLOOR_M = 0.01  # of a steep leg: a floor that is deeper is that of another
 
 
 def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     """Return the volume with a continuous floor through the floors of all legs that are flat enough.
 
-    Ledges between floors that overlap become part of the floor, and walls that the floor's new heights turn over. On
-    the floor's mesh, seen from above, the heights are those that keep its slopes as well as can be, with the legs'
-    heights along them and no slope across ledges. Only heights of shared vertices change, so that the mesh stays
-    closed.
+    Ledges between floors of legs that meet become part of the floor, and walls that the floor's new heights turn over.
+    Where passages break through each other's floors without a station in common, the ledge is as surveyed. On the
+    floor's mesh, seen from above, the heights are those that keep its slopes as well as can be, with the legs' heights
+    along them and no slope across ledges. Only heights of shared vertices change, so that the mesh stays closed.
     """
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
-    is_ledge, steps = ledges_of(fine), Steps(fine)
+    near_legs = network.near_legs(NEAR_M)
+    fine = with_leg_lines(fine, network, along_legs(fine, network, near_legs, fine.label == Label.FLOOR))
+    is_ledge, steps = ledges_of(fine, near_legs), Steps(fine, near_legs)
     stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
     for n in range(_ROUNDS):
         folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays, steps)
-        rise = _solve(folded, network, held)
+        rise = _solve(folded, network, near_legs, held)
         faces = folded.first[folded.volume.faces]
         real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-        turned = (turned_walls(folded, rise, fine) | _new_steps(folded, rise, stays)) & ~is_ledge & ~stays
+        turned = (turned_walls(folded, rise, fine) | _new_steps(folded, rise, stays, near_legs)) & ~is_ledge & ~stays
         if n < _TURNS and turned.any():
             is_ledge |= turned
             continue
@@ -73,17 +72,19 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
         stays |= near & is_ledge
         is_ledge &= ~near
         held[fine.faces[near]] = True
-    rise, _ = _uncrossed(folded.volume.vertices, faces[real], rise)
+    if len(crossing):
+        rise = _uncrossed(folded.volume.vertices, faces[real], rise)
     vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
     simple = simplified(moved, vertices, label, _SIMPLE_M)
-    coarse = coarse_floors(simple, *_along_legs(simple, network, simple.label == Label.FLOOR))
+    along = along_legs(simple, network, near_legs, simple.label == Label.FLOOR)
+    coarse = coarse_floors(simple, along.facet, along.weights, along.height_m)
     return without_thin_rock(without_slivers(coarse))
 
 
-def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, and those that still do."""
+def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross."""
     rise = rise.copy()
     changed = np.abs(rise) > _STILL_M
     for _ in range(_HALVINGS):
@@ -94,10 +95,10 @@ def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tup
         if not len(crossing):
             break
         rise[changed] *= 0.5
-    return rise, crossing
+    return rise
 
 
-def _solve(folded: FoldedLedges, network: SurveyNetwork, held: np.ndarray) -> np.ndarray:
+def _solve(folded: FoldedLedges, network: SurveyNetwork, near: NearLegs, held: np.ndarray) -> np.ndarray:
     """Return by how much (v,) m each vertex rises."""
     volume, first = folded.volume, folded.first
     rise = np.zeros(len(volume.vertices))
@@ -113,10 +114,10 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork, held: np.ndarray) -> np
     sloping = volume.faces[folded.is_floor & ~folded.is_ledge]
     bends = _stiffness(volume.vertices, sloping) @ (volume.vertices[:, 2] - volume.vertices[:, 2].mean())
     slopes = _sums(local[first], bends, len(used))
-    hit, weights, target = _along_legs(volume, network, folded.is_floor)
-    corners = local[first[volume.faces[hit]]]
+    along = along_legs(volume, network, near, folded.is_floor)
+    corners, target = local[first[volume.faces[along.facet]]], along.height_m
     rows = np.repeat(np.arange(len(target)), 3)
-    B = coo_matrix((weights.ravel(), (rows, corners.ravel())), (len(target), len(used))).tocsr()
+    B = coo_matrix((along.weights.ravel(), (rows, corners.ravel())), (len(target), len(used))).tocsr()
     weight = np.full(len(used), _PULL)
     weight[local[first[_over_drops(folded)]]] = _HOLD
     stay = local[first[np.flatnonzero(held)]]
@@ -174,58 +175,6 @@ def _stiffness(places: np.ndarray, faces: np.ndarray) -> csr_matrix:
     ).tocsr()
 
 
-def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (n, 3) m on the surveyed floors along some shots, both ends among them, and their shots (n,)."""
-    floors, lengths = network.floors_m[shots], network.lengths_m[shots]
-    counts = np.maximum(2, np.ceil(lengths / step_m).astype(int) + 1)
-    shares = np.concatenate([np.linspace(0, 1, count) for count in counts]) if len(shots) else np.zeros(0)
-    number = np.repeat(np.arange(len(shots)), counts)
-    return floors[number, 0] + shares[:, None] * (floors[number, 1] - floors[number, 0]), shots[number]
-
-
-def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the facet (n,) under each place, -1 where none is, and the height (n,) m of the mesh there.
-
-    The facet is found in 32 bits, its height with all digits where it is not nearly plumb.
-    """
-    middle = vertices.mean(axis=0)
-    scene = ray_scene(vertices - middle, faces, 1)
-    rays = np.column_stack([places - middle, np.tile([0, 0, -1.0], (len(places), 1))]).astype(np.float32)
-    found = scene.cast_rays(rays, nthreads=1)
-    hit = found["primitive_ids"].numpy().astype(np.int64)
-    way = found["t_hit"].numpy().astype(float)
-    hit = np.where(np.isfinite(way), hit, -1)
-    weights = plan_weights(vertices, faces[hit], places)
-    a, b, c = np.moveaxis(vertices[faces[hit]], 1, 0)
-    normal = np.cross(b - a, c - a)
-    is_plumb = np.abs(normal[:, 2]) < _PLUMB * np.linalg.norm(normal, axis=1)
-    height = np.where(is_plumb, places[:, 2] - way, np.sum(weights * vertices[faces[hit], 2], axis=1))
-    height = np.where(hit >= 0, height, np.nan)
-    return hit, height
-
-
-def _along_legs(
-    volume: Volume, network: SurveyNetwork, is_floor: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return facets (n,) under places of the legs, the weights (n, 3) of their corners, and the floors' heights (n,).
-
-    A place counts if the first facet under it is floor, at most `DEEPEST_M` below the surveyed floor. If the floor is
-    that of a drivable leg elsewhere in the survey, or the leg is too steep to drive, it counts only where that is its
-    own floor: a floor does not rise to a leg that climbs out of it or passes over it.
-    """
-    shots = np.unique([piece.shot for piece in volume.pieces if not piece.is_plumb])
-    drivable = np.zeros(len(network.shots), bool)
-    drivable[[piece.shot for piece in volume.pieces if piece.is_drivable]] = True
-    places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
-    hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))
-    under = np.array([piece.shot for piece in volume.pieces])[volume.source[hit]]
-    count = len(network.shots)
-    near = [shot * count + np.append(other, shot) for shot, other in enumerate(network.near_pairs(_NEAR_M))]
-    meets = drivable[owner] & (np.isin(owner * count + under, np.concatenate(near)) | ~drivable[under])
-    good = (hit >= 0) & is_floor[hit] & (places[:, 2] - height < np.where(meets, DEEPEST_M, _OWN_FLOOR_M))
-    return hit[good], plan_weights(volume.vertices, volume.faces[hit[good]], places[good]), places[good, 2]
-
-
 def _fade(folded: FoldedLedges, used: np.ndarray, rise: np.ndarray) -> np.ndarray:
     """Let the walls' vertices move with the floor's rim, less with height, so that walls keep their order.
 
@@ -258,12 +207,12 @@ def _fade(folded: FoldedLedges, used: np.ndarray, rise: np.ndarray) -> np.ndarra
     return rise
 
 
-def _new_steps(folded: FoldedLedges, rise: np.ndarray, stays: np.ndarray) -> np.ndarray:
-    """Return which facets (f,) of the fine mesh are low steps between floors as these have risen."""
+def _new_steps(folded: FoldedLedges, rise: np.ndarray, stays: np.ndarray, near: NearLegs) -> np.ndarray:
+    """Return which facets (f,) of the fine mesh are low steps between floors of legs that meet, as these have risen."""
     moved = replace(folded.volume, vertices=folded.volume.vertices + rise[:, None] * [0, 0, 1.0])
     some = walls_on_floors(moved, folded.is_floor, stays[folded.parent])
     found = np.zeros(len(stays), bool)
-    found[folded.parent[are_steps(moved, folded.is_floor, some, MIDDLE)]] = True
+    found[folded.parent[are_steps(moved, folded.is_floor, some, MIDDLE, near)]] = True
     return found
 
 

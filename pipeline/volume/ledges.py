@@ -9,6 +9,7 @@ import shapely
 
 from pipeline.volume.folded.cuts import cut_ledges
 from pipeline.volume.folded.steps import ALL_PLACES, DEEPEST_M, MIDDLE, Steps, walls_on_floors
+from pipeline.volume.network import NearLegs
 from pipeline.volume.union import Label, Solid, Volume
 
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
@@ -19,11 +20,16 @@ _ROUNDING_M = 1e-6
 _ROUNDS = 6  # of cuts: each looks at the facets beside those of the one before
 
 
-def ledges_of(volume: Volume) -> np.ndarray:
-    """Return which facets (f,) are ledges: under the floor of another drivable piece, and not deep under it."""
+def ledges_of(volume: Volume, near: NearLegs) -> np.ndarray:
+    """Return which facets (f,) are ledges: under the floor of a drivable leg that meets theirs, and not deep under it.
+
+    What is between floors of other legs is as surveyed.
+    """
     drivable = np.flatnonzero([piece.is_drivable for piece in volume.pieces])
     boxes = shapely.box(*np.array([_box(piece) for piece in volume.pieces]).T)
     pairs = shapely.STRtree(boxes[drivable]).query(boxes)
+    shot = np.array([piece.shot for piece in volume.pieces])
+    pairs = pairs[:, near.has(shot[pairs[0]], shot[drivable[pairs[1]]])]
     pairs = pairs[:, np.argsort(pairs[0], kind="stable")]
     middles, normal = volume.vertices[volume.faces].mean(axis=1), volume.normals
     is_wall = (volume.label == Label.WALL) & (normal[:, 2] < _OVERHANG * np.linalg.norm(normal, axis=1))
@@ -41,7 +47,7 @@ def ledges_of(volume: Volume) -> np.ndarray:
                 found[own] |= _is_under(middles[own], volume.pieces[other])
     beside = _beside(volume.faces)
     for _ in range(_ENDS):
-        found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found)
+        found |= _between_floors(volume, is_wall, (volume.label == Label.FLOOR) | found, near)
         found |= _ends(volume, beside, is_wall, found)
     return found
 
@@ -54,13 +60,25 @@ def _beside(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([one, two]), np.concatenate([two, one])
 
 
-def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
-    """Return which facets (f,) of walls have all corners on floors, none deep under another."""
-    on_floor = np.zeros(len(volume.vertices), bool)
-    on_floor[volume.faces[is_floor]] = True
+def _between_floors(volume: Volume, is_wall: np.ndarray, is_floor: np.ndarray, near: NearLegs) -> np.ndarray:
+    """Return which facets (f,) of walls have all corners on floors of legs that meet, none deep under another."""
     low = np.ptp(volume.vertices[volume.faces, 2], axis=1) < DEEPEST_M
-    found: np.ndarray = is_wall & ~is_floor & low & on_floor[volume.faces].all(axis=1)
+    some = np.flatnonzero(is_wall & ~is_floor & low)
+    found = np.zeros(len(is_wall), bool)
+    found[some[_on_one_floor(volume, is_floor, volume.faces, volume.faces[some], near)]] = True
     return found
+
+
+def _on_one_floor(
+    volume: Volume, is_floor: np.ndarray, faces: np.ndarray, corners: np.ndarray, near: NearLegs
+) -> np.ndarray:
+    """Return which triples of corners (n, 3) are on floors, some of `faces` (f, 3), of legs that meet."""
+    shot_at = np.full(len(volume.vertices), -1)
+    shot = np.array([piece.shot for piece in volume.pieces])[volume.source[is_floor]]
+    shot_at[faces[is_floor]] = shot[:, None]
+    a, b, c = shot_at[corners].T
+    found: np.ndarray = near.has(a, b) & near.has(b, c) & near.has(c, a)
+    return found & (np.minimum(np.minimum(a, b), c) >= 0)
 
 
 def _ends(
@@ -124,28 +142,34 @@ def fold_ledges(
 
     The corners below a ledge and those above it are at different places along it. Each facet of a ledge is parted at
     the place of its middle corner, which parts the facet across its longest edge too, until all have a plumb edge.
-    What is between two floors then is ledge too, but of the facets `stays` (f,). `steps` are those of the volume.
+    What is between floors of legs that meet then is ledge too, but of the facets `stays` (f,). `steps` are those of the
+    volume.
     """
-    parent = np.arange(len(volume.faces))
-    cut = volume
+    cut, parent = volume, np.arange(len(volume.faces))
+    near, seen = np.ones(len(parent), bool), np.zeros(len(parent), bool)  # where to look; steps when last looked at
     for _ in range(_ROUNDS):
         some = walls_on_floors(cut, is_floor, stays)
-        cut, first, own = cut_ledges(cut, is_ledge | steps.find(cut, parent, is_floor, some, ALL_PLACES))
-        parent, is_floor, is_ledge, stays = parent[own], is_floor[own], is_ledge[own], stays[own]
+        some = some[near[parent[some]]]
+        seen = np.where(near[parent], steps.find(cut, parent, is_floor, some, ALL_PLACES), seen)
+        cut, first, own = cut_ledges(cut, is_ledge | seen)
+        near |= steps.facets_near(parent[np.bincount(own) > 1])
+        parent, is_floor, is_ledge, stays, seen = (x[own] for x in (parent, is_floor, is_ledge, stays, seen))
         some = walls_on_floors(cut, is_floor, stays)
+        some = some[near[parent[some]]]
         more = steps.find(cut, parent, is_floor, some, MIDDLE)
-        more[some] |= _lie_between(cut, is_floor, first, some)
+        more[some] |= _lie_between(cut, is_floor, first, some, steps.near)
         if not more.any():
             break
         is_floor, is_ledge = is_floor | more, is_ledge | more
+        near = steps.facets_near(parent[more | (np.bincount(own)[own] > 1)])
     return FoldedLedges(cut, is_floor, is_ledge, first, parent)
 
 
-def _lie_between(volume: Volume, is_floor: np.ndarray, first: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """Return which of some facets (n,) lean, are low and have all corners on floors."""
-    on_floor = np.zeros(len(first), bool)
-    on_floor[first[volume.faces[is_floor]]] = True
+def _lie_between(
+    volume: Volume, is_floor: np.ndarray, first: np.ndarray, some: np.ndarray, near: NearLegs
+) -> np.ndarray:
+    """Return which of some facets (n,) lean, are low and have all corners on floors of legs that meet."""
     normal, corners = volume.normals[some], volume.faces[some]
     leans = normal[:, 2] < -_PLUMB * np.linalg.norm(normal, axis=1)
     found: np.ndarray = leans & (np.ptp(volume.vertices[corners, 2], axis=1) < DEEPEST_M)
-    return found & on_floor[first[corners]].all(axis=1)
+    return found & _on_one_floor(volume, is_floor, first[volume.faces], first[corners], near)

@@ -18,6 +18,19 @@ _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
 @dataclass(frozen=True)
+class NearLegs:
+    """Which of `count` shots are within a way of each other along the survey: sorted codes of their pairs."""
+
+    codes: np.ndarray
+    count: int
+
+    def has(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return which pairs of shots (n,) are near each other; a shot is near itself."""
+        found: np.ndarray = (one == other) | np.isin(one * self.count + other, self.codes)
+        return found
+
+
+@dataclass(frozen=True)
 class SurveyNetwork:
     """Stations and the shots between them.
 
@@ -90,15 +103,16 @@ class SurveyNetwork:
             self, shots=self.shots[kept], across=self.across[kept], lrud_m=self.lrud_m[kept], joined=joined[kept]
         )
 
-    def near_pairs(self, reach_m: float) -> list[np.ndarray]:
-        """Return for each shot the shots that are within a way of `reach_m` along the survey, without itself."""
+    def near_legs(self, reach_m: float) -> NearLegs:
+        """Return which shots are within a way of `reach_m` of each other along the survey."""
         beside: list[list[tuple[int, float, int]]] = [[] for _ in range(len(self.places_m))]
         for shot, ((a, b), length) in enumerate(zip(self.shots.tolist(), self.lengths_m.tolist(), strict=True)):
             beside[a].append((b, length, shot))
             beside[b].append((a, length, shot))
         near = [_shots_within(beside, station, reach_m) for station in range(len(beside))]
-        both = (near[i] | near[j] for i, j in self.shots.tolist())
-        return [np.array(sorted(other - {shot}), int) for shot, other in enumerate(both)]
+        count = len(self.shots)
+        codes = [shot * count + np.array(sorted(near[i] | near[j])) for shot, (i, j) in enumerate(self.shots.tolist())]
+        return NearLegs(np.concatenate([np.zeros(0, int), *codes]).astype(int), count)
 
 
 def _shots_within(beside: list[list[tuple[int, float, int]]], start: int, reach_m: float) -> set[int]:

@@ -23,6 +23,7 @@ _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
+_LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 _RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
 
 
@@ -237,22 +238,39 @@ def _along(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
 
 
 def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Return the sections (3, 8, 3) of a steep leg: level ones, from the lower floor into the upper passage.
+    """Return the sections (4, 8, 3) of a steep leg, level ones: the lower floor, its foot, the upper floor, over that.
 
-    Its walls are plumb about the lower floor, so that no wall hangs over where another floor meets it.
+    Its walls are plumb about the lower floor, so that no wall hangs over where another floor meets it, and from the
+    upper floor half-way to the roof. Between them they follow the line from floor to floor: a leg that leans goes out
+    of its foot on the side that it leans to.
     """
     ahead = np.array([left[1], -left[0]])
     lower = int(places[1, 2] < places[0, 2])
     around = [(1, 0.5), (0.5, 1), (-0.5, 1), (-1, 0.5), (-1, -0.5), (-0.5, -1), (0.5, -1), (1, -0.5)]
-    ends = []
+    rings = []
     for end in (0, 1):
         half = max(lrud[end, :2].sum() / 2, 0.05)
         ring = [t * ahead * half + a * left * lrud[end, 0 if a > 0 else 1] for t, a in around[:: 1 if lower else -1]]
-        rise = -lrud[end, 3] if end == lower else (lrud[end, 2] - lrud[end, 3]) / 2
-        ends.append([[*(places[end, :2] + offset), places[end, 2] + rise] for offset in ring])
-    sections = np.array(ends)
-    foot = sections[lower] + np.array([0, 0, min(_FOOT_M, float(np.abs(np.diff(places[:, 2]))[0]) / 2)])
-    return np.insert(sections, 1, foot, axis=0)
+        rings.append(np.array(ring))
+    floors = places - lrud[:, 3:] * [0, 0, 1.0]
+    floors[1 - lower, 2] = max(floors[1 - lower, 2], floors[lower, 2] + _LEAST_RISE_M)
+    rise = floors[1 - lower] - floors[lower]
+    share = min(_FOOT_M / rise[2], 0.5)
+    leans = (rings[lower] @ rise[:2] > 0)[:, None]
+    foot = np.where(leans, rings[lower] + share * rise[:2], rings[lower])
+    upper, over = floors[1 - lower], lrud[1 - lower, 2:].sum() / 2
+    sections = [
+        _level(foot + floors[lower, :2], floors[lower, 2]),
+        _level(foot + floors[lower, :2], floors[lower, 2] + share * rise[2]),
+        _level(rings[1 - lower] + upper[:2], upper[2]),
+        _level(rings[1 - lower] + upper[:2], upper[2] + over),
+    ]
+    return np.array(sections[::-1] if lower else sections)
+
+
+def _level(ring: np.ndarray, height_m: float) -> np.ndarray:
+    """Return the corners (k, 3) m of a level ring (k, 2)."""
+    return np.column_stack([ring, np.full(len(ring), height_m)])
 
 
 def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]]) -> Solid:

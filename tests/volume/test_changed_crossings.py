@@ -39,8 +39,9 @@ def test_the_legs_near_a_leg_are_those_that_shortest_ways_between_stations_find(
     network = GateCase("levels", table(levels())).network(tmp_path)
     n = len(network.places_m)
     ways = dijkstra(coo_matrix((network.lengths_m, network.shots.T), (n, n)).tocsr(), directed=False)
+    one, other = np.meshgrid(*[np.arange(len(network.shots))] * 2, indexing="ij")
     for reach_m in (5.0, 25.0):
-        for shot, found in enumerate(network.near_pairs(reach_m)):
-            near = (ways[network.shots[shot]] <= reach_m).any(axis=0)
-            wanted = np.flatnonzero(near[network.shots].any(axis=1))
-            assert found.tolist() == wanted[wanted != shot].tolist()
+        near = (ways[network.shots] <= reach_m).any(axis=1)
+        wanted = near[:, network.shots].any(axis=2)
+        assert 0 < wanted.sum() < wanted.size
+        assert (network.near_legs(reach_m).has(one, other) == wanted).all()

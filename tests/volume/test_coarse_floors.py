@@ -7,6 +7,7 @@ from benchmarks.comparisons.volume.cases import CASES
 from pipeline.volume import floors
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.folded.leg_lines import drop
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import Label, pieces_of, unite
@@ -37,7 +38,7 @@ def test_a_floor_moves_by_a_centimetre_at_most_and_its_facets_become_a_third(spi
     wide = is_floor & (np.linalg.norm(before.normals, axis=1) > 0.1)  # the rim may move by 2 mm, from under slivers
     assert wide.sum() > is_floor.sum() / 2
     places = before.vertices[before.faces[wide]].mean(axis=1)
-    hit, height = floors.drop(after.vertices, after.faces, places + np.array([0, 0, 0.1]))
+    hit, height = drop(after.vertices, after.faces, places + np.array([0, 0, 0.1]))
     assert (after.label[hit] == Label.FLOOR).all()
     assert np.abs(height - places[:, 2]).max() < 0.0101
 

@@ -17,6 +17,7 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
+from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Label, pieces_of, unite
 from tests.heights import HEADER
 
@@ -80,6 +81,21 @@ def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
     assert np.unique(floor_heights(rough).round(9)) == pytest.approx(np.unique(floor_heights(volume).round(9)))
     below = volume.vertices[np.unique(volume.faces[volume.label == Label.ROOF])][:, 2]
     assert below[below < floor_heights(volume).max()].max() < floor_heights(volume).max() - 0.05
+
+
+def test_a_ledge_that_is_labelled_floor_gets_rock_that_parts_fit_into(tmp_path):
+    _, rough, _ = built(BESIDE, tmp_path)
+    plumb = np.abs(rough.normals[:, 2]) < 0.1 * np.linalg.norm(rough.normals, axis=1)
+    ledges = dataclasses.replace(rough, label=np.where(plumb, Label.FLOOR, rough.label))
+    assert not facets_without_part(without_thin_rock(ledges))
+
+
+@pytest.mark.parametrize(("east", "up"), [(6, 6.5), (0.5, 6.5), (-4, 4.2)])
+def test_a_narrow_raise_that_leans_into_a_high_passage_is_built_from_floor_to_floor(east, up, tmp_path):
+    place = f"{20 + east},0,0.4,0.4,{up},6,0.2"
+    rows = DRIFT + f"B,2,20,0,0.4,0.4,0,3,0\nB,3,{place}\nC,3,{place}\nC,4,{40 + east},0,2,2,{up},3,0\n"
+    network, rough, volume = built(rows, tmp_path)
+    assert measure_floor(volume, network, rough).share_built == 1
 
 
 def test_the_floor_of_a_wide_slope_is_level_across_to_its_far_wall(tmp_path):

@@ -30,8 +30,8 @@ from pipeline.volume.world.proof.fronts import fronts_of
 from pipeline.volume.world.proof.region import regions_over
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 
-FOLDER = Path("artifacts/bench/volume-throws")
-_PARTS = 3000  # of a region: MuJoCo's specs take 1 ms a part, and its steps go by parts
+FOLDER, KEPT = Path("artifacts/bench/volume-throws"), "regions.jsonl"
+PARTS = 3000  # of a region: MuJoCo's specs take 1 ms a part, and its steps go by parts
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def mine_of(case: str, folder: Path) -> Mine:
     return Mine(volume, fronts_of(volume, world.parts).parts)
 
 
-def throw_everywhere(mine: Mine, kept: Path, robots: int, balls: int, most: int = _PARTS, seed: int = 0) -> list[Row]:
+def throw_everywhere(mine: Mine, kept: Path, robots: int, balls: int, most: int = PARTS, seed: int = 0) -> list[Row]:
     """Return a row for each region of a mine, with those that a file holds already; the others are added to it.
 
     Parameters
@@ -114,7 +114,7 @@ def main() -> int:
     folder = FOLDER / name
     folder.mkdir(parents=True, exist_ok=True)
     mine = mine_of(a.case, folder)
-    rows = throw_everywhere(mine, folder / "regions.jsonl", int(a.contacts), int(a.ball_contacts))
+    rows = throw_everywhere(mine, folder / KEPT, int(a.contacts), int(a.ball_contacts))
     print(f"{a.case}: {len(mine.volume.faces):,} facets, {len(mine.parts):,} parts, {len(rows)} regions, ", end="")
     print(f"{sum(row['seconds'] for row in rows):.0f} s of processor time\n\n{table_of(rows)}")
     return int(any(row[kind]["escapes"] for row in rows for kind in ("robots", "balls")))

@@ -1,1 +1,1 @@
-"""How ledges are folded: where walls are steps between floors, and the mesh that is cut at their corners."""
+"""The mesh on which floors are solved: edges along legs, where walls are steps between floors, ledges that are cut."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
+from pipeline.volume.network import NearLegs
 from pipeline.volume.union import Label, Volume
 
 DEEPEST_M = 0.6  # of a ledge between two floors that overlap; deeper ones are as surveyed
@@ -25,32 +26,34 @@ def walls_on_floors(volume: Volume, is_floor: np.ndarray, stays: np.ndarray) -> 
     return np.flatnonzero(is_wall & ~is_floor & ~stays & corner[volume.faces].any(axis=1))
 
 
-def are_steps(volume: Volume, is_floor: np.ndarray, some: np.ndarray, places: int) -> np.ndarray:
-    """Return which facets (f,), of some (n,), have a place between two floors, at most `DEEPEST_M` apart.
+def are_steps(volume: Volume, is_floor: np.ndarray, some: np.ndarray, places: int, near: NearLegs) -> np.ndarray:
+    """Return which facets (f,), of some (n,), have a place between floors of legs that meet, `DEEPEST_M` apart at most.
 
     One floor is over the rock behind the place, the other under the free space before it. `places` are tried on each
     facet: `MIDDLE` or `ALL_PLACES`.
     """
     far, hit = _Rays(volume, np.arange(len(volume.faces))).cast(volume, some, places)
     found = np.zeros(len(volume.faces), bool)
-    found[some] = _between(far, is_floor[hit])
+    found[some] = _between(far, is_floor[hit], _shots(volume)[hit], near)
     return found
 
 
 class Steps:
-    """Steps of a mesh and of meshes that are cut from it. Rays are cast once for a facet that nobody cuts.
+    """Steps between legs that are near each other. Rays are cast once for a facet that nobody cuts.
 
-    Of a cut mesh only the facets that were cut, and those whose rays met one that was, are looked at again, among the
-    facets near them.
+    The mesh is a volume's or cut from it. Of a cut mesh only facets that were cut, and those whose rays met one that
+    was, are looked at again, among the facets near them.
     """
 
-    def __init__(self, volume: Volume) -> None:
-        """Index the facets."""
+    def __init__(self, volume: Volume, near: NearLegs) -> None:
+        """Index the facets; legs meet that are `near` each other."""
+        self.near, self._shot = near, _shots(volume)
         self._volume, self._rays = volume, _Rays(volume, np.arange(len(volume.faces)))
         self._row = np.full(len(volume.faces), -1)
         self._far = np.zeros((3, ALL_PLACES, 0), np.float32)
         self._hit = np.zeros((3, ALL_PLACES, 0), np.int32)
-        self._cut, self._near = volume, self._rays
+        self._cut, self._local = volume, self._rays
+        self._cells = _Cells(volume)
 
     def find(self, cut: Volume, parent: np.ndarray, is_floor: np.ndarray, some: np.ndarray, places: int) -> np.ndarray:
         """Return the same as `are_steps` of a mesh whose facets (f,) are cut from those of `parent` (f,)."""
@@ -63,13 +66,18 @@ class Steps:
         floor = np.zeros(len(self._row), bool)
         floor[parent[is_floor]] = True
         found = np.zeros(len(cut.faces), bool)
-        found[some[whole]] = _between(far[:, :places], floor[hit[:, :places]])
+        found[some[whole]] = _between(far[:, :places], floor[hit[:, :places]], self._shot[hit[:, :places]], self.near)
         if again.any():
             if self._cut is not cut:
-                self._cut, self._near = cut, _Rays(cut, _facets_near(cut, some[again]))
-            far, hit = self._near.cast(cut, some[again], places)
-            found[some[again]] = _between(far, is_floor[hit])
+                self._cut = cut
+                self._local = _Rays(cut, np.flatnonzero(self.facets_near(parent[some[again]])[parent]))
+            far, hit = self._local.cast(cut, some[again], places)
+            found[some[again]] = _between(far, is_floor[hit], _shots(cut)[hit], self.near)
         return found
+
+    def facets_near(self, facets: np.ndarray) -> np.ndarray:
+        """Return which facets (f,) of the mesh that was not cut a ray from some of them (n,) can meet, and more."""
+        return self._cells.near(facets)
 
     def _known(self, facets: np.ndarray) -> np.ndarray:
         """Return the rows of some facets, whose rays are cast if they are not known."""
@@ -114,21 +122,40 @@ class _Rays:
         return far, self._facets[np.where(np.isfinite(far), hit, 0)]
 
 
-def _between(far: np.ndarray, on_floor: np.ndarray) -> np.ndarray:
-    """Return which facets (n,) have a place whose rays (3, places, n) meet floors at most `DEEPEST_M` apart."""
-    up, *down = np.where(on_floor, far.astype(float), np.inf)
-    found: np.ndarray = (up + np.minimum(*down) < DEEPEST_M).any(axis=0)
+def _between(far: np.ndarray, on_floor: np.ndarray, shot: np.ndarray, near: NearLegs) -> np.ndarray:
+    """Return which facets (n,) have a place whose rays (3, places, n) meet floors at most `DEEPEST_M` apart.
+
+    `shot` are the legs that they meet: those over and under the place meet in the survey.
+    """
+    up, one, other = np.where(on_floor, far.astype(float), np.inf)
+    under = np.where(other < one, shot[2], shot[1])
+    found: np.ndarray = ((up + np.minimum(one, other) < DEEPEST_M) & near.has(shot[0], under)).any(axis=0)
     return found
 
 
-def _facets_near(volume: Volume, some: np.ndarray) -> np.ndarray:
-    """Return the facets (n,) that a ray of `DEEPEST_M` from some others can meet, and more."""
-    corners = volume.vertices[volume.faces]
-    reach = DEEPEST_M + _BEFORE_M[1] + float(np.ptp(corners, axis=1).max())
-    middle = corners.mean(axis=1)
-    cell = ((middle - middle.min(axis=0)) / reach).astype(np.int64) + 1
-    count = cell.max(axis=0) + 2
-    key = (cell[:, 0] * count[1] + cell[:, 1]) * count[2] + cell[:, 2]
-    around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    shift = (around[:, 0] * count[1] + around[:, 1]) * count[2] + around[:, 2]
-    return np.flatnonzero(np.isin(key, np.unique(key[some])[:, None] + shift))
+def _shots(volume: Volume) -> np.ndarray:
+    """Return the leg (f,) that each facet is of."""
+    found: np.ndarray = np.array([piece.shot for piece in volume.pieces])[volume.source]
+    return found
+
+
+class _Cells:
+    """The facets of a mesh in cells that are longer than a ray from one of them to another."""
+
+    def __init__(self, volume: Volume) -> None:
+        """Put each facet in the cell of its middle."""
+        corners = volume.vertices[volume.faces]
+        reach = DEEPEST_M + _BEFORE_M[1] + float(np.ptp(corners, axis=1).max())
+        middle = corners.mean(axis=1)
+        place = ((middle - middle.min(axis=0)) / reach).astype(np.int64) + 1
+        count = place.max(axis=0) + 2
+        around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._about = (around[:, 0] * count[1] + around[:, 1]) * count[2] + around[:, 2]
+        key = (place[:, 0] * count[1] + place[:, 1]) * count[2] + place[:, 2]
+        self._keys, self._cell = np.unique(key, return_inverse=True)
+
+    def near(self, facets: np.ndarray) -> np.ndarray:
+        """Return which facets (f,) are in the cells of some (n,) and about them."""
+        wanted = self._keys[np.unique(self._cell[facets])][:, None] + self._about
+        marked: np.ndarray = np.isin(self._keys, wanted)
+        return marked[self._cell]

@@ -11,11 +11,11 @@ from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
 
-_ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
+ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
 _INSIDE = 1e-6  # of a part's face, beyond its edges
 _WHOLE = 1e-9  # of a facet's area that rounding may leave
 _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
-_GRID_M = 1e-9  # of a union's corners: without one GEOS 3.14 loses a polygon whose edge differs in the last digit
+_GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses a polygon whose edge differs in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
 
 
@@ -75,7 +75,7 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
     """
     facets = Facets(volume.vertices, volume.faces)
     low, high = parts.boxes()
-    near = facets.near(low - _ON_PLANE_M, high + _ON_PLANE_M)
+    near = facets.near(low - ON_PLANE_M, high + ON_PLANE_M)
     kept = [np.zeros(0, int)]
     for start in range(0, len(near[0]), _PAIRS):
         some = slice(start, start + _PAIRS)
@@ -90,7 +90,7 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
     part, facet = near[0][again], near[1][again]
     plane = found.facet[front[part]]
     off = np.einsum("nck,nk->nc", facets.corners[facet] - facets.corners[plane][:, :1], facets.normals[plane])
-    on = (np.abs(off).max(axis=1) < _ON_PLANE_M) & (plane != facet)
+    on = (np.abs(off).max(axis=1) < ON_PLANE_M) & (plane != facet)
     more = _faces(facets, parts, part[on], plane[on], facet[on])
     return found.joined(replace(more, area_m2=np.zeros(len(more.part))))
 
@@ -98,8 +98,8 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
 def _lie_behind(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
     """Return which parts (n,) lie behind the planes of facets with a face on it."""
     depth, starts = _depths(facets, parts, part, facet), parts.rows(part)[1]
-    on = np.add.reduceat((np.abs(depth) < _ON_PLANE_M).astype(int), starts)
-    found: np.ndarray = (np.minimum.reduceat(depth, starts) > -_ON_PLANE_M) & (on > 2)
+    on = np.add.reduceat((np.abs(depth) < ON_PLANE_M).astype(int), starts)
+    found: np.ndarray = (np.minimum.reduceat(depth, starts) > -ON_PLANE_M) & (on > 2)
     return found
 
 
@@ -112,17 +112,21 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
     rows, starts = parts.rows(part)
     pair = np.repeat(np.arange(len(part)), np.diff(np.append(starts, len(rows))))
     depth = _depths(facets, parts, part, plane)
-    on = np.abs(depth) < _ON_PLANE_M
+    on = np.abs(depth) < ON_PLANE_M
     flat = np.einsum("nk,njk->nj", (parts.corners[rows] - middles[pair])[on], across[pair[on]])
     face = shapely.convex_hull(shapely.multipoints(flat, indices=pair[on]))
-    corners = np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across)
+    corners = shapely.polygons(np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across))
+    holds_middle = shapely.distance(face, shapely.Point(0, 0)) < _INSIDE
+    shared = shapely.intersection(face, corners)
+    lost = holds_middle & (shapely.area(shared) <= 0)
+    shared[lost] = shapely.intersection(face[lost], corners[lost], grid_size=_GRID_M)
     return PartFaces(
         part,
         facet,
         shapely.area(face),
         np.maximum.reduceat(depth, starts),
-        shapely.distance(face, shapely.Point(0, 0)) < _INSIDE,
-        shapely.intersection(face, shapely.polygons(corners)),
+        holds_middle,
+        shared,
     )
 
 

@@ -72,9 +72,15 @@ def shaped(polygons: Polygons, kind: str, depth_m: float) -> ConvexBodies:
         )
     forward = np.broadcast_to(normals, corners.shape)
     if kind == "moved":
-        ahead = np.einsum("nck,nk->nc", polygons.ways, polygons.normals) > _FORWARD
-        forward = np.where(ahead[:, :, None], polygons.ways, forward)
+        forward = forward_ways(polygons.ways, polygons.normals)
     return _prism(corners, corners + depth_m * forward, polygons)
+
+
+def forward_ways(ways: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the ways (n, k, 3) of polygons' corners into the rock; those that hardly go there along the normal."""
+    ahead = np.einsum("nck,nk->nc", ways, normals) > _FORWARD
+    found: np.ndarray = np.where(ahead[:, :, None], ways, normals[:, None])
+    return found
 
 
 def _prism(front: np.ndarray, back: np.ndarray, polygons: Polygons) -> ConvexBodies:

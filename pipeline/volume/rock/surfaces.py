@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.rock.polygons import ways_into_rock
-from pipeline.volume.rock.shapes import Polygons
+from pipeline.volume.rock.shapes import Polygons, forward_ways
 from pipeline.volume.union import Volume
 
 
@@ -52,5 +52,19 @@ class RockSurfaces:
             rings = np.array([ring for ring in self._rings if len(ring) == k])
             biggest = np.array([max(self.facets[n], key=size.__getitem__) for n in numbers.tolist()])
             beside = unit[edges.facets(np.roll(rings, -1, axis=1), rings)]
-            found.append(Polygons(numbers, volume.vertices[rings], ways[rings], unit[biggest], beside, area[numbers]))
+            corners = volume.vertices[rings]
+            if k > 3:
+                corners = _behind_planes(corners, ways[rings], unit[biggest])
+            found.append(Polygons(numbers, corners, ways[rings], unit[biggest], beside, area[numbers]))
         return found
+
+
+def _behind_planes(corners: np.ndarray, ways: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the corners (n, k, 3) m of polygons, moved into the rock by as much as they are off one plane.
+
+    Facets of one plane are in it within some micrometres: the flat between corners of others would be in free space.
+    """
+    along = np.einsum("nck,nk->nc", corners, normals)
+    ahead = forward_ways(ways, normals)
+    rate = np.ptp(along, axis=1)[:, None] / np.einsum("nck,nk->nc", ahead, normals)
+    return corners + rate[:, :, None] * ahead

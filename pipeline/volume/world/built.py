@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.volume.enclosure import Inside
+from pipeline.volume.floor_error import ON_WALL_M
 from pipeline.volume.union import Volume
 from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLE_M = 0.25
 _ABOVE_M = 0.1  # over the floor, where a robot's wheels are
-_ROUNDING_M = 1e-3
 
 
 def built_length_m(volume: Volume, legs: LegNetwork) -> float:
@@ -27,5 +27,5 @@ def built_length_m(volume: Volume, legs: LegNetwork) -> float:
         ends[:, 2] += np.minimum(_ABOVE_M, up_down.sum(axis=1) / 2) - up_down[:, 1]
         places.append(ends[0] * (1 - share) + ends[1] * share)
         weight.append(np.full(count, leg.length_m / count))
-    inside = Inside(volume).distance_m(np.concatenate(places)) > -_ROUNDING_M
+    inside = Inside(volume).distance_m(np.concatenate(places)) > -ON_WALL_M
     return float(np.concatenate(weight)[inside].sum())

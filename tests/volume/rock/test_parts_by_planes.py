@@ -152,3 +152,23 @@ def test_two_faces_whose_common_edge_differs_in_the_last_digit_cover_a_facet():
     faces = PartFaces(both, np.zeros(2, int), shapely.area(shared), none, none.astype(bool), shared)
     area = float(shapely.area(shared).sum())
     assert faces.uncovered_m2(np.array([area]))[0] < 1e-6
+
+
+def test_parts_that_differ_from_their_facets_in_the_last_digit_cover_them(drift):
+    volume, parts = drift
+    rng, area = np.random.default_rng(0), np.linalg.norm(volume.normals, axis=1) / 2
+    for _ in range(20):
+        moved = [part.corners * (1 + rng.integers(-2, 3, part.corners.shape) * 1.1e-16) for part in parts]
+        assert faces_on_facets(volume, PartCorners.of(moved)).uncovered_m2(area).sum() < 1e-4
+
+
+def test_parts_behind_facets_that_are_a_micrometre_off_one_plane_have_nothing_in_the_free_space(drift):
+    volume, _ = drift
+    off = 1e-7 * np.random.default_rng(0).integers(0, 4, volume.vertices.shape) * [0, 0, 1.0]
+    vertices = volume.vertices + off
+    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, volume.faces.astype(np.uint64))).as_original()
+    uneven = dataclasses.replace(volume, vertices=vertices, solid=solid)
+    parts = build_shell(uneven)
+    assert any(len(part.facets) > 1 for part in parts)
+    assert sum(Tiles(solid).shared_m3(manifold3d.Manifold.hull_points(part.corners)) for part in parts) < 1e-10
+    assert measure_enclosure(uneven, parts, 4, np.random.default_rng(0)).missing_m2 < 1e-3
