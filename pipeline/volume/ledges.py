@@ -15,6 +15,7 @@ from pipeline.volume.union import Label, Solid, Volume
 _OVERHANG = 0.1  # of a facet's normal, which points out of the free space: what hangs over is no ledge
 _OVER_M, _TWIST_M, _EDGE_M = 0.02, 0.1, 1e-3  # see `_is_under`
 _PLUMB = 0.02  # of a facet's normal: a steeper one is no ledge that leans
+_ONE_PLACE_M = 1e-3  # seen from above
 _ENDS = 4  # facets beside each other at the end of a ledge, at most
 _ROUNDING_M = 1e-6
 _ROUNDS = 6  # of cuts: each looks at the facets beside those of the one before
@@ -168,8 +169,25 @@ def fold_ledges(
 def _lie_between(
     volume: Volume, is_floor: np.ndarray, first: np.ndarray, some: np.ndarray, near: NearLegs
 ) -> np.ndarray:
-    """Return which of some facets (n,) lean, are low and have all corners on floors of legs that meet."""
+    """Return which of some facets (n,) lean or are capped, are low and have all corners on floors of legs that meet."""
     normal, corners = volume.normals[some], volume.faces[some]
     leans = normal[:, 2] < -_PLUMB * np.linalg.norm(normal, axis=1)
-    found: np.ndarray = leans & (np.ptp(volume.vertices[corners, 2], axis=1) < DEEPEST_M)
+    found: np.ndarray = (leans | _capped(volume.vertices[corners])) & (
+        np.ptp(volume.vertices[corners, 2], axis=1) < DEEPEST_M
+    )
     return found & _on_one_floor(volume, is_floor, first[volume.faces], first[corners], near)
+
+
+def _capped(corners: np.ndarray) -> np.ndarray:
+    """Return which plumb facets, by their corners (n, 3, 3) m, have a corner over the inside of their longest edge.
+
+    Where a wall turns, such a facet is a ledge on one side of the upper floor's corner and a wall on the other.
+    """
+    sides = np.roll(corners, -1, axis=1) - corners
+    length = np.hypot(sides[:, :, 0], sides[:, :, 1])
+    row, i = np.arange(len(corners)), length.argmax(axis=1)
+    step, side = corners[row, i - 1] - corners[row, i], sides[row, i]
+    share = (step[:, :2] * side[:, :2]).sum(axis=1) / np.maximum(length[row, i], 1e-9) ** 2
+    margin = _ONE_PLACE_M / np.maximum(length[row, i], 1e-9)
+    found: np.ndarray = (share > margin) & (share < 1 - margin) & (step[:, 2] > share * side[:, 2])
+    return found

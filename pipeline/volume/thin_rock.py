@@ -14,7 +14,6 @@ from pipeline.volume.union import Label, Volume
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
 _ROUNDS = ((0.027, 1e-4), (0.03, 1e-5), (0.033, 1e-5))
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
-_LEVEL_NZ = -0.7  # of a floor that keeps its height: a steeper one is a ledge that nobody stands on
 
 
 def without_thin_rock(volume: Volume) -> Volume:
@@ -22,15 +21,14 @@ def without_thin_rock(volume: Volume) -> Volume:
 
     In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
     between them stay two, and folds of rock without a thickness get one. Nothing is put
-    on level floors, so that they keep their heights: what is on the other side of the rock below them is a facet too.
-    Each round looks about the rock of the one before.
+    on floors, so that they keep their heights: what is on the other side of the rock below them is a facet too. Each
+    round looks about the rock of the one before.
     """
     some: np.ndarray | None = None
     for half_m, least_m2 in _ROUNDS:
         area = np.linalg.norm(volume.normals, axis=1) / 2
-        level = (volume.label == Label.FLOOR) & (volume.normals[:, 2] < 2 * _LEVEL_NZ * area)
         facets = np.array(list(facets_without_part(volume, some)), int)
-        facets = facets[(area[facets] > least_m2) & ~level[facets]]
+        facets = facets[(area[facets] > least_m2) & (volume.label[facets] != Label.FLOOR)]
         if not len(facets):
             break
         changed = volume.vertices[volume.faces[facets]]

@@ -12,6 +12,14 @@ from pipeline.volume.union import Label, label_facets, pieces_of, unite
 from tests.heights import HEADER
 
 OVER = "A,1,-20,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\nB,3,0,-20,2,2,{z},3,0\nB,4,0,20,2,2,{z},3,0\n"
+CROSSWAYS = """A,1,-12.3388,-5.0456,2.2,2.2,101.4345,3.5,0
+A,2,-17.3339,9.2568,2.2,2.2,101.0375,3.5,0
+A,3,-21.1095,21.4124,2.2,2.2,100.6569,3.5,0
+B,4,-3.8856,12.4263,2.2,2.2,99.6134,3.5,0
+B,2,-17.3339,9.2568,2.2,2.2,101.0375,3.5,0
+C,2,-17.3339,9.2568,2.2,2.2,101.0375,3.5,0
+C,5,-31.5668,4.5435,2.2,2.2,102.6259,3.5,0
+"""
 
 
 def of_rows(rows, folder):
@@ -76,3 +84,10 @@ def test_legs_are_near_each_other_along_the_survey_and_not_across_it(tmp_path):
     names = [network.leg_name(k) for k in range(3)]
     one, other, beside = (names.index(name) for name in ("1 to 2", "3 to 4", "2 to 5"))
     assert near.has(np.array([one, one, one]), np.array([one, other, beside])).tolist() == [True, False, True]
+
+
+def test_the_inner_corner_of_crossways_leaves_no_ledge_between_its_two_floors(tmp_path):
+    network, rough = of_rows(CROSSWAYS, tmp_path)
+    found = measure_floor(solve_floors(rough, network), network, rough)
+    assert found.step_m < 0.01
+    assert found.ledges == ()

@@ -17,7 +17,6 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
-from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Label, pieces_of, unite
 from tests.heights import HEADER
 
@@ -81,13 +80,6 @@ def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
     assert np.unique(floor_heights(rough).round(9)) == pytest.approx(np.unique(floor_heights(volume).round(9)))
     below = volume.vertices[np.unique(volume.faces[volume.label == Label.ROOF])][:, 2]
     assert below[below < floor_heights(volume).max()].max() < floor_heights(volume).max() - 0.05
-
-
-def test_a_ledge_that_is_labelled_floor_gets_rock_that_parts_fit_into(tmp_path):
-    _, rough, _ = built(BESIDE, tmp_path)
-    plumb = np.abs(rough.normals[:, 2]) < 0.1 * np.linalg.norm(rough.normals, axis=1)
-    ledges = dataclasses.replace(rough, label=np.where(plumb, Label.FLOOR, rough.label))
-    assert not facets_without_part(without_thin_rock(ledges))
 
 
 @pytest.mark.parametrize(("east", "up"), [(6, 6.5), (0.5, 6.5), (-4, 4.2)])

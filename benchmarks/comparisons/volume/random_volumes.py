@@ -1,6 +1,8 @@
-"""Random mines and caves as one volume each, measured by exact booleans. A run goes on where the last one stopped.
+"""Random mines and caves as one volume each, by the certificate's limits. A run goes on where the last one stopped.
 
-`python -m benchmarks.comparisons.volume.random_volumes` prints how many are clean, and why others are not.
+`python -m benchmarks.comparisons.volume.random_volumes` prints how many are clean, and why others are not. No bodies
+are thrown. It prints, too, how many have under a nanometre of rock in the free space. MuJoCo's corners have 32 bits,
+8 um at 100 m, so that no body notices more of it.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import GateCase
@@ -27,21 +30,21 @@ from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
-from pipeline.volume.world.parts import without_refused
+from pipeline.volume.world.content import in_mine_frame
+from pipeline.volume.world.parts import labelled_parts, without_refused
+from pipeline.volume.world.proof.fronts import fronts_of
 from tests.heights import table
 
 RESULTS = Path("artifacts/bench/volume-random.jsonl")
 _BOXES = 12  # of 150 facets, in which booleans are taken
-LIMITS = {
-    "not_built": 1e-3,  # share of the surveyed length
-    "floor_m": 0.01,
-    "step_m": 0.01,  # on the legs' ways
-    "intrusion_um": 1e-3,  # m3 in m2 of the surface
-    "missing": 1e-6,  # share of the surface
-    "thin_m2": 0.0,
-    "crossings": 0.0,
-    "refused": 0.0,
-}
+_INTRUSION_UM = 1e-3  # m3 in m2 of the surface: beside the limit of the certificate
+
+
+def limits() -> dict[str, dict[str, float]]:
+    """Return the certificate's limits by figure, and none of facets that cross."""
+    groups = yaml.safe_load(Path("conf/validation/default.yaml").read_text())["volume"]["limits"]
+    found = {f"{group}.{name}": limit for group, some in groups.items() for name, limit in some.items()}
+    return found | {"crossings": {"max": 0.0}}
 
 
 def table_of(kind: str, seed: int) -> str:
@@ -65,21 +68,24 @@ def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
     network = case.network(folder)
     rough = unite(network, pieces_of(network))
     volume = solve_floors(rough, network)
-    parts = build_shell(volume)
+    parts, refused = without_refused(build_shell(volume))
+    mine = in_mine_frame(volume, np.zeros(3))
+    fronts = fronts_of(volume, labelled_parts(parts, mine, np.zeros(3)))
     floor = measure_floor(volume, network, rough)
-    found = measure_enclosure(volume, parts, _BOXES, np.random.default_rng(0))
+    found = measure_enclosure(volume, fronts.parts, _BOXES, np.random.default_rng(0), fronts.faces)
     return {
         "length_m": float(network.lengths_m.sum()),
         "parts": len(parts),
-        "not_built": 1 - floor.share_built,
-        "floor_m": floor.error_m,
-        "step_m": floor.way_step_m,
-        "other_step_m": max(floor.step_m, floor.other_step_m),
-        "intrusion_um": 1e6 * found.intrusion_m3 / found.measured_m2,
-        "missing": found.missing_m2 / found.measured_m2,
-        "thin_m2": found.thin_m2,
+        "refused": refused,
+        "survey.share_built": floor.share_built,
+        "floor.error_mm": 1e3 * floor.error_m,
+        "floor.step_mm": 1e3 * floor.step_m,
+        "floor.other_step_mm": 1e3 * floor.other_step_m,
+        "enclosure.intrusion_um": 1e6 * found.intrusion_m3 / found.measured_m2,
+        "enclosure.missing_m2": found.missing_m2,
+        "enclosure.bare_m2": fronts.bare_m2,
+        "enclosure.thin_m2": found.thin_m2,
         "crossings": len(crossing_facets(volume.vertices, volume.faces, CROSSING_M)),
-        "refused": without_refused(parts)[1],
     }
 
 
@@ -87,7 +93,12 @@ def beyond(row: dict[str, Any]) -> dict[str, Any]:
     """Return the figures of a row that are beyond their limits, or why it was refused; nothing for a clean one."""
     if "refused_because" in row:
         return {"refused_because": row["refused_because"]}
-    return {name: row[name] for name, limit in LIMITS.items() if not row[name] <= limit}
+    known = {name: limit for name, limit in limits().items() if name in row}
+    return {
+        name: row[name]
+        for name, limit in known.items()
+        if not limit.get("min", -np.inf) <= row[name] <= limit.get("max", np.inf)
+    }
 
 
 def _rows(kind: str, seeds: Iterable[int]) -> Iterable[dict[str, Any]]:
@@ -107,9 +118,10 @@ def main() -> int:
         rows = [row for row in rows if row["seed"] < count]
         failed = [(row, found) for row in rows if (found := beyond(row))]
         metres = sum(row.get("length_m", 0.0) for row in rows)
-        lines.append((f"random {kind}s", len(rows), len(rows) - len(failed), f"{metres:,.0f}"))
+        least = sum(not beyond(row) and row["enclosure.intrusion_um"] <= _INTRUSION_UM for row in rows)
+        lines.append((f"random {kind}s", len(rows), len(rows) - len(failed), least, f"{metres:,.0f}"))
         bad += [f"{kind} {row['seed']}: {found}" for row, found in failed]
-    print(markdown_table(("", "surveys", "clean", "surveyed, m"), lines))
+    print(markdown_table(("", "surveys", "clean", "and under 0.001 um", "surveyed, m"), lines))
     print("\n".join(bad))
     return 0
 
