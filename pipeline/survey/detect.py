@@ -66,6 +66,8 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         option that states the scale.
     """
     require_plain_file(path)
+    if not path.stat().st_size:
+        raise InputError(f"{path}: empty file")
     stated = stated or StatedOptions()
     require_read(path, kind_of(path), stated)
     if is_cloud(path, stated):  # its points are read in a process of their own
