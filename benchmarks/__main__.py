@@ -69,10 +69,10 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("simple-mines", "setup", "benchmarks.simple_mines", _PARTS + "simple-mines.md", "45"),
     _python("files", "setup", "benchmarks.files", "artifacts/bench/files.md"),
     _python(
-        "therion-projects",
+        "survey-programs",
         "setup",
-        "benchmarks.comparisons.therion_projects",
-        "artifacts/bench/therion-projects.md",
+        "benchmarks.comparisons.survey_programs",
+        "artifacts/bench/survey-programs.md",
     ),
     # Evidence
     _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", "6"),

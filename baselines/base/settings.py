@@ -13,6 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from baselines.base.errors import BaselineError
+from baselines.base.refusals import first_refusal
 
 CONF = Path("conf/train")
 
@@ -42,10 +43,10 @@ def compose_checked(name: str, overrides: list[str], kind: type[Kind]) -> Kind:
             values = OmegaConf.to_container(compose(name, overrides), resolve=True)
         return kind.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        raise BaselineError(f"{'.'.join(map(str, first['loc']))} = {first['input']!r}: {first['msg']}") from error
+        raise BaselineError(first_refusal(error)) from error
     except MissingConfigException as error:
         choice = str(error.missing_cfg_file).replace("/", "=")
         raise BaselineError(f"{choice}: valid choices are {', '.join(error.options or [])}") from error
     except (HydraException, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
-        raise BaselineError(f"{' '.join(overrides)}: {str(error).splitlines()[0]}") from error
+        stated = " ".join(overrides)
+        raise BaselineError(f"{stated}: cannot be read; write KEY=VALUE, with keys and values as in {file}") from error

@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 import minexplore
 from baselines.base.errors import BaselineError
+from baselines.base.refusals import first_refusal
 from baselines.base.result_file import RESULTS, replace_text
 
 BOUNDS = RESULTS / "bounds.json"
@@ -59,8 +60,10 @@ def read_bounds(path: Path | None = None) -> dict[str, Bound]:
         return {}
     try:
         return _BOUNDS.validate_json(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise BaselineError(f"{path}: no bounds ({str(error).splitlines()[0]})") from error
+    except ValidationError as error:
+        raise BaselineError(f"{path}: no bounds ({first_refusal(error)})") from error
+    except OSError as error:
+        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def write_bound(env_id: str, bound: Bound) -> None:

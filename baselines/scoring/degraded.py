@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from baselines.base.errors import BaselineError
 from baselines.base.markdown import markdown_table
+from baselines.base.refusals import first_refusal
 from baselines.base.result_file import RESULTS, replace_text
 
 DEGRADED = RESULTS / "degraded.json"
@@ -43,8 +44,10 @@ def read_degraded(path: Path | None = None) -> dict[str, dict[str, Senses]]:
         return {}
     try:
         return _KEPT.validate_json(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise BaselineError(f"{path}: no drives by worse senses ({str(error).splitlines()[0]})") from error
+    except ValidationError as error:
+        raise BaselineError(f"{path}: no drives by worse senses ({first_refusal(error)})") from error
+    except OSError as error:
+        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
 
 
 def keep_drives(env_id: str, policy: str, senses: str, drives: Drives, path: Path | None = None) -> None:

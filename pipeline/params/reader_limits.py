@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 
 from pipeline.errors import ParamsError
 from pipeline.params.base import Params
-from pipeline.params.refusals import in_own_words
+from pipeline.params.refusals import first_refusal
 
 FILE = "conf/reader_limits.yaml"
 # Readers also work outside the project's folder, so the file is found from this module.
@@ -64,7 +64,9 @@ def reader_limits() -> ReaderLimits:
     """
     try:
         return ReaderLimits.model_validate(yaml.safe_load(_PATH.read_text()))
-    except (OSError, yaml.YAMLError, ValidationError) as error:
-        first = error.errors()[0] if isinstance(error, ValidationError) else None
-        problem = f"{'.'.join(map(str, first['loc']))}: {in_own_words(first)}" if first else str(error)
-        raise ParamsError(f"{FILE}: {problem}") from error
+    except ValidationError as error:
+        raise ParamsError(f"{FILE}: {first_refusal(error)}") from error
+    except OSError as error:
+        raise ParamsError(f"{FILE}: cannot be read ({error.strerror})") from error
+    except yaml.YAMLError as error:
+        raise ParamsError(f"{FILE}: not YAML") from error

@@ -42,6 +42,7 @@ _WORDS = {  # of pydantic's kinds of error; the names in braces are of its conte
     "missing": "is missing",
     "none_required": "want null",
     "extra_forbidden": "no such key",
+    "json_invalid": "not JSON",
 }
 
 
@@ -69,6 +70,13 @@ def in_own_words(error: ErrorDetails) -> str:
     if words is not None:
         return words.format(**error.get("ctx", {}))
     return error["msg"].removeprefix("Value error, ").replace("Input should be", "want")
+
+
+def first_refusal(error: ValidationError) -> str:
+    """Return the first key that is refused and what is wrong with its value, of a file of its own."""
+    first = error.errors()[0]
+    place = ".".join(map(str, first["loc"]))
+    return f"{place}: {in_own_words(first)}" if place else in_own_words(first)
 
 
 def _describe(error: ErrorDetails, written: dict[str, Any]) -> tuple[str, str]:

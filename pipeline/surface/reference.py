@@ -13,6 +13,7 @@ from pipeline.metrics.rock.roughness import (
     roughness_of_cloud,
     roughness_of_sweeps,
 )
+from pipeline.params.refusals import first_refusal
 from pipeline.params.surface import CloudParams, SurfaceParams, SweepsParams
 from pipeline.remarks import warn_user
 from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
@@ -41,8 +42,10 @@ def measure_sweeps(params: SweepsParams) -> SurfaceRoughness:
         path = Path(params.measured)
         try:
             return TypeAdapter(SurfaceRoughness).validate_json(path.read_bytes())
-        except (OSError, ValidationError) as error:
-            raise InputError(f"{path}: not the roughness of sweeps ({str(error).splitlines()[0]})") from error
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        except ValidationError as error:
+            raise InputError(f"{path}: not the roughness of sweeps ({first_refusal(error)})") from error
     sweeps = {
         name: read_sweep(Path(file), params.max_range_m, params.max_range_var_m2) for name, file in params.files.items()
     }

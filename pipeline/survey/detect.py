@@ -67,6 +67,8 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         option that states the scale.
     """
     require_plain_file(path)
+    if not path.stat().st_size:
+        raise InputError(f"{path}: empty file")
     stated = stated or StatedOptions()
     if is_cloud(path, stated):  # its points are read in a process of their own
         require_read(path, FileKind.CLOUD, stated)

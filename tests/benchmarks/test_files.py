@@ -1,9 +1,13 @@
 """A folder of anybody's files: which are read, which need an option, which are refused."""
 
+import os
+import signal
+
 import cv2
 import numpy as np
 import pytest
 
+from benchmarks import files
 from benchmarks.files import VERDICTS, main, table, try_file, try_folder
 from pipeline.params.stated import StatedOptions
 from tests.project import ROOT, TINY_STATIONS
@@ -58,3 +62,13 @@ def test_a_folder_that_is_not_there_and_a_wrong_option_are_one_line(tmp_path, ca
     assert capsys.readouterr().err == f"files: {tmp_path / 'none'}: no such folder\n"
     assert main([str(tmp_path), "--px-per-m", "-1"]) == 2
     assert "--px-per-m = -1.0" in capsys.readouterr().err
+
+
+def test_a_process_that_computes_too_long_is_ended_by_its_processor_time(monkeypatch):
+    monkeypatch.setattr(files, "_TIME_S", 1)
+    pid = os.fork()
+    if not pid:
+        files._limit_process()
+        while True:
+            pass
+    assert os.WTERMSIG(os.waitpid(pid, 0)[1]) == signal.SIGXCPU

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -113,6 +115,16 @@ def test_a_case_that_computes_too_long_or_sleeps_without_end_is_a_finding_of_the
 
     assert "of the processors" in try_case(compute, {"a": b"x"}, tmp_path, TimeLimits(0.2, 30.0)).verdict
     assert try_case(lambda path: time.sleep(9), {"a": b"x"}, tmp_path, TimeLimits(30.0, 0.3)).verdict == "hang"
+
+
+def test_a_process_that_computes_may_go_on_beyond_the_clock_and_one_that_sleeps_may_not(tmp_path):
+    def start(command):
+        return lambda path: subprocess.run([sys.executable, "-c", command], check=True)
+
+    limits = TimeLimits(30.0, 0.3)
+    count = "import time\nwhile time.process_time() < 1: pass"
+    assert try_case(start(count), {"a": b"x"}, tmp_path, limits).verdict == "valid"
+    assert try_case(start("import time; time.sleep(9)"), {"a": b"x"}, tmp_path, limits).verdict == "hang"
 
 
 def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):

@@ -147,3 +147,16 @@ def test_a_unit_that_a_drawing_states_is_kept_for_a_wide_room_and_not_where_it_m
     drawing.modelspace().add_lwpolyline(sides.tolist(), close=True)
     drawing.saveas(tmp_path / "room.dxf")
     assert detect_survey(tmp_path / "room.dxf").values["unit"] == found
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.dxf", "a.png", "a.svx", "a.yaml"])
+def test_an_empty_file_is_called_empty(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=rf"{name}: empty file"):
+        detect_survey(tmp_path / name)
+
+
+def test_a_file_for_plotters_is_no_plot_file_of_compass(tmp_path):
+    (tmp_path / "a.plt").write_text("IN;SP1;PU0,0;PD4000,0,4000,200;SP0;")
+    with pytest.raises(InputError, match=r"a file for plotters \(HPGL\), none of Compass; save the drawing as \.dxf"):
+        detect_survey(tmp_path / "a.plt")

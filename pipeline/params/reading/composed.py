@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from pipeline.errors import ParamsError
 from pipeline.params.config import Config
+from pipeline.params.refusals import first_refusal
 
 COMPOSED = Path("artifacts/params.yaml")
 ROOT_PARAMS = Path("params.yaml")  # one line of overrides, DVC's only parameter
@@ -29,8 +30,9 @@ def composed_section(section: str) -> Any:
     except FileNotFoundError:
         raise ParamsError(f"{COMPOSED}: missing; write it with `python -m pipeline.compose`") from None
     except (yaml.YAMLError, ValidationError) as error:
+        problem = first_refusal(error) if isinstance(error, ValidationError) else "not YAML"
         raise ParamsError(
-            f"{COMPOSED}: not a composed configuration ({error}); run `python -m pipeline.compose`"
+            f"{COMPOSED}: not a composed configuration ({problem}); run `python -m pipeline.compose`"
         ) from error
 
 
@@ -45,9 +47,9 @@ def root_overrides() -> list[str]:
     try:
         text = yaml.safe_load(ROOT_PARAMS.read_text())["overrides"] or ""
         if not isinstance(text, str):
-            raise TypeError(f"overrides is a {type(text).__name__}")
+            raise TypeError
         return shlex.split(text)
     except FileNotFoundError:
         raise ParamsError(f"{ROOT_PARAMS}: missing; run from the project's root") from None
     except (yaml.YAMLError, ValueError, KeyError, TypeError) as error:
-        raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."` ({error})') from error
+        raise ParamsError(f'{ROOT_PARAMS}: want one line `overrides: "..."`, quoted as in a shell') from error

@@ -50,7 +50,7 @@ def load_plain_yaml(path: Path) -> Any:
     """
     data = require_plain_yaml(path)
     try:
-        return yaml.safe_load(data)
+        return yaml.load(data, Loader=yaml.CSafeLoader)
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
         raise ParamsError(f"{path}: not YAML: a value has no meaning{_place_of(error)}") from error
 

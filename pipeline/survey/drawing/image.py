@@ -19,6 +19,7 @@ from pipeline.survey.drawing.picture_header import (
 )
 from pipeline.types import Image
 
+_NUMBERS_AS_TEXT = (b"P1", b"P2", b"P3")  # PNM files whose pixels are decimal numbers
 _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
 
 
@@ -74,6 +75,8 @@ def read_pixels(path: Path, max_megapixels: float) -> Image:
 
 def _decode(path: Path) -> np.ndarray:
     data = np.fromfile(path, dtype=np.uint8)
+    if bytes(data[:2]) in _NUMBERS_AS_TEXT:
+        data = np.append(data, np.uint8(ord("\n")))  # OpenCV reads no last number without a blank behind it
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error as error:  # OpenCV has its own limits on width, height and pixels

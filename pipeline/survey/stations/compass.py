@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from pipeline.survey.solved.plan_view import plan_legs
 
 _FOOT_M = 0.3048
 _FARTHEST_M = 1e8
+_HPGL = re.compile(r"\s*(?:\x1b\S*\s*)?(?:IN|SP\d*|PU|DF|BP)\s*[;,\d]")  # how files for plotters begin
 _UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured
 # Name, place east, north and up, and distances left, right, up and down, m; nan: not measured.
 _Station = tuple[str, tuple[float, float, float], list[float]]
@@ -45,7 +47,10 @@ def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
     """
     chains: list[list[_Station]] = []
     count = 0
-    for number, line in enumerate(read_text_bytes(path).decode("latin-1").splitlines(), start=1):
+    text = read_text_bytes(path).decode("latin-1")
+    if _HPGL.match(text):
+        raise InputError(f"{path}: a file for plotters (HPGL), none of Compass; save the drawing as .dxf or .pdf")
+    for number, line in enumerate(text.splitlines(), start=1):
         fields = line.split()
         if not fields or fields[0] not in ("M", "D"):
             continue

@@ -13,17 +13,22 @@ from ezdxf import disassemble
 from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.insert import Insert
+from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.entities.mtext import MText
+from ezdxf.entities.polyline import Polyline
 from ezdxf.entities.text import Text
 from ezdxf.filemanagement import readfile
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import Vec3
+from ezdxf.path import Path as DrawnPath
+from ezdxf.path import make_path
 from shapely import LineString
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import warn_user
 from pipeline.survey.vector.dxf_blocks import count_kinds, mend_blocks, shown
 from pipeline.survey.vector.shapes import Shapes, require_size
 
@@ -195,15 +200,26 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
     kept = [e for e in chosen if e.dxftype() in _DRAWN]
     for entity in kept:
         _require_plain_numbers(path, entity)
-    primitives = [p for p in disassemble.to_primitives(kept) if p.path is not None and len(p.path)]
-    drawn = {id(p.entity) for p in primitives}
-    others = count_kinds([e for e in chosen if id(e) not in drawn]) | annotations
-    return _Content(_flattened(path, primitives), others)
+    pieces = [(drawn.entity, piece) for drawn in disassemble.to_primitives(kept) if (piece := _piece(drawn))]
+    wide = sum(isinstance(entity, LWPolyline | Polyline) and entity.has_width for entity, _ in pieces)
+    if wide:
+        way = "--half-width takes them as the middles of drifts"
+        warn_user(f"{path.name}: {wide} polylines have a width, which is not read; {way}")
+    read = {id(entity) for entity, _ in pieces}
+    others = count_kinds([e for e in chosen if id(e) not in read]) | annotations
+    return _Content(_flattened(path, [(piece, str(entity.dxf.layer)) for entity, piece in pieces]), others)
 
 
-def _flattened(path: Path, primitives: list[disassemble.Primitive]) -> list[tuple[LineString, str]]:
+def _piece(primitive: disassemble.Primitive) -> DrawnPath | None:
+    """Return the path of a line or a curve; the library takes a polyline with a width for an area, which has none."""
+    entity, piece = primitive.entity, primitive.path
+    if piece is None and (isinstance(entity, LWPolyline) or (isinstance(entity, Polyline) and entity.is_2d_polyline)):
+        piece = make_path(entity)
+    return piece if piece is not None and len(piece) else None
+
+
+def _flattened(path: Path, paths: list[tuple[DrawnPath, str]]) -> list[tuple[LineString, str]]:
     """Return lines and curves as chords, with their layers."""
-    paths = [(p.path, str(p.entity.dxf.layer)) for p in primitives if p.path is not None]
     vertices = [point for p, _ in paths for point in p.control_vertices()]
     if not vertices:
         return []

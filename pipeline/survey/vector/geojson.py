@@ -39,6 +39,7 @@ def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = No
     require_size(path, data.count(b"[") // 2)  # before anything is built; a point has one bracket, a ring few more
     try:
         content = json.loads(data)
+        _require_no_other_json(path, content)
         features = _features(content)
         require_at_most(path, len(features), "shapes", "features")
         chosen = [feature for feature in features if layers is None or _layer(feature) in layers]
@@ -48,6 +49,8 @@ def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = No
         if level_by is not None:
             require_field(path, level_by, fields)
         layer_of = [_layer(feature, level_by) for feature in drawn]
+    except InputError:
+        raise
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not GeoJSON: its byte {error.start} is no UTF-8 text") from error
     except json.JSONDecodeError as error:
@@ -66,6 +69,15 @@ def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = No
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
     return Shapes(shapes, None, str(name) if name else "OGC:CRS84", layer_of, others, fields)
+
+
+def _require_no_other_json(path: Path, content: Any) -> None:
+    """Name other programs' ways to write shapes as JSON."""
+    if not isinstance(content, dict):
+        return
+    name = "Esri JSON" if "geometryType" in content else "TopoJSON" if content.get("type") == "Topology" else ""
+    if name:
+        raise InputError(f"{path}: {name}, which is not read: QGIS opens it and saves it as GeoJSON")
 
 
 def _features(content: Any) -> list[dict]:

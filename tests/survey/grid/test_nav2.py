@@ -134,3 +134,10 @@ def test_cells_of_the_grey_of_unknown_ones_that_the_threshold_frees_are_counted(
     assert "map.yaml: 2 cells of grey 205" in capsys.readouterr().err
     assert read_nav2_map(write(tmp_path, head + "0.196\n", grey)).free.sum() == 1
     assert capsys.readouterr().err == ""
+
+
+def test_a_map_of_decimal_numbers_without_a_last_line_end_and_with_tabs_is_read(tmp_path):
+    (tmp_path / "m.pgm").write_text("P2\n# CREATOR: map_saver\n3 1\n255\n254 205 254")
+    lines = ["image:\tm.pgm", "resolution:\t0.5", "origin:\t[0, 0, 0]", "negate:\t0"]
+    (tmp_path / "m.yaml").write_text("\n".join([*lines, "occupied_thresh: 0.65", "free_thresh: 0.196"]))
+    assert read_nav2_map(tmp_path / "m.yaml").free.tolist() == [[True, False, True]]

@@ -250,3 +250,30 @@ def test_workings_shorter_than_a_robot_are_refused_with_the_key_of_their_unit(tm
     fields = {"kind": "vector", "name": "speck", "file": "data/speck.geojson"}
     with pytest.raises(InputError, match=r" m long, at least 1 m is needed; is survey\.unit right"):
         read_vector_survey(VectorSurveyParams.model_validate(fields))
+
+
+@pytest.mark.parametrize("release", ["R12", "R2010"])
+def test_walls_that_are_drawn_with_a_width_are_lines(tmp_path, capsys, release):
+    content = ezdxf.filemanagement.new(release)
+    content.header["$INSUNITS"] = 6
+    for ring in (RING.exterior, *RING.interiors):
+        points = [(x, y, 0.3, 0.3) for x, y in ring.coords[:-1]]
+        if release == "R12":
+            content.modelspace().add_polyline2d(points, format="xyse", close=True)
+        else:
+            content.modelspace().add_lwpolyline(points, format="xyse", close=True)
+    content.saveas(tmp_path / "mine.dxf")
+    read = read_dxf(tmp_path / "mine.dxf", None)
+    assert len(read.shapes) == 1 + len(RING.interiors)
+    assert read.others == {}
+    assert "2 polylines have a width, which is not read; --half-width" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [({"geometryType": "esriGeometryPolygon", "features": []}, "Esri JSON"), ({"type": "Topology"}, "TopoJSON")],
+)
+def test_other_ways_to_write_shapes_as_json_are_named(tmp_path, content, name):
+    (tmp_path / "mine.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=f"{name}, which is not read: QGIS opens it and saves it as GeoJSON"):
+        read_geojson(tmp_path / "mine.json", None)

@@ -1,11 +1,11 @@
-"""The comparison with Therion, on solved surveys whose differences are known."""
+"""The comparison with Therion and Survex, on solved surveys whose differences are known."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.comparisons.therion_projects import ProjectVerdict, compare, main, table
+from benchmarks.comparisons.survey_programs import ProjectVerdict, compare, main, read_dump, read_positions, table
 from pipeline.survey.solved.model import SolvedSurvey
 
 
@@ -47,7 +47,30 @@ def test_a_station_elsewhere_or_missing_and_a_leg_too_many_are_different(ours, w
 
 
 def test_the_table_counts_verdicts_and_a_missing_program_is_named(tmp_path: Path, capsys):
-    assert "| equal | 2 |" in table({"x.th": ProjectVerdict("equal", ""), "y.th": ProjectVerdict("equal", "")})
+    found = table({"x.th": ProjectVerdict("equal", ""), "y.th": ProjectVerdict("different", "")})
+    assert "Of 2 files that their own program reads, 1 are read equally." in found
+    assert "| different | 1 |" in found
     (tmp_path / "x.th").write_text("survey x\nendsurvey\n")
     assert main([str(tmp_path), "--therion", "no-such-program"]) == 2
     assert "no-such-program" in capsys.readouterr().err
+
+
+DUMP = """TITLE "x"
+--
+MOVE 0.00 0.00 0.00
+LINE 5.00 0.00 0.00 [] STYLE=NORMAL SURFACE
+NODE 5.00 0.00 0.00 [a.2] UNDERGROUND
+NODE 0.00 0.00 0.00 [a.1] UNDERGROUND ENTRANCE
+"""
+
+
+def test_what_survex_prints_of_a_solved_survey_is_compared_with_what_is_read_here():
+    theirs = read_dump(DUMP)
+    assert compare(theirs, survey({"a.1": (0, 0, 0), "a.2": (5, 0, 0)})).verdict == "equal"
+    assert compare(theirs, survey({"a.1": (0, 0, 0), "a.2": (5, 0, 1)})).verdict == "different"
+    newer = read_dump(DUMP.replace("MOVE", "LEG 0 0 0").replace("LINE 5", "x"))
+    assert len(newer.legs) == 1
+    positions = read_positions("( Easting, Northing, Altitude )\n(  0.00,  0.00, -1.50 ) a.1\n")
+    assert positions.names == ("a.1",)
+    assert compare(positions, survey({"a.1": (0, 0, -1.5)})).verdict == "equal"
+    assert compare(read_dump("--\n"), survey({"a.1": (0, 0, 0)})).verdict == "different"
