@@ -14,7 +14,7 @@ from minexplore.physics.robot import RobotParams
 from minexplore.placing.robot_file import RobotStance
 from minexplore.task import TaskParams
 from minexplore.volume.columns import FloorColumns
-from minexplore.volume.rock import VolumeRock
+from minexplore.volume.rock import PartsOfRock
 from minexplore.world import World
 
 _PATCH = 5  # places along either side of a robot's box at which the floor under it is looked up
@@ -104,7 +104,7 @@ class VolumeSite:
     def __init__(self, world: World) -> None:
         """Index the floors."""
         assert world.volume is not None
-        self.T_world_mine, self._rock = world.T_world_mine, VolumeRock(world, TaskParams())
+        self.T_world_mine, self._rock = world.T_world_mine, PartsOfRock(world, TaskParams())
         self._columns = FloorColumns(world.volume.facets)
 
     def rock(self, here_m: np.ndarray, reach_m: float) -> mujoco.MjSpec:

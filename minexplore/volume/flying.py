@@ -15,7 +15,7 @@ from minexplore.tiles import Tile, tiles_at
 from minexplore.volume.air import air_spans, reached_from
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.legs import leg_names
-from minexplore.volume.rock import VolumeRock
+from minexplore.volume.rock import PartsOfRock
 from minexplore.world import World
 
 _LOOK_M = 0.3  # over a place: a floor there is at or under it
@@ -27,7 +27,7 @@ class AirModels:
     def __init__(self, world: World, task: TaskParams, robot: QuadrotorParams, whole: bool = False) -> None:
         """Take a world's parts; with `whole` every model is that of all parts."""
         self.world, self.robot, self.whole, self.T_world_mine = world, robot, whole, world.T_world_mine
-        self._rock = VolumeRock(world, task)
+        self._rock = PartsOfRock(world, task)
         fastest_m = np.hypot(task.max_forward_mps, robot.climb_mps) * task.control_s
         self._margin_m = robot.radius_m + fastest_m + MARGIN_M
 

@@ -18,7 +18,7 @@ from minexplore.world import World
 _BITS = {FacetLabel.FLOOR: FLOOR_BIT, FacetLabel.WALL: ROCK_BIT | FLOOR_BIT, FacetLabel.ROOF: ROCK_BIT}
 
 
-class VolumeRock:
+class PartsOfRock:
     """The parts of a world that is one volume; a part has the friction of the zone that its middle lies in."""
 
     def __init__(self, world: World, task: TaskParams) -> None:
