@@ -8,6 +8,7 @@ import manifold3d
 import numpy as np
 
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.folded.leg_lines import plan_weights
 from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.union import Label, Volume
@@ -255,14 +256,3 @@ class _Floors:
         self._of_sample[settled.sample] = settled.facet
         self.alive[edges.facet[edges.around(chosen)[1]]] = False
         self.faces[facet], self.alive[facet] = corners, True
-
-
-def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the barycentric weights (n, 3) of places in triangles (n, 3), seen from above."""
-    a, b, c = np.moveaxis(vertices[faces][:, :, :2], 1, 0)
-    p = places[:, :2]
-    double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    double = np.where(np.abs(double) < 1e-12, 1e-12, double)
-    v = ((p[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (p[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / double
-    w = ((b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])) / double
-    return np.column_stack([1 - v - w, v, w])

@@ -8,7 +8,6 @@ from math import hypot
 import numpy as np
 import open3d
 
-from pipeline.volume.coarse import plan_weights
 from pipeline.volume.folded.mesh_cuts import MeshCuts
 from pipeline.volume.folded.steps import DEEPEST_M
 from pipeline.volume.network import NearLegs, SurveyNetwork
@@ -143,3 +142,14 @@ def _height(corners: list[list[float]], place: list[float]) -> float:
     places = np.array(corners)
     weights = plan_weights(places, np.array([[0, 1, 2]]), np.array([place]))
     return float(weights[0] @ places[:, 2])
+
+
+def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the barycentric weights (n, 3) of places in triangles (n, 3), seen from above."""
+    a, b, c = np.moveaxis(vertices[faces][:, :, :2], 1, 0)
+    p = places[:, :2]
+    double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    double = np.where(np.abs(double) < 1e-12, 1e-12, double)
+    v = ((p[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (p[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / double
+    w = ((b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])) / double
+    return np.column_stack([1 - v - w, v, w])
