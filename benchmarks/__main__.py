@@ -102,6 +102,10 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python(
         "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
     ),
+    _python(
+        "volume-throws", "setup", "benchmarks.comparisons.volume.throw_bodies", "artifacts/bench/volume-throws", "5"
+    ),
+    _python("volume-large", "setup", "benchmarks.comparisons.volume.large", "artifacts/bench/volume-large.jsonl", "15"),
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
     _python("sensing-loss", "all", "benchmarks.sensors.sensing_loss", _PARTS + "sensing-loss.md", "40"),

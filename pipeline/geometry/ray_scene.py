@@ -13,10 +13,11 @@ _DRAWING = "open3d.visualization.draw_plotly"
 _DRAWS = ("get_plotly_fig", "draw_plotly", "draw_plotly_server")
 
 
-def ray_scene(vertices: np.ndarray, faces: np.ndarray) -> Any:
+def ray_scene(vertices: np.ndarray, faces: np.ndarray, threads: int = 0) -> Any:
     """Return an `open3d.t.geometry.RaycastingScene` of faces (m, 3) between vertices (n, 3), in 32 bits.
 
-    It takes rays and points as float32 arrays. Open3D takes a second to load: what needs no scene does without it.
+    It takes rays and points as float32 arrays. So many threads make it, 0: all. Open3D takes a second to load: what
+    needs no scene does without it.
     """
     if "open3d" not in sys.modules and _DRAWING not in sys.modules:
         stand_in = ModuleType(_DRAWING)
@@ -25,6 +26,6 @@ def ray_scene(vertices: np.ndarray, faces: np.ndarray) -> Any:
         sys.modules[_DRAWING] = stand_in
     import open3d
 
-    tensor, scene = open3d.core.Tensor, open3d.t.geometry.RaycastingScene()
+    tensor, scene = open3d.core.Tensor, open3d.t.geometry.RaycastingScene(nthreads=threads)
     scene.add_triangles(tensor(vertices.astype(np.float32, copy=False)), tensor(faces.astype(np.uint32, copy=False)))
     return scene

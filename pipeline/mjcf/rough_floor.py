@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import open3d
 
 from minexplore.bundle import COVER_M, decode_msh, hfield_file, is_cover, rough_floor
 from minexplore.physics.rough_floor import RoughTile
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.store.codecs import Bundle, encode
 
@@ -32,12 +33,11 @@ def rough_tiles(cover: Mapping[str, bytes], zones: Sequence[ZoneStrip]) -> list[
         In the order of the record.
     """
     meshes = [decode_msh(data) for name, data in sorted(cover.items()) if is_cover(name)]
-    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-    places = [np.zeros((0, 2))]
-    for mesh in meshes:
-        scene.add_triangles(np.array(mesh.vertices, np.float32), np.array(mesh.faces, np.uint32))
-        places.append(mesh.vertices[:, :2].astype(float))
-    covered = np.concatenate(places)
+    places = np.concatenate([np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)])
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = (mesh.faces + start for mesh, start in zip(meshes, first, strict=False))
+    scene = ray_scene(places, np.concatenate([np.zeros((0, 3), np.int64), *faces]), 1)
+    covered = places[:, :2].astype(float)
     tiles = []
     for number, zone in enumerate(zones):
         edges = [_edges(zone.west_m, zone.east_m), _edges(zone.south_m, zone.north_m)]
@@ -66,15 +66,13 @@ def _edges(first_m: float, last_m: float) -> np.ndarray:
     return np.linspace(first_m, last_m, count + 1).round(4)
 
 
-def _tile(
-    scene: open3d.t.geometry.RaycastingScene, name: str, zone: int, corner: np.ndarray, size: np.ndarray
-) -> RoughTile:
+def _tile(scene: Any, name: str, zone: int, corner: np.ndarray, size: np.ndarray) -> RoughTile:
     cols, rows = np.maximum(2, np.round(size / SPACING_M).astype(int) + 1)
     step = size / [cols - 1, rows - 1]
     x, y = np.meshgrid(corner[0] + step[0] * np.arange(cols), corner[1] + step[1] * np.arange(rows))
     rays = np.zeros((rows, cols, 6), np.float32)
     rays[..., 0], rays[..., 1], rays[..., 2], rays[..., 5] = x, y, 2 * COVER_M, -1.0
-    way = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy().astype(float)
+    way = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy().astype(float)
     heights = np.where(np.isfinite(way), np.clip(2 * COVER_M - way, 0.0, COVER_M), 0.0)
     low, span = round(float(heights.min()), _DIGITS), round(float(np.ptp(heights)), _DIGITS)
     levels = _levels(heights)

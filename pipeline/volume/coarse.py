@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import manifold3d
 import numpy as np
 
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.folded.leg_lines import plan_weights
+from pipeline.volume.crossings import CROSSING_M, crosses_more
+from pipeline.volume.folded.plan_weights import second_and_third
 from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.union import Label, Volume
@@ -54,13 +54,13 @@ def coarse_floors(volume: Volume, hit: np.ndarray, weights: np.ndarray, surveyed
     """
     samples = _samples(volume, hit, weights, surveyed)
     kept = np.zeros(len(volume.faces), bool)
-    most = len(crossing_facets(volume.vertices, volume.faces, CROSSING_M))
+    before = volume.vertices, volume.faces
     for _ in range(_TRIES):
         found = _without_vertices(volume, samples, kept)
-        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
-        if len(pairs) <= most:
+        crossing = crosses_more(found.vertices, found.faces, before, CROSSING_M)
+        if not len(crossing):
             return found
-        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _OFF_M)
+        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[crossing]], _OFF_M)
     return volume
 
 
@@ -154,6 +154,8 @@ class _Floors:
     def thin_out(self) -> int:
         """Let vertices go that are not beside each other, those first that move the floor least; return how many."""
         edges = MeshEdges(self.faces, np.flatnonzero(self.alive), self._label, len(self._places))
+        order = np.argsort(self._of_sample, kind="stable")
+        self._by_facet = order, np.searchsorted(self._of_sample[order], np.arange(len(self.faces) + 1))
         tries = self._tries(edges)
         cost = np.full(len(tries), np.inf)
         for start in range(0, len(tries), _TOGETHER):
@@ -232,23 +234,21 @@ class _Floors:
         self, edges: MeshEdges, tries: np.ndarray, number: np.ndarray, corners: np.ndarray, facet: np.ndarray
     ) -> _Settled:
         """Find the new facet that each sample about the vertices lies in."""
-        order = np.argsort(self._of_sample, kind="stable")
-        first = np.searchsorted(self._of_sample[order], np.arange(len(self.faces) + 1))
+        order, first = self._by_facet
         of_try, edge = edges.around(tries)
         row, at = ranges(first[edges.facet[edge]], first[edges.facet[edge] + 1])
         of_try, sample = of_try[row], order[at]
         starts = np.searchsorted(number, np.arange(len(tries) + 1))
         row, new = ranges(starts[of_try], starts[of_try + 1])
-        weights = plan_weights(self._places, corners[new], self._samples.places[sample[row]])
-        inside = weights.min(axis=1)
-        best = np.lexsort((-inside, row))
-        best = best[np.unique(row[best], return_index=True)[1]]
-        off = (weights[best] * self._places[corners[new[best]], 2]).sum(axis=1) - self._samples.heights[
-            sample[row[best]]
-        ]
-        share = np.abs(off) / self._samples.most_off[sample[row[best]]]
+        v, w = second_and_third(self._places[corners], new, self._samples.places[sample[row]])
+        inside = np.minimum(np.minimum(v, w), 1 - v - w)
+        best = _first_largest(row, inside)
+        v, w, sample, new = v[best], w[best], sample[row[best]], new[best]
+        weights = np.column_stack([1 - v - w, v, w])
+        off = (weights * self._places[corners[new], 2]).sum(axis=1) - self._samples.heights[sample]
+        share = np.abs(off) / self._samples.most_off[sample]
         share[inside[best] < _OUTSIDE] = np.inf
-        return _Settled(of_try[row[best]], sample[row[best]], facet[new[best]], share)
+        return _Settled(of_try[row[best]], sample, facet[new], share)
 
     def _collapse(self, edges: MeshEdges, chosen: np.ndarray) -> None:
         number, corners, facet, is_floor = self._new_facets(edges, chosen)
@@ -256,3 +256,14 @@ class _Floors:
         self._of_sample[settled.sample] = settled.facet
         self.alive[edges.facet[edges.around(chosen)[1]]] = False
         self.faces[facet], self.alive[facet] = corners, True
+
+
+def _first_largest(row: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return where the largest value of each run of equal numbers stands, the first of equals."""
+    starts = np.flatnonzero(np.diff(row, prepend=-1))
+    if not len(starts):
+        return starts
+    largest = np.maximum.reduceat(values, starts)
+    at = np.flatnonzero(values == np.repeat(largest, np.diff(starts, append=len(row))))
+    found: np.ndarray = at[np.unique(row[at], return_index=True)[1]]
+    return found

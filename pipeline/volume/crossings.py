@@ -29,3 +29,25 @@ def crossing_facets(
     pairs = np.sort(np.column_stack([chosen[found.body], found.facet])[found.depth_m > deeper_than_m], axis=1)
     unique: np.ndarray = np.unique(pairs, axis=0)
     return unique
+
+
+def crosses_more(
+    vertices: np.ndarray, faces: np.ndarray, before: tuple[np.ndarray, np.ndarray], deeper_than_m: float
+) -> np.ndarray:
+    """Return the facets (n,) of a changed mesh that cross others, if more pairs cross than in the mesh before it.
+
+    Only facets that are in one of the two meshes alone are tried: the others cross each other in both.
+    """
+    ours, theirs = _keys(vertices[faces]), _keys(before[0][before[1]])
+    pairs = crossing_facets(vertices, faces, deeper_than_m, ~np.isin(ours, theirs))
+    if len(pairs) and len(pairs) <= len(crossing_facets(*before, deeper_than_m, ~np.isin(theirs, ours))):
+        pairs = pairs[:0]
+    return np.unique(pairs)
+
+
+def _keys(corners: np.ndarray) -> np.ndarray:
+    """Return a number (f,) for each facet, the same for facets with the same corners (f, 3, 3)."""
+    x, y, z = np.moveaxis(corners, 2, 0)
+    one, two, three = np.sort(x + y * np.sqrt(2) + z * np.sqrt(3), axis=1).T
+    found: np.ndarray = one + two * np.sqrt(5) + three * np.sqrt(7)
+    return found

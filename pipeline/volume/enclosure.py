@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.faces import ON_PLANE_M, PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
@@ -100,11 +100,10 @@ class Inside:
 
     def __init__(self, volume: Volume) -> None:
         """Index the facets."""
-        self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(volume.vertices.astype(np.float32), volume.faces.astype(np.uint32))
+        self._scene = ray_scene(volume.vertices, volume.faces, 1)
 
     def distance_m(self, places: np.ndarray) -> np.ndarray:
         """Return the distance (n,) m from rock, negative in rock; of five parities of rays the most frequent counts."""
-        tensor = open3d.core.Tensor(places.astype(np.float32))
-        found: np.ndarray = -self._scene.compute_signed_distance(tensor, nthreads=1, nsamples=5).numpy()
+        answer = self._scene.compute_signed_distance(places.astype(np.float32), nthreads=1, nsamples=5)
+        found: np.ndarray = -answer.numpy()
         return found

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import open3d
 from scipy.spatial import cKDTree
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
 from pipeline.volume.folded.leg_lines import drop, leg_floor_samples
@@ -191,12 +191,12 @@ def _across(
 
 def _open(volume: Volume, middle: np.ndarray, out: np.ndarray) -> np.ndarray:
     """Return across which edges (n,) no wall stands between the two floors: the tip of a pillar is no step."""
-    scene, centre = open3d.t.geometry.RaycastingScene(nthreads=1), volume.vertices.mean(axis=0)
-    scene.add_triangles((volume.vertices - centre).astype(np.float32), volume.faces.astype(np.uint32))
+    centre = volume.vertices.mean(axis=0)
+    scene = ray_scene(volume.vertices - centre, volume.faces, 1)
     way = np.column_stack([out, np.zeros(len(out))])
     starts = middle - centre - 1e-3 * way + np.array([0, 0, _OVER_M])
     rays = np.column_stack([starts, way]).astype(np.float32)
-    free: np.ndarray = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy() > _STEP_REACH_M
+    free: np.ndarray = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy() > _STEP_REACH_M
     return free
 
 

@@ -72,7 +72,8 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
         stays |= near & is_ledge
         is_ledge &= ~near
         held[fine.faces[near]] = True
-    rise, _ = _uncrossed(folded.volume.vertices, faces[real], rise)
+    if len(crossing):
+        rise = _uncrossed(folded.volume.vertices, faces[real], rise)
     vertices = folded.volume.vertices + rise[:, None] * [0, 0, 1.0]
     label = np.where(folded.is_floor, Label.FLOOR, folded.volume.label)[real]
     moved = replace(folded.volume, faces=faces[real], source=folded.volume.source[real])
@@ -82,8 +83,8 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     return without_thin_rock(without_slivers(coarse))
 
 
-def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross, and those that still do."""
+def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Return the rises (v,) m, halved at the corners of facets (f, 3) that would cross."""
     rise = rise.copy()
     changed = np.abs(rise) > _STILL_M
     for _ in range(_HALVINGS):
@@ -94,7 +95,7 @@ def _uncrossed(vertices: np.ndarray, faces: np.ndarray, rise: np.ndarray) -> tup
         if not len(crossing):
             break
         rise[changed] *= 0.5
-    return rise, crossing
+    return rise
 
 
 def _solve(folded: FoldedLedges, network: SurveyNetwork, near: NearLegs, held: np.ndarray) -> np.ndarray:

@@ -146,18 +146,23 @@ def fold_ledges(
     What is between floors of legs that meet then is ledge too, but of the facets `stays` (f,). `steps` are those of the
     volume.
     """
-    parent = np.arange(len(volume.faces))
-    cut = volume
+    cut, parent = volume, np.arange(len(volume.faces))
+    near, seen = np.ones(len(parent), bool), np.zeros(len(parent), bool)  # where to look; steps when last looked at
     for _ in range(_ROUNDS):
         some = walls_on_floors(cut, is_floor, stays)
-        cut, first, own = cut_ledges(cut, is_ledge | steps.find(cut, parent, is_floor, some, ALL_PLACES))
-        parent, is_floor, is_ledge, stays = parent[own], is_floor[own], is_ledge[own], stays[own]
+        some = some[near[parent[some]]]
+        seen = np.where(near[parent], steps.find(cut, parent, is_floor, some, ALL_PLACES), seen)
+        cut, first, own = cut_ledges(cut, is_ledge | seen)
+        near |= steps.facets_near(parent[np.bincount(own) > 1])
+        parent, is_floor, is_ledge, stays, seen = (x[own] for x in (parent, is_floor, is_ledge, stays, seen))
         some = walls_on_floors(cut, is_floor, stays)
+        some = some[near[parent[some]]]
         more = steps.find(cut, parent, is_floor, some, MIDDLE)
         more[some] |= _lie_between(cut, is_floor, first, some, steps.near)
         if not more.any():
             break
         is_floor, is_ledge = is_floor | more, is_ledge | more
+        near = steps.facets_near(parent[more | (np.bincount(own)[own] > 1)])
     return FoldedLedges(cut, is_floor, is_ledge, first, parent)
 
 

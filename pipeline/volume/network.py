@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
@@ -15,7 +14,6 @@ from pipeline.survey.passages.legs import SurveyLeg
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
-_STATIONS_TOGETHER = 500  # whose ways are looked up at once: the table takes 8 bytes for each pair
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
@@ -107,20 +105,26 @@ class SurveyNetwork:
 
     def near_legs(self, reach_m: float) -> NearLegs:
         """Return which shots are within a way of `reach_m` of each other along the survey."""
-        n, (a, b) = len(self.places_m), self.shots.T
-        graph = coo_matrix((self.lengths_m, (a, b)), (n, n)).tocsr()
-        at: list[list[int]] = [[] for _ in range(n)]
-        for shot, ends in enumerate(self.shots.tolist()):
-            for end in ends:
-                at[end].append(shot)
-        near: list[np.ndarray] = []
-        for start in range(0, n, _STATIONS_TOGETHER):
-            some = range(start, min(start + _STATIONS_TOGETHER, n))
-            far = np.isfinite(dijkstra(graph, directed=False, indices=some, limit=reach_m))
-            near += [np.unique(np.concatenate([at[k] for k in np.flatnonzero(row)] or [[]])) for row in far]
+        beside: list[list[tuple[int, float, int]]] = [[] for _ in range(len(self.places_m))]
+        for shot, ((a, b), length) in enumerate(zip(self.shots.tolist(), self.lengths_m.tolist(), strict=True)):
+            beside[a].append((b, length, shot))
+            beside[b].append((a, length, shot))
+        near = [_shots_within(beside, station, reach_m) for station in range(len(beside))]
         count = len(self.shots)
-        codes = [shot * count + np.union1d(near[i], near[j]) for shot, (i, j) in enumerate(self.shots.tolist())]
+        codes = [shot * count + np.array(sorted(near[i] | near[j])) for shot, (i, j) in enumerate(self.shots.tolist())]
         return NearLegs(np.concatenate([np.zeros(0, int), *codes]).astype(int), count)
+
+
+def _shots_within(beside: list[list[tuple[int, float, int]]], start: int, reach_m: float) -> set[int]:
+    """Return the shots at the stations that are within a way of one; `beside` has each one's neighbours."""
+    way, queue = {start: 0.0}, [(0.0, start)]
+    while queue:
+        far, station = heappop(queue)
+        for other, length, _ in beside[station] if far <= way[station] else []:
+            if far + length <= min(reach_m, way.get(other, np.inf)):
+                way[other] = far + length
+                heappush(queue, (far + length, other))
+    return {shot for station in way for _, _, shot in beside[station]}
 
 
 def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import manifold3d
 import numpy as np
 
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.crossings import CROSSING_M, crosses_more
 from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.union import Volume
 
@@ -23,13 +23,13 @@ def without_slivers(volume: Volume) -> Volume:
     third corner. What would turn another facet over, or cross it, stays.
     """
     kept = np.zeros(len(volume.faces), bool)
-    most = len(crossing_facets(volume.vertices, volume.faces, CROSSING_M))
+    before = volume.vertices, volume.faces
     for _ in range(_TRIES):
         found = _cleaned(volume, kept)
-        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
-        if len(pairs) <= most:
+        crossing = crosses_more(found.vertices, found.faces, before, CROSSING_M)
+        if not len(crossing):
             return found
-        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _SHORT_M)
+        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[crossing]], _SHORT_M)
     return volume
 
 

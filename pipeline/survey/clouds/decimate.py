@@ -5,9 +5,9 @@ from __future__ import annotations
 import fast_simplification
 import manifold3d
 import numpy as np
-import open3d
 
 from pipeline.errors import InputError
+from pipeline.geometry.ray_scene import ray_scene
 
 # Of 100 vertices so many move by no more than so many tolerances. The rest are those of edges, which noise rounds.
 _WITHIN = ((0.8, 1.0), (0.99, 3.0))
@@ -61,6 +61,4 @@ def _is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
 
 
 def _distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(open3d.core.Tensor(vertices.astype(np.float32)), open3d.core.Tensor(faces.astype(np.uint32)))
-    return np.asarray(scene.compute_distance(open3d.core.Tensor(points.astype(np.float32))).numpy())
+    return np.asarray(ray_scene(vertices, faces).compute_distance(points.astype(np.float32)).numpy())

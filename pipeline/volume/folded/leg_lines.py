@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from math import hypot
 
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.folded.mesh_cuts import MeshCuts
+from pipeline.volume.folded.plan_weights import plan_weights
 from pipeline.volume.folded.steps import DEEPEST_M
 from pipeline.volume.network import NearLegs, SurveyNetwork
 from pipeline.volume.union import Label, Volume
@@ -43,10 +44,10 @@ def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[n
 
     The facet is found in 32 bits, its height with all digits where it is not nearly plumb.
     """
-    scene, middle = open3d.t.geometry.RaycastingScene(nthreads=1), vertices.mean(axis=0)
-    scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
+    middle = vertices.mean(axis=0)
+    scene = ray_scene(vertices - middle, faces, 1)
     rays = np.column_stack([places - middle, np.tile([0, 0, -1.0], (len(places), 1))]).astype(np.float32)
-    found = scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
+    found = scene.cast_rays(rays, nthreads=1)
     hit = found["primitive_ids"].numpy().astype(np.int64)
     way = found["t_hit"].numpy().astype(float)
     hit = np.where(np.isfinite(way), hit, -1)
@@ -142,14 +143,3 @@ def _height(corners: list[list[float]], place: list[float]) -> float:
     places = np.array(corners)
     weights = plan_weights(places, np.array([[0, 1, 2]]), np.array([place]))
     return float(weights[0] @ places[:, 2])
-
-
-def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the barycentric weights (n, 3) of places in triangles (n, 3), seen from above."""
-    a, b, c = np.moveaxis(vertices[faces][:, :, :2], 1, 0)
-    p = places[:, :2]
-    double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    double = np.where(np.abs(double) < 1e-12, 1e-12, double)
-    v = ((p[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (p[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / double
-    w = ((b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])) / double
-    return np.column_stack([1 - v - w, v, w])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.network import NearLegs
 from pipeline.volume.union import Label, Volume
 
@@ -52,7 +52,8 @@ class Steps:
         self._row = np.full(len(volume.faces), -1)
         self._far = np.zeros((3, ALL_PLACES, 0), np.float32)
         self._hit = np.zeros((3, ALL_PLACES, 0), np.int32)
-        self._cut, self._near = volume, self._rays
+        self._cut, self._local = volume, self._rays
+        self._cells = _Cells(volume)
 
     def find(self, cut: Volume, parent: np.ndarray, is_floor: np.ndarray, some: np.ndarray, places: int) -> np.ndarray:
         """Return the same as `are_steps` of a mesh whose facets (f,) are cut from those of `parent` (f,)."""
@@ -68,10 +69,15 @@ class Steps:
         found[some[whole]] = _between(far[:, :places], floor[hit[:, :places]], self._shot[hit[:, :places]], self.near)
         if again.any():
             if self._cut is not cut:
-                self._cut, self._near = cut, _Rays(cut, _facets_near(cut, some[again]))
-            far, hit = self._near.cast(cut, some[again], places)
+                self._cut = cut
+                self._local = _Rays(cut, np.flatnonzero(self.facets_near(parent[some[again]])[parent]))
+            far, hit = self._local.cast(cut, some[again], places)
             found[some[again]] = _between(far, is_floor[hit], _shots(cut)[hit], self.near)
         return found
+
+    def facets_near(self, facets: np.ndarray) -> np.ndarray:
+        """Return which facets (f,) of the mesh that was not cut a ray from some of them (n,) can meet, and more."""
+        return self._cells.near(facets)
 
     def _known(self, facets: np.ndarray) -> np.ndarray:
         """Return the rows of some facets, whose rays are cast if they are not known."""
@@ -90,9 +96,7 @@ class _Rays:
     def __init__(self, volume: Volume, facets: np.ndarray) -> None:
         """Index some facets (n,)."""
         self._facets, self._middle = facets, volume.vertices.mean(axis=0)
-        self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-        places = (volume.vertices - self._middle).astype(np.float32)
-        self._scene.add_triangles(places, volume.faces[facets].astype(np.uint32))
+        self._scene = ray_scene(volume.vertices - self._middle, volume.faces[facets], 1)
 
     def cast(self, volume: Volume, some: np.ndarray, places: int) -> tuple[np.ndarray, np.ndarray]:
         """Return how far (3, places, n) m it is to the first facet, inf if none is, and its number (3, places, n).
@@ -113,7 +117,7 @@ class _Rays:
 
     def _first(self, places: np.ndarray, up: float) -> tuple[np.ndarray, np.ndarray]:
         rays = np.column_stack([places - self._middle, np.tile([0, 0, up], (len(places), 1))]).astype(np.float32)
-        found = self._scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)
+        found = self._scene.cast_rays(rays, nthreads=1)
         far, hit = found["t_hit"].numpy(), found["primitive_ids"].numpy().astype(np.int64)
         return far, self._facets[np.where(np.isfinite(far), hit, 0)]
 
@@ -135,14 +139,23 @@ def _shots(volume: Volume) -> np.ndarray:
     return found
 
 
-def _facets_near(volume: Volume, some: np.ndarray) -> np.ndarray:
-    """Return the facets (n,) that a ray of `DEEPEST_M` from some others can meet, and more."""
-    corners = volume.vertices[volume.faces]
-    reach = DEEPEST_M + _BEFORE_M[1] + float(np.ptp(corners, axis=1).max())
-    middle = corners.mean(axis=1)
-    cell = ((middle - middle.min(axis=0)) / reach).astype(np.int64) + 1
-    count = cell.max(axis=0) + 2
-    key = (cell[:, 0] * count[1] + cell[:, 1]) * count[2] + cell[:, 2]
-    around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    shift = (around[:, 0] * count[1] + around[:, 1]) * count[2] + around[:, 2]
-    return np.flatnonzero(np.isin(key, np.unique(key[some])[:, None] + shift))
+class _Cells:
+    """The facets of a mesh in cells that are longer than a ray from one of them to another."""
+
+    def __init__(self, volume: Volume) -> None:
+        """Put each facet in the cell of its middle."""
+        corners = volume.vertices[volume.faces]
+        reach = DEEPEST_M + _BEFORE_M[1] + float(np.ptp(corners, axis=1).max())
+        middle = corners.mean(axis=1)
+        place = ((middle - middle.min(axis=0)) / reach).astype(np.int64) + 1
+        count = place.max(axis=0) + 2
+        around = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._about = (around[:, 0] * count[1] + around[:, 1]) * count[2] + around[:, 2]
+        key = (place[:, 0] * count[1] + place[:, 1]) * count[2] + place[:, 2]
+        self._keys, self._cell = np.unique(key, return_inverse=True)
+
+    def near(self, facets: np.ndarray) -> np.ndarray:
+        """Return which facets (f,) are in the cells of some (n,) and about them."""
+        wanted = self._keys[np.unique(self._cell[facets])][:, None] + self._about
+        marked: np.ndarray = np.isin(self._keys, wanted)
+        return marked[self._cell]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.rock.shapes import Polygons, halving_planes, shaped
 
 _SHARES = (0.6, 0.95)  # of the way from a polygon's middle to its corners and edges: where rays go
@@ -16,8 +16,7 @@ class RaysIntoRock:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """Index the facets (f, 3) of vertices (v, 3) m."""
-        self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
+        self._scene = ray_scene(vertices, faces, 1)
 
     def blocked(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
         """Return behind which polygons (n,) a part that is `moved` or `cut` so deep has a facet in it, as rays find.
@@ -35,7 +34,7 @@ class RaysIntoRock:
         way = np.concatenate([end, half[:, 1:]], axis=1) - start
         start += _INSIDE_M * way / np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-9)
         rays = np.concatenate([start, way], axis=2).astype(np.float32)
-        share = self._scene.cast_rays(open3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy()
+        share = self._scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
         body, ray = np.nonzero(share < 1)
         some, row = np.unique(body, return_inverse=True)
         hit = start[body, ray] + share[body, ray, None] * way[body, ray]

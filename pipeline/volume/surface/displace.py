@@ -93,6 +93,7 @@ def _bounded(fine: FineRock, wanted_m: np.ndarray, room: Room, bounds: Bounds, f
     kept = replace(bounds, narrow_share=_SIMPLIFIED * bounds.narrow_share)
     given = bound_by_room(wanted_m, room, kept)
     if fixed.any():
-        given = damp(given, cKDTree(fine.vertices[fixed]).query(fine.vertices)[0], foot_m, 0.0)
+        far, _ = cKDTree(fine.vertices[fixed]).query(fine.vertices, distance_upper_bound=foot_m)
+        given = damp(given, far, foot_m, 0.0)
     median_m = float(np.median(np.abs(given[~fixed]))) if not fixed.all() else 0.0
     return given if median_m <= bounds.median_m else given * (bounds.median_m / median_m)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d
 from scipy.spatial import cKDTree
 
 from minexplore.bundle import MESHES, mesh_of
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.mesh_checks import find_crossings, join_meshes
@@ -123,12 +123,9 @@ def _beside_m(edges: np.ndarray, others: np.ndarray) -> float:
 def _distance_to_edges(places: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the distance (n,) m of places from the nearest of edges (k, 2, 3), as triangles without an area."""
     middle = edges.reshape(-1, 3).mean(axis=0)
-    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-    corners = (edges - middle).astype(np.float32).reshape(-1, 3)
-    numbers = 2 * np.arange(len(edges), dtype=np.uint32)
-    scene.add_triangles(corners, np.column_stack([numbers, numbers + 1, numbers + 1]))
-    tensor = open3d.core.Tensor((places - middle).astype(np.float32))
-    found: np.ndarray = scene.compute_distance(tensor, nthreads=1).numpy()
+    numbers = 2 * np.arange(len(edges))
+    scene = ray_scene((edges - middle).reshape(-1, 3), np.column_stack([numbers, numbers + 1, numbers + 1]), 1)
+    found: np.ndarray = scene.compute_distance((places - middle).astype(np.float32), nthreads=1).numpy()
     return found
 
 
@@ -147,9 +144,10 @@ def _places(legs: LegNetwork) -> np.ndarray:
 _Triangles = tuple[np.ndarray, np.ndarray]
 
 
-def _scene(middle: np.ndarray, *meshes: _Triangles) -> Any:
-    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-    for vertices, faces in meshes:
+def _scene(middle: np.ndarray, first: _Triangles, *others: _Triangles) -> Any:
+    """Return a scene in which each mesh is a geometry."""
+    scene = ray_scene(first[0] - middle, first[1], 1)
+    for vertices, faces in others:
         scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
     return scene
 
@@ -161,7 +159,7 @@ def _leaks(places: np.ndarray, rock: _Triangles, floors: _Triangles, rng: np.ran
     ways /= np.linalg.norm(ways, axis=2, keepdims=True)
     starts = np.broadcast_to((places - middle)[:, None], ways.shape)
     rays = np.concatenate([starts, ways], axis=2).reshape(-1, 6).astype(np.float32)
-    found = _scene(middle, rock, floors).cast_rays(open3d.core.Tensor(rays), nthreads=1)
+    found = _scene(middle, rock, floors).cast_rays(rays, nthreads=1)
     missed = ~np.isfinite(found["t_hit"].numpy())
     behind = (found["primitive_normals"].numpy() * rays[:, 3:]).sum(axis=1) > 0
     return int((missed | behind & (found["geometry_ids"].numpy() == 0)).sum())
@@ -172,7 +170,7 @@ def _kept(places: np.ndarray, rock: _Triangles, walls: _Triangles) -> float:
     if not len(places):
         return 1.0
     middle = rock[0].mean(axis=0)
-    tensor = open3d.core.Tensor((places - middle).astype(np.float32))
-    seen, solid = (_scene(middle, one).compute_distance(tensor, nthreads=1).numpy() for one in (rock, walls))
+    near = (places - middle).astype(np.float32)
+    seen, solid = (_scene(middle, one).compute_distance(near, nthreads=1).numpy() for one in (rock, walls))
     narrow = int(solid.argmin())
     return float(seen[narrow] / solid[narrow])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.volume.surface.fine import FineRock
@@ -29,8 +29,7 @@ def room_about(rock: FineRock, volume: MineVolume) -> Room:
     touches the surface. The narrowest passage has the half width that one wall in twenty has at most.
     """
     middle = volume.vertices.mean(axis=0)  # rays are cast in 32 bits
-    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles((volume.vertices - middle).astype(np.float32), volume.faces.astype(np.uint32))
+    scene = ray_scene(volume.vertices - middle, volume.faces, 1)
     half, free, behind = np.full((3, len(rock.vertices)), _FAR_M)
     used = np.flatnonzero(rock.direction.any(axis=1))
     for at in range(0, len(used), _AT_ONCE):
@@ -60,7 +59,7 @@ def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.nda
             cosines.append(np.cos(tilt))
     starts = np.broadcast_to((points + _LIFT_M * ways)[:, None], (len(points), len(rays), 3))
     cast = np.concatenate([starts, np.stack(rays, axis=1)], axis=2).reshape(-1, 6).astype(np.float32)
-    hit = scene.cast_rays(open3d.core.Tensor(cast), nthreads=1)["t_hit"].numpy().astype(np.float64)
+    hit = scene.cast_rays(cast, nthreads=1)["t_hit"].numpy().astype(np.float64)
     return np.minimum(hit, _FAR_M).reshape(len(points), -1), np.array(cosines)
 
 

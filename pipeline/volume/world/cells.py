@@ -6,8 +6,8 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-import open3d
 
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.world.content import Cells, MineVolume
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.spans import spans_of
@@ -51,10 +51,9 @@ def _clearance(volume: MineVolume, flat: np.ndarray, places: np.ndarray, above_m
     if flat.all():
         return np.full(len(places), _NO_WALL_M)
     middle = volume.vertices.mean(axis=0)  # distances are measured in 32 bits
-    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles((volume.vertices - middle).astype(np.float32), volume.faces[~flat].astype(np.uint32))
+    scene = ray_scene(volume.vertices - middle, volume.faces[~flat], 1)
     seen = places - middle + above_m[:, None] * [0, 0, 1.0]
-    found: np.ndarray = scene.compute_distance(open3d.core.Tensor(seen.astype(np.float32)), nthreads=1).numpy()
+    found: np.ndarray = scene.compute_distance(seen.astype(np.float32), nthreads=1).numpy()
     return found.astype(np.float64)
 
 

@@ -23,6 +23,7 @@ from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, Sur
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.shell import ShellPart
 from pipeline.volume.surface.proof import measure_rock, read_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
@@ -32,15 +33,16 @@ from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
-from pipeline.volume.world.proof.region import Region, region_of
+from pipeline.volume.world.proof.region import region_of
 from pipeline.volume.world.proof.scan import ScanDeviation, measure_scan
-from pipeline.volume.world.proof.throws import throw_balls, throw_robots
+from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.reach import neighbours_of, reached_from
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
 _SAMPLES = 100_000  # points on the surface of a solid
+_PLACES = 5  # where bodies are thrown in a mine that is too large for one model: most of the time goes by parts
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,7 @@ def validate_volume(
         },
         "rock": measure_rock(volume, world.legs, world.rock, rng),
         "reach": _reach(params, world),
-        **_bodies(params, volume, region_of(volume, fronts.parts, params.most_parts, rng), rng),
+        **_bodies(params, volume, fronts.parts, rng),
     }
     figures = flatten(metrics)
     certificate = certify(world.record.world_sha256, figures, applying_limits(params, metrics))
@@ -253,16 +255,30 @@ def _reach(params: VolumeProofParams, world: VolumeBundle) -> dict[str, Any]:
     }
 
 
-def _bodies(params: VolumeProofParams, volume: Volume, region: Region, rng: np.random.Generator) -> dict[str, Any]:
-    """Return robots at rest, and the escapes of robots and balls, as far as they are asked for."""
+def _bodies(
+    params: VolumeProofParams, volume: Volume, parts: list[ShellPart], rng: np.random.Generator
+) -> dict[str, Any]:
+    """Return robots at rest about one place, and escapes of robots and balls about some, as far as they are asked for.
+
+    Where a mine has more parts than one model may, they are shared out among the places.
+    """
     found: dict[str, Any] = {}
-    parts, targets = region.parts, region.targets
+    region = region_of(volume, parts, params.most_parts, rng)
     if params.robot_contacts:
-        rest = measure_standing(volume, parts, rng, targets)
+        rest = measure_standing(volume, region.parts, rng, region.targets)
         found["standing"] = {"rest_mm": round(_MM * rest.rest_m, 6), "climb_share": round(rest.climb_share, 6)}
-        robots = throw_robots(volume, parts, params.robot_contacts, rng, targets=targets)
-        found["robots"] = {"contacts": robots.contacts, "throws": robots.throws, "escapes": robots.escapes}
+    count = _PLACES if len(parts) > params.most_parts else 1
+    places = [region_of(volume, parts, params.most_parts // count, rng) for _ in range(count)]
+    if params.robot_contacts:
+        asked = -(-params.robot_contacts // count)
+        thrown = (throw_robots(volume, one.parts, asked, rng, targets=one.targets) for one in places)
+        found["robots"] = _thrown(sum(thrown, Throws()))
     if params.ball_contacts:
-        balls = throw_balls(volume, parts, params.ball_contacts, False, rng, targets=targets)
-        found["balls"] = {"contacts": balls.contacts, "throws": balls.throws, "escapes": balls.escapes}
+        asked = -(-params.ball_contacts // count)
+        thrown = (throw_balls(volume, one.parts, asked, False, rng, targets=one.targets) for one in places)
+        found["balls"] = _thrown(sum(thrown, Throws()))
     return found
+
+
+def _thrown(found: Throws) -> dict[str, int]:
+    return {"contacts": found.contacts, "throws": found.throws, "escapes": found.escapes}

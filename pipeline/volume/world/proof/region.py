@@ -1,7 +1,8 @@
-"""The part of a mine that bodies are thrown in, if the whole has too many collision parts for one model."""
+"""The parts of a mine that bodies are thrown in, if the whole has too many collision parts for one model."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +25,41 @@ def region_of(volume: Volume, parts: list[ShellPart], most: int, rng: np.random.
     """Return the `most` parts nearest to a floor that is drawn at random, or all if there are no more."""
     if len(parts) <= most:
         return Region(parts, np.ones(len(volume.faces), bool))
-    triangles = volume.vertices[volume.faces]
     area = np.linalg.norm(volume.normals, axis=1) * (volume.label == Label.FLOOR)
-    middle = triangles[rng.choice(len(area), p=area / area.sum())].mean(axis=0)
-    spans = np.array([(part.corners.min(axis=0), part.corners.max(axis=0)) for part in parts])
-    apart = np.maximum(spans[:, 0] - middle, middle - spans[:, 1]).max(axis=1)  # of a box about the place
-    order = np.argsort(apart, kind="stable")
-    radius = float(apart[order[most]])
-    inside = np.abs(triangles - middle).max(axis=(1, 2)) < radius - _REACH_M
-    return Region([parts[k] for k in order[:most]], inside)
+    return _PartsAbout(volume, parts).region(int(rng.choice(len(area), p=area / area.sum())), most)
+
+
+def regions_over(volume: Volume, parts: list[ShellPart], most: int) -> Iterator[Region]:
+    """Return regions of about `most` parts in which each facet is a target once.
+
+    A region is about the first facet that was in none; where this one is too large for it, it has more parts.
+    """
+    about, left = _PartsAbout(volume, parts), np.ones(len(volume.faces), bool)
+    while left.any():
+        facet, count = int(left.argmax()), most
+        found = about.region(facet, count)
+        while not found.targets[facet]:
+            count *= 2
+            found = about.region(facet, count)
+        yield Region(found.parts, found.targets & left)
+        left &= ~found.targets
+
+
+class _PartsAbout:
+    """The parts and facets of a volume by their distance from a place: half the edge of the box about it."""
+
+    def __init__(self, volume: Volume, parts: list[ShellPart]) -> None:
+        """Take the boxes of parts."""
+        self._parts, self._corners = parts, volume.vertices[volume.faces]
+        spans = np.array([(part.corners.min(axis=0), part.corners.max(axis=0)) for part in parts])
+        self._low, self._high = spans[:, 0], spans[:, 1]
+
+    def region(self, facet: int, most: int) -> Region:
+        """Return the `most` parts nearest to the middle of a facet, or all if there are no more."""
+        if len(self._parts) <= most:
+            return Region(self._parts, np.ones(len(self._corners), bool))
+        middle = self._corners[facet].mean(axis=0)
+        apart = np.maximum(self._low - middle, middle - self._high).max(axis=1)
+        order = np.argsort(apart, kind="stable")
+        inside = np.abs(self._corners - middle).max(axis=(1, 2)) < float(apart[order[most]]) - _REACH_M
+        return Region([self._parts[k] for k in order[:most]], inside)

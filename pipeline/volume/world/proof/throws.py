@@ -23,12 +23,16 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 @dataclass(frozen=True)
 class Throws:
-    """Contacts of the thrown bodies, throws, escapes, and the share of the surface that was a target."""
+    """Contacts of the thrown bodies, throws, escapes, and how many facets bodies began before."""
 
-    contacts: int
-    throws: int
-    escapes: int
-    reached_share: float
+    contacts: int = 0
+    throws: int = 0
+    escapes: int = 0
+    facets: int = 0
+
+    def __add__(self, other: Throws) -> Throws:
+        """Return these and others, which began before other facets."""
+        return Throws(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
 def _add_balls(spec: mujoco.MjSpec) -> None:
@@ -65,27 +69,22 @@ def throw_balls(
     for kind in range(len(_BALLS) - 1, -1, -1):
         fits = inside.distance_m(middle + into * (_BALLS[kind][0] + 0.01)) > _BALLS[kind][0]
         radius[fits if targets is None else fits & targets] = kind
-    queues = [rng.permutation(np.flatnonzero(radius == kind)) for kind in range(len(_BALLS))]
-    at, touched, throws, escapes = [0] * len(queues), 0, 0, 0
-    rounds = max(-(-len(queue) // _BALLS_EACH) for queue in queues)
+    queues = [_Facets(np.flatnonzero(radius == kind), rng) for kind in range(len(_BALLS))]
+    touched, throws, escapes = 0, 0, 0
+    rounds = max(queue.rounds for queue in queues)
     for turn in progress(range(100 * rounds)):
         if touched >= contacts and (turn >= rounds or not whole):
             break
         mujoco.mj_resetData(model, data)
         thrown: list[int] = []
         for kind, queue in enumerate(queues):
-            if not len(queue):
-                continue
-            if at[kind] + _BALLS_EACH > len(queue):
-                queues[kind], at[kind] = rng.permutation(queue), 0
-            for number, facet in enumerate(queues[kind][at[kind] : at[kind] + _BALLS_EACH]):
+            for number, facet in enumerate(queue.next()):
                 body = kind * _BALLS_EACH + number
                 ball, push, _ = _BALLS[kind]
                 data.qpos[7 * body : 7 * body + 3] = middle[facet] + into[facet] * (ball + 0.01)
                 way = -into[facet] + 0.7 * rng.standard_normal(3)
                 data.xfrc_applied[2 + body, :3] = push * way / np.linalg.norm(way)
                 thrown.append(body)
-            at[kind] += _BALLS_EACH
         mujoco.mj_forward(model, data)
         for _ in range(_PUSHED):
             mujoco.mj_step(model, data)
@@ -94,7 +93,25 @@ def throw_balls(
         gone = inside.distance_m(places) < 0
         escapes += int(gone.sum())
         throws += len(thrown)
-    return Throws(touched, throws, escapes, float(area[radius >= 0].sum() / area.sum()))
+    return Throws(touched, throws, escapes, sum(queue.seen for queue in queues))
+
+
+class _Facets:
+    """Facets in random order, as many at once as there are balls of a kind; each comes once before one comes again."""
+
+    def __init__(self, facets: np.ndarray, rng: np.random.Generator) -> None:
+        """Take facets (n,)."""
+        self._order, self._rng, self._at = rng.permutation(facets), rng, 0
+        self.rounds, self.seen = -(-len(facets) // _BALLS_EACH), 0
+
+    def next(self) -> np.ndarray:
+        """Return the next facets (n,)."""
+        if self._at >= len(self._order):
+            self._order, self._at = self._rng.permutation(self._order), 0
+        self._at += _BALLS_EACH
+        found: np.ndarray = self._order[self._at - _BALLS_EACH : self._at]
+        self.seen = min(self.seen + len(found), len(self._order))
+        return found
 
 
 def throw_robots(
@@ -113,14 +130,15 @@ def throw_robots(
     data, inside, robot = mujoco.MjData(model), Inside(volume), RobotParams()
     places, normals = places_for_robots(volume, targets=targets)
     if not len(places):
-        return Throws(0, 0, 0, 0.0)
-    touched = throws = escapes = 0
+        return Throws()
+    touched, begun, escapes = 0, [np.zeros(0, int)], 0
     for _ in progress(range(100 * (1 + contacts // (ROBOTS * _DRIVEN)))):
         if touched >= contacts:
             break
         mujoco.mj_resetData(model, data)
         body = []
-        for number, k in enumerate(rng.integers(len(places), size=ROBOTS)):
+        begun.append(rng.integers(len(places), size=ROBOTS))
+        for number, k in enumerate(begun[-1]):
             yaw, name = rng.uniform(-np.pi, np.pi), f"r{number}"
             body.append(stand(data, model, name, places[k], normals[k], yaw))
             speed = rng.uniform(0, _FASTEST_MPS)
@@ -134,5 +152,4 @@ def throw_robots(
             touched += data.ncon
         here = np.array([data.qpos[at : at + 3] for at in body])
         escapes += int((inside.distance_m(here) < 0).sum())
-        throws += ROBOTS
-    return Throws(touched, throws, escapes, 1.0)
+    return Throws(touched, ROBOTS * (len(begun) - 1), escapes, len(np.unique(np.concatenate(begun))))
