@@ -8,6 +8,7 @@ import manifold3d
 import numpy as np
 
 from pipeline.volume.crossings import CROSSING_M, crosses_more
+from pipeline.volume.folded.plan_weights import second_and_third
 from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.union import Label, Volume
@@ -20,7 +21,6 @@ _LEVEL = 0.5  # of a floor facet's normal, at least; a steeper one is a ledge, w
 _TURN = 0.95  # of the cosine between a wall facet's normals before and after
 _OUTSIDE = -0.02  # of a weight in a facet: a place is in it or hardly beside it
 _ROUNDS, _TRIES = 60, 3
-_NO_AREA_M2 = 1e-12  # of a triangle seen from above, twice
 _TOGETHER = 20_000  # vertices and where they may go
 _EACH = 5  # of the places along the legs, which are 5 cm apart
 _GOING = np.dtype([("gone", int), ("stays", int), ("cost", float)])  # a vertex that becomes another
@@ -240,7 +240,7 @@ class _Floors:
         of_try, sample = of_try[row], order[at]
         starts = np.searchsorted(number, np.arange(len(tries) + 1))
         row, new = ranges(starts[of_try], starts[of_try + 1])
-        v, w = _plan_weights(self._places[corners], new, self._samples.places[sample[row]])
+        v, w = second_and_third(self._places[corners], new, self._samples.places[sample[row]])
         inside = np.minimum(np.minimum(v, w), 1 - v - w)
         best = _first_largest(row, inside)
         v, w, sample, new = v[best], w[best], sample[row[best]], new[best]
@@ -267,19 +267,3 @@ def _first_largest(row: np.ndarray, values: np.ndarray) -> np.ndarray:
     at = np.flatnonzero(values == np.repeat(largest, np.diff(starts, append=len(row))))
     found: np.ndarray = at[np.unique(row[at], return_index=True)[1]]
     return found
-
-
-def _plan_weights(corners: np.ndarray, number: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the second and third of `plan_weights` (n,) of places (n, 2) in triangles (t, 3, 3) with numbers (n,)."""
-    (ax, bx, cx), (ay, by, cy) = corners[:, :, 0].T, corners[:, :, 1].T
-    ab, ac = (bx - ax, by - ay), (cx - ax, cy - ay)
-    double = ab[0] * ac[1] - ab[1] * ac[0]
-    double = np.where(np.abs(double) < _NO_AREA_M2, _NO_AREA_M2, double)[number]
-    x, y = places[:, 0] - ax[number], places[:, 1] - ay[number]
-    return (x * ac[1][number] - y * ac[0][number]) / double, (ab[0][number] * y - ab[1][number] * x) / double
-
-
-def plan_weights(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the barycentric weights (n, 3) of places in triangles (n, 3), seen from above."""
-    v, w = _plan_weights(vertices[faces], np.arange(len(faces)), places)
-    return np.column_stack([1 - v - w, v, w])

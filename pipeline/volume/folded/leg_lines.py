@@ -8,8 +8,8 @@ from math import hypot
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.coarse import plan_weights
 from pipeline.volume.folded.mesh_cuts import MeshCuts
+from pipeline.volume.folded.plan_weights import plan_weights
 from pipeline.volume.folded.steps import DEEPEST_M
 from pipeline.volume.network import NearLegs, SurveyNetwork
 from pipeline.volume.union import Label, Volume
