@@ -17,9 +17,9 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.remarks import warn_user
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
-from pipeline.volume.uncrossed import uncrossed
 from pipeline.volume.union import Label, Volume
 from pipeline.volume.world.content import Cells, MineVolume
+from pipeline.volume.world.uncrossed import uncrossed
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
