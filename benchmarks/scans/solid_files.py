@@ -7,7 +7,7 @@ from pathlib import Path
 import ezdxf.filemanagement
 import numpy as np
 import trimesh
-from ezdxf.render import MeshBuilder
+from ezdxf.render.mesh import MeshBuilder
 
 
 def write_surpac(path: Path, vertices: np.ndarray, faces: np.ndarray, parted: tuple[int, ...] = ()) -> None:
