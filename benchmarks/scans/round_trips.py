@@ -15,6 +15,7 @@ import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
+from benchmarks.scans.solid_files import write
 from benchmarks.scans.truth import mesh_of, truth_of
 from pipeline.errors import MineError
 from pipeline.params.stated import StatedOptions
@@ -24,7 +25,6 @@ from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh
-from tests.survey.solids.test_solid_files import write
 
 RESULTS, TABLE = Path("artifacts/bench/round-trips.jsonl"), Path("docs/evidence/parts/round-trips.md")
 MINES = 5

@@ -1,12 +1,11 @@
 """Solids of workings: read from every mesh format, closed, and joined."""
 
-import ezdxf
 import manifold3d
 import numpy as np
 import pytest
 import trimesh
-from ezdxf.render import MeshBuilder
 
+from benchmarks.scans.solid_files import write, write_surpac
 from pipeline.errors import InputError
 from pipeline.survey.solids.closing import close_solids
 from pipeline.survey.solids.files import read_triangles
@@ -20,46 +19,6 @@ def crossing_tunnels():
     union = drift + manifold3d.Manifold.cube([3, 8, 2.5]).translate([4, -2, 0.5])
     mesh = union.to_mesh64()
     return np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), union.volume()
-
-
-def write_surpac(path, vertices, faces, parted=()):
-    """Write a triangulation and its strings, which end before the corners in `parted`, numbered by record if so."""
-    rows, number = [], np.arange(1, len(vertices) + 1)
-    for k, (x, y, z) in enumerate(vertices.tolist()):
-        if k in parted:
-            rows.append("0, 0.000, 0.000, 0.000,")
-            number[k:] += 1
-        rows.append(f"32000, {y:.6f}, {x:.6f}, {z:.6f},")
-    strings = ["mine, 01-Jan-26,,", "0, 0, 0, 0, 0, 0, 0", *rows, "0, 0, 0, 0, END"]
-    path.with_suffix(".str").write_text("\n".join(strings) + "\n")
-    triangles = [f"{k}, {a}, {b}, {c}, 0, 0, 0," for k, (a, b, c) in enumerate(number[faces].tolist(), start=1)]
-    head = [
-        f"{path.stem}.str,",
-        "0, 0.000, 0.000, 0.000, END",
-        "OBJECT, 1,",
-        "TRISOLATION, 1, neighbours=no,closed=yes",
-    ]
-    path.write_text("\n".join([*head, *triangles, "END"]) + "\n")
-
-
-def write(path, vertices, faces, entity="MESH"):
-    if path.suffix == ".dtm":
-        write_surpac(path, vertices, faces)
-        return
-    if path.suffix != ".dxf":
-        up = vertices[:, [0, 2, 1]] * [1, 1, -1] if path.suffix == ".glb" else vertices
-        trimesh.Trimesh(up, faces, process=False).export(path)
-        return
-    drawing = ezdxf.new(units=6)
-    space, builder = drawing.modelspace(), MeshBuilder()
-    builder.vertices, builder.faces = [tuple(v) for v in vertices.tolist()], faces.tolist()
-    if entity == "3DFACE":
-        builder.render_3dfaces(space, dxfattribs={"layer": "STOPE"})
-    elif entity == "POLYFACE":
-        builder.render_polyface(space, dxfattribs={"layer": "STOPE"})
-    else:
-        builder.render_mesh(space, dxfattribs={"layer": "STOPE"})
-    drawing.saveas(path)
 
 
 def closed(path, largest_hole_m=HOLE_M, layers=None):

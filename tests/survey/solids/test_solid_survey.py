@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.scans.solid_files import write
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.solids.read import read_solid
-from tests.survey.solids.test_solid_files import crossing_tunnels, write
+from tests.survey.solids.test_solid_files import crossing_tunnels
 
 PARAMS = SolidSurveyParams(kind="solid", name="a", file="data/x", heights=None)
 

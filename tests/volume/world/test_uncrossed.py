@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from pipeline.errors import GeometryError
-from pipeline.volume import uncrossed as module
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.world import uncrossed as module
 from pipeline.volume.world.uncrossed import uncrossed
 
 
