@@ -55,7 +55,7 @@ _LOOKS, _LOOK_S, _AGAIN_S = 20, 0.05, 2.0  # at whether a process sleeps, when a
 
 
 @dataclass(frozen=True)
-class Trial:
+class CaseOutcome:
     """What became of a case: `valid`, `refused` or what is wrong with the reader; its processor time, s."""
 
     verdict: str
@@ -120,7 +120,7 @@ def _replaced(sample: Files, make: Callable[[], Files]) -> Files:
     return {**sample, **make()}
 
 
-def try_case(read: Callable[[Path], Any], files: Files, folder: Path, limits: TimeLimits) -> Trial:
+def try_case(read: Callable[[Path], Any], files: Files, folder: Path, limits: TimeLimits) -> CaseOutcome:
     """Write a case's files, read the first, and judge what comes of it."""
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -130,7 +130,7 @@ def try_case(read: Callable[[Path], Any], files: Files, folder: Path, limits: Ti
     seconds = sum(os.times()[:4]) - start
     if seconds > limits.processor_s and verdict in ("valid", "refused"):
         verdict = f"{seconds:.1f} s of the processors"
-    return Trial(verdict, seconds)
+    return CaseOutcome(verdict, seconds)
 
 
 def _verdict(read: Callable[[Path], Any], path: Path, clock_s: float) -> str:
