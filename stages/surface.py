@@ -50,7 +50,7 @@ def model_surface(
     if params.overlay == "none":
         return _NO_ROCK
     if volume is not None and (volume / VOLUME).is_file():
-        from pipeline.volume.surface.build import rock_of_volume  # open3d takes a second to load
+        from pipeline.volume.world.surface.build import rock_of_volume  # open3d takes a second to load
 
         rock = rock_of_volume(params, volume, solid.scan_m)
         return {**_NO_ROCK, "rough": rock.files, "texture": _texture(params.texture), "mesh_checks": rock.report}

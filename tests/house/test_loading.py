@@ -88,6 +88,7 @@ def test_scenes_for_rays_load_no_web_server():
 def test_volumes_read_scans_and_prove_themselves_without_loading_open3d_or_a_web_server():
     code = (
         "import sys, pipeline.volume.world.compile, pipeline.volume.world.proof.certificate, pipeline.survey.load, "
-        "pipeline.volume.surface.build, pipeline.mjcf.rough_floor; assert not {'open3d', 'dash'} & set(sys.modules)"
+        "pipeline.volume.world.surface.build, pipeline.mjcf.rough_floor; "
+        "assert not {'open3d', 'dash'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -27,13 +27,13 @@ from pipeline.params.realism import LightParams, RealismParams
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.hashing import sha256_bytes
 from pipeline.types import NO_PICTURE, FreeSpace, Image, Survey
-from pipeline.volume.surface.show import chunk_names, rock_files
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, SPAWN
 from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
 from pipeline.volume.world.model import VolumeScene, model_xml
 from pipeline.volume.world.parts import cut_floors
 from pipeline.volume.world.record import BuiltVolume, VolumeFigures, VolumeRecord
+from pipeline.volume.world.surface.show import chunk_names, rock_files
 from pipeline.volume.world.topology import LegNetwork, Start, heading_at
 
 _OWN = (SPAWN, BUILT)  # of the stage's folder, which the record holds

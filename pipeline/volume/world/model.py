@@ -23,9 +23,9 @@ from minexplore.bundle import (
 )
 from minexplore.looks import EXTENT_M, LOOKS
 from pipeline.mjcf.scene import SpotLight, ZoneStrip
-from pipeline.volume.surface.show import show_rock
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import LabelledParts
+from pipeline.volume.world.surface.show import show_rock
 
 _DIGITS = 7  # of coordinates about a part's middle, m
 _GROUPS = {Label.WALL: GeomGroup.COLLISION, Label.ROOF: GeomGroup.ROOF}

@@ -24,7 +24,6 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.shell import ShellPart
-from pipeline.volume.surface.proof import measure_rock, read_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
@@ -38,6 +37,7 @@ from pipeline.volume.world.proof.scan import ScanDeviation, measure_scan
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.reach import neighbours_of, reached_from
 from pipeline.volume.world.record import VolumeRecord
+from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3

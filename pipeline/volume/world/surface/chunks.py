@@ -13,9 +13,9 @@ from pipeline.surface.mesh.lattice import ROOF, WALL
 from pipeline.surface.mesh.normals import shade_mesh
 from pipeline.surface.mesh.simplify import SurfaceMesh
 from pipeline.types import Mesh
-from pipeline.volume.surface.displace import DisplacedRock
-from pipeline.volume.surface.fine import FLOOR
-from pipeline.volume.surface.texture import lay_texture, texture_groups
+from pipeline.volume.world.surface.displace import DisplacedRock
+from pipeline.volume.world.surface.fine import FLOOR
+from pipeline.volume.world.surface.texture import lay_texture, texture_groups
 
 _NAMES = {WALL: WALLS, ROOF: ROOF_CHUNKS}
 _LEAST_FACES = 2  # of a chunk: a mesh of MuJoCo has four vertices

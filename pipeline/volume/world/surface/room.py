@@ -9,8 +9,8 @@ import numpy as np
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.lattice import WALL
-from pipeline.volume.surface.fine import FineRock
 from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.surface.fine import FineRock
 
 _LIFT_M = 2e-3  # of the rays' starts off the surface, over the rounding of 32 bits
 _CONES = ((0.0, 1), (35.0, 6), (65.0, 6))  # angle from the way across, deg, and rays

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.surface.mesh.lattice import ROOF
 from pipeline.surface.texture.coordinates import relax_texture
-from pipeline.volume.surface.displace import DisplacedRock
+from pipeline.volume.world.surface.displace import DisplacedRock
 
 _WAYS = 4  # of the plan that textures of walls run along: a wall is at most 22.5 deg off one of them
 _LEVEL = 0.7  # of a normal's height: such rock has the texture of a roof

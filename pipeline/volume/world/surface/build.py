@@ -20,12 +20,12 @@ from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief.joints import JointedRock, relief_of_joints
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
-from pipeline.volume.surface.chunks import cut_rock
-from pipeline.volume.surface.displace import DisplacedRock, displace_rock
-from pipeline.volume.surface.fine import FineRock, refine
-from pipeline.volume.surface.room import room_about
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.surface.chunks import cut_rock
+from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
+from pipeline.volume.world.surface.fine import FineRock, refine
+from pipeline.volume.world.surface.room import room_about
 
 NO_SCAN = np.zeros((0, 3))
 _WIDEST_M = 0.5

@@ -16,12 +16,12 @@ from pipeline.compose import compose
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
-from pipeline.volume.surface.build import displaced_rock, rock_of_volume
-from pipeline.volume.surface.fine import FLOOR, refine
-from pipeline.volume.surface.proof import measure_rock, read_rock
-from pipeline.volume.surface.room import room_about
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.surface.build import displaced_rock, rock_of_volume
+from pipeline.volume.world.surface.fine import FLOOR, refine
+from pipeline.volume.world.surface.proof import measure_rock, read_rock
+from pipeline.volume.world.surface.room import room_about
 from pipeline.volume.world.topology import LegNetwork
 from stages.surface import model_surface
 from tests.heights import HEADER
