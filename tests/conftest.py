@@ -100,6 +100,18 @@ def share_mine(factory: pytest.TempPathFactory, name: str, make: Callable[[Path]
     return pickle.loads((build_once(factory, name, build) / "mine.pickle").read_bytes())
 
 
+def share_volume(factory: pytest.TempPathFactory, name: str) -> Path:
+    """Return the bundle of a station table of `tests.volumes` as one volume, which one worker builds for all."""
+
+    def build(folder: Path) -> None:
+        from tests import volumes  # it composes a configuration, which few tests need
+
+        folder.mkdir()
+        volumes.build_volume(getattr(volumes, name), folder)
+
+    return build_once(factory, name, build) / "world"
+
+
 @pytest.fixture(scope="session")
 def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the T-junction as a world; tests must not change its folder."""
@@ -123,6 +135,24 @@ def small_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
             build_small_world(folder / "world")
 
     return build_once(tmp_path_factory, "small", build) / "world"
+
+
+@pytest.fixture(scope="session")
+def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bundle of a drift of 20 m, 4 m wide, as one volume; tests must not change its folder."""
+    return share_volume(tmp_path_factory, "BOX")
+
+
+@pytest.fixture(scope="session")
+def ramp(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bundle of a drift with a ramp of 15 % in its middle third, likewise."""
+    return share_volume(tmp_path_factory, "RAMP")
+
+
+@pytest.fixture(scope="session")
+def over(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the bundle of a drift over another, 8 m apart, and of the ramp that joins them, likewise."""
+    return share_volume(tmp_path_factory, "OVER")
 
 
 @pytest.fixture(scope="session")

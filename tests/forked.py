@@ -19,14 +19,16 @@ _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(_PRELOADED)
 
 
-def run_forked(module: str, arguments: tuple[str, ...], folder: Path) -> subprocess.CompletedProcess:
-    """Run a module with its arguments in `folder`; return its exit code, output and messages.
+def run_forked(
+    module: str, arguments: tuple[str, ...], folder: Path, variables: dict[str, str] | None = None
+) -> subprocess.CompletedProcess:
+    """Run a module with its arguments in `folder` and further variables; return its exit code, output and messages.
 
     The code comes from this checkout, not from `folder`, and libraries have read their environment variables before.
     """
     with TemporaryDirectory() as streams:
         out, err = Path(streams) / "out", Path(streams) / "err"
-        process = _context.Process(target=_run, args=(module, arguments, str(folder), str(out), str(err)))
+        process = _context.Process(target=_run, args=(module, arguments, folder, (out, err), variables or {}))
         process.start()
         process.join()
         assert process.exitcode is not None  # it has ended
@@ -35,11 +37,14 @@ def run_forked(module: str, arguments: tuple[str, ...], folder: Path) -> subproc
         )
 
 
-def _run(module: str, arguments: tuple[str, ...], folder: str, out: str, err: str) -> None:
-    for descriptor, path in ((1, out), (2, err)):
+def _run(
+    module: str, arguments: tuple[str, ...], folder: Path, streams: tuple[Path, Path], variables: dict[str, str]
+) -> None:
+    for descriptor, path in zip((1, 2), streams, strict=True):
         os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), descriptor)
+    os.environ.update(variables)
     os.chdir(folder)
-    sys.path.insert(0, folder)
+    sys.path.insert(0, str(folder))
     sys.argv = [module, *arguments]
     main = f"{module}.__main__" if hasattr(sys.modules.get(module), "__path__") else module
     sys.modules.pop(main, None)  # or runpy warns that it was imported before

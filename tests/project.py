@@ -114,9 +114,12 @@ class Project:
             return self.run(sys.executable, "-m", f"stages.{name}", *overrides, check=False, **env)
         return self.module(f"stages.{name}", *overrides)
 
-    def module(self, name: str, *arguments: str) -> subprocess.CompletedProcess:
-        """Run a module as `python -m` does, without the time that its imports take."""
-        return run_forked(name, arguments, self.folder)
+    def module(self, name: str, *arguments: str, **env: str) -> subprocess.CompletedProcess:
+        """Run a module as `python -m` does, without the time that its imports take.
+
+        Variables of `env` are those that the module reads; libraries have read theirs before.
+        """
+        return run_forked(name, arguments, self.folder, env)
 
     def stages(self, *names: str) -> None:
         """Compose the parameters and run stages; raise if one fails."""

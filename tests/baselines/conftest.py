@@ -59,6 +59,8 @@ def mines(tee: BuiltMine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
     for module in (split, split_file, result_file):
         monkeypatch.setattr(module, "RESULTS", tmp_path)
     monkeypatch.setattr("baselines.scoring.bounds.BOUNDS", tmp_path / "bounds.json")
+    # The two mines are of two styles, so that all samples of a bootstrap are the same; 2000 of them take seconds.
+    monkeypatch.setattr("baselines.scoring.split_statistics._RESAMPLES", 100)
     yield ids
     for env_id in ids:
         del gymnasium.registry[env_id]

@@ -12,7 +12,7 @@ from baselines.policies.found import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.world import load_world
-from tests.volumes import BOX, HEADER, OVER, build_volume
+from tests.volumes import HEADER, build_volume
 
 DRY = {"terrain": False}
 # Two drifts 12 m over each other, and a shaft with vertical walls between their ends.
@@ -20,16 +20,6 @@ PIT = HEADER + (
     "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
     "B,2,20,0,2,2,0,3,0\nB,3,20,0,2,2,-12,3,0\nC,3,20,0,2,2,-12,3,0\nC,4,40,0,2,2,-12,3,0\n"
 )
-
-
-@pytest.fixture(scope="module")
-def over(tmp_path_factory):
-    return build_volume(OVER, tmp_path_factory.mktemp("over"))
-
-
-@pytest.fixture(scope="module")
-def box(tmp_path_factory):
-    return build_volume(BOX, tmp_path_factory.mktemp("box"))
 
 
 def test_the_least_time_along_a_drift_is_its_length_at_the_commanded_speed(box):

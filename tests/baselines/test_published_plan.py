@@ -1,7 +1,6 @@
 """The page of the published plan, which needs a file that this repository does not hold."""
 
 import shutil
-import sys
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from benchmarks.comparisons import published_plan
 
 
 def test_a_missing_plan_is_named_with_the_command_that_fetches_it(project):
-    done = project.run(sys.executable, "-m", "benchmarks.comparisons.published_plan")
+    done = project.module("benchmarks.comparisons.published_plan")
     assert done.returncode == 2
     assert done.stderr == "published-plan: data/raw/plan.jpg: missing; `make data` fetches it\n"
 

@@ -234,7 +234,7 @@ def test_a_params_file_without_a_valid_overrides_line_is_refused(copied, text):
 
 
 def set_overrides(project, overrides):
-    return project.run(sys.executable, "-m", "pipeline", "set-overrides", OVERRIDES=overrides)
+    return project.module("pipeline", "set-overrides", OVERRIDES=overrides)
 
 
 @pytest.mark.parametrize("overrides", ["contours.tolerance_m=-1", "'"])

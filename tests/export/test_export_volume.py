@@ -15,12 +15,11 @@ from pipeline.export.extract_volume import arrays_of, read_volume_scene
 from pipeline.export.formats.known import FORMATS
 from pipeline.export.scene import ReadScene, box_corners, placed_part
 from tests.composed import compose
-from tests.volumes import RAMP, build_volume
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory):
-    return build_volume(RAMP, tmp_path_factory.mktemp("ramp"))
+def bundle(ramp):
+    return ramp
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,6 @@ from minexplore import corpus
 from minexplore.bundle import MADE_BY, RECORD, BundleError
 from minexplore.corpus import FORMAT, open_corpus
 from tests.mines import BuiltMine
-from tests.volumes import RAMP, build_volume
 
 NAME = "a-T"
 
@@ -159,12 +158,11 @@ def test_a_name_that_is_no_corpus_is_a_shipped_world_or_a_folder(tee: BuiltMine)
     assert minexplore.load(tee.bundle).folder == tee.bundle
 
 
-def test_a_volume_of_an_address_is_fetched_with_all_its_files(served, folder, tmp_path):
+def test_a_volume_of_an_address_is_fetched_with_all_its_files(served, folder, ramp):
     address, _ = served
-    built = build_volume(RAMP, tmp_path)
-    shutil.copytree(built, folder / "worlds" / "deep" / "world")
-    write_index(folder, deep=hashlib.sha256((built / RECORD).read_bytes()).hexdigest())
+    shutil.copytree(ramp, folder / "worlds" / "deep" / "world")
+    write_index(folder, deep=hashlib.sha256((ramp / RECORD).read_bytes()).hexdigest())
     world = minexplore.load("corpus:deep", address)
     assert world.volume is not None
-    assert {path.name for path in world.folder.iterdir()} == {path.name for path in built.iterdir()} - {MADE_BY}
+    assert {path.name for path in world.folder.iterdir()} == {path.name for path in ramp.iterdir()} - {MADE_BY}
     assert drive("MineXplore/corpus:deep-v0") == world.record["world_sha256"]

@@ -5,14 +5,8 @@ import pytest
 from baselines.policies.found import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
-from tests.volumes import OVER, build_volume
 
 DRY = {"terrain": False}
-
-
-@pytest.fixture(scope="module")
-def over(tmp_path_factory):
-    return build_volume(OVER, tmp_path_factory.mktemp("over"))
 
 
 def explored(world, name, steps):

@@ -12,7 +12,6 @@ import pytest
 import minexplore
 from minexplore.placing.place import PlacementWarning
 from minexplore.world import load_world
-from tests.volumes import OVER, RAMP, build_volume
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 BALL = """<mujoco><worldbody><body name="b"><freejoint/><geom size=".2" name="ball" friction="1 0.1 0.1"/></body>
@@ -20,13 +19,13 @@ BALL = """<mujoco><worldbody><body name="b"><freejoint/><geom size=".2" name="ba
 
 
 @pytest.fixture(scope="module")
-def over(tmp_path_factory):
-    return load_world(build_volume(OVER, tmp_path_factory.mktemp("over")))
+def over(over):
+    return load_world(over)
 
 
 @pytest.fixture(scope="module")
-def ramp(tmp_path_factory):
-    return load_world(build_volume(RAMP, tmp_path_factory.mktemp("ramp")))
+def ramp(ramp):
+    return load_world(ramp)
 
 
 def placed(world, robot, pose, **options):

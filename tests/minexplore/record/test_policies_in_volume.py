@@ -5,11 +5,10 @@ import numpy as np
 from baselines.policies.found import make_policy
 from minexplore.envs.env import MineEnv
 from minexplore.record.policies import find_drive
-from tests.volumes import OVER, build_volume
 
 
-def test_an_explorer_by_name_drives_as_the_one_for_mines_with_heights(tmp_path):
-    env = MineEnv(build_volume(OVER, tmp_path))
+def test_an_explorer_by_name_drives_as_the_one_for_mines_with_heights(over):
+    env = MineEnv(over)
     drive = find_drive("nearest-frontier", env, 0, lambda observation, beams: np.zeros(2))
     wanted = make_policy("nearest-frontier", 1, env.task, env.robot, heights=True)
     wanted.reset(np.arange(1), np.array([0]))

@@ -10,19 +10,13 @@ import pytest
 from minexplore.bundle import BundleError
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from tests.mines import sealed
-from tests.volumes import BOX, build_volume
 
 FOLDER = Path("w")
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory) -> Path:
-    return build_volume(BOX, tmp_path_factory.mktemp("box"))
-
-
-@pytest.fixture(scope="module")
-def files(bundle) -> dict[str, bytes]:
-    return read_folder(bundle)
+def files(box) -> dict[str, bytes]:
+    return read_folder(box)
 
 
 def refusal(files: dict[str, bytes]) -> str:
@@ -57,8 +51,8 @@ def at(place, value):
     return change
 
 
-def test_a_volume_of_the_builder_is_allowed(bundle):
-    found = check_world(bundle)
+def test_a_volume_of_the_builder_is_allowed(box):
+    found = check_world(box)
     assert len(found.volume.parts) == found.record["collision_parts"]
 
 

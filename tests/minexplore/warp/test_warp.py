@@ -23,7 +23,6 @@ from minexplore.warp.kernels import philox  # noqa: E402
 from minexplore.warp.slots import TILE_M, list_parts  # noqa: E402
 from minexplore.world import load_world  # noqa: E402
 from tests.mines import TEE, BuiltMine  # noqa: E402
-from tests.volumes import BOX, build_volume  # noqa: E402
 
 SHORT = {"max_steps": 3, "physics_s": 0.05}  # two physics steps a control step: enough where physics does not matter
 
@@ -333,6 +332,6 @@ def test_a_robot_whose_controls_are_not_linear_is_refused(tee: BuiltMine):
         make(tee, robot=Squared())
 
 
-def test_a_world_that_is_one_volume_is_refused_in_one_line(tmp_path):
+def test_a_world_that_is_one_volume_is_refused_in_one_line(box):
     with pytest.raises(ValueError, match=r"drives on level floors; this mine has heights$"):
-        make_vector_env(2, backend="warp", device="cpu", world=build_volume(BOX, tmp_path))
+        make_vector_env(2, backend="warp", device="cpu", world=box)
