@@ -27,13 +27,6 @@ _LOADING = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Floor:
-    """Whether a world's floor is one level plane. Training of graph policies asks for it by this name."""
-
-    is_flat: bool
-
-
-@dataclass(frozen=True)
 class World:
     """A bundle that was checked and read.
 
@@ -54,11 +47,6 @@ class World:
     def has_heights(self) -> bool:
         """Return whether the floor is not one level plane."""
         return self.volume is not None
-
-    @property
-    def floor(self) -> Floor:
-        """Return whether the floor is flat."""
-        return Floor(not self.has_heights)
 
     def spec(self) -> mujoco.MjSpec:
         """Return the world's MJCF to attach robots to.

@@ -11,9 +11,11 @@ from baselines.base.errors import BaselineError
 from baselines.base.markdown import markdown_table
 from baselines.base.refusals import first_refusal
 from baselines.base.result_file import RESULTS, replace_text
+from baselines.explorers import EXPLORERS
 
 DEGRADED = RESULTS / "degraded.json"
 TRUE = "ideal"  # senses that are not degraded
+DRIVEN = tuple(name for name in EXPLORERS if name != "random")  # a random walk takes no notice of its senses
 
 
 class Drives(BaseModel):
@@ -58,7 +60,10 @@ def keep_drives(env_id: str, policy: str, senses: str, drives: Drives, path: Pat
 
 
 def degraded_table(rows: dict[str, Senses]) -> str:
-    """Return a table of one environment: each policy's coverage by ideal senses, and the points that others cost."""
+    """Return a table of one environment: each policy's coverage by ideal senses, and the points that others cost.
+
+    A line under it names the explorers that are not driven by all senses.
+    """
     names = [name for name in next(iter(rows.values())) if name != TRUE]
     columns = ["policy", "episodes", "coverage", *(f"lost, {name}" for name in names)]
     columns += ["pose off at the end by odometry, m"] if "odometry" in names else []
@@ -71,4 +76,6 @@ def degraded_table(rows: dict[str, Senses]) -> str:
         lost = [f"{100 * (ideal.coverage - senses[name].coverage):.1f}" for name in names]
         off = [f"{senses['odometry'].off_m:.1f}"] if "odometry" in names else []
         cells.append([policy, ideal.episodes, f"{100 * ideal.coverage:.1f} %", *lost, *off])
-    return markdown_table(columns, cells)
+    measured = {policy for policy, *_ in cells}
+    left = [name for name in DRIVEN if name not in measured]
+    return markdown_table(columns, cells) + (f"\nNot measured: {', '.join(left)}.\n" if left else "")

@@ -15,9 +15,8 @@ import numpy as np
 from baselines.base.environments import find_id
 from baselines.base.markdown import write_table
 from baselines.base.result_file import line_sha256
-from baselines.explorers import EXPLORERS
 from baselines.policies.found import Policy, make_policy, policy_sha256
-from baselines.scoring.degraded import TRUE, Drives, degraded_table, keep_drives, read_degraded
+from baselines.scoring.degraded import DRIVEN, TRUE, Drives, degraded_table, keep_drives, read_degraded
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.odometry import fitted_odometry
 from minexplore.sensing.params import preset_names, preset_numbers
@@ -70,7 +69,7 @@ def _inputs(policy: Policy, env: MineVectorEnv, senses: dict[str, Any]) -> str:
 def main() -> int:
     """Run the explorers and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--policy", nargs="*", default=[name for name in EXPLORERS if name != "random"])
+    parser.add_argument("--policy", nargs="*", default=DRIVEN)
     parser.add_argument("--env", default=ENV)
     parser.add_argument("--episodes", type=int, default=10)
     arguments = parser.parse_args()

@@ -91,6 +91,10 @@ class LevelSite:
         rows, cols = world.clearance_m.shape
         if not (0 <= row < rows and 0 <= col < cols) or world.clearance_m[row, col] <= 0:
             raise _in_rock(pose)
+        if pose.z_m is not None and pose.z_m < (0.0 if pose.hovers else -_LOOK_M):
+            raise _in_rock(pose)
+        if pose.hovers and pose.z_m > world.record["height_m"]:
+            raise _in_rock(pose)
         return np.append(plan, 0.0), np.array([0.0, 0.0, 1.0])
 
     def rise(self, stance: RobotStance, foot_m: np.ndarray, turn: np.ndarray) -> float:

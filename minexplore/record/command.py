@@ -18,6 +18,8 @@ from minexplore.record.mcap_file import McapFile, require_mcap
 from minexplore.record.policies import Ahead, Drive, find_drive
 from minexplore.sensing.params import preset_names
 
+_LAST_PORT = 65_535  # of TCP
+
 
 class Sink(Protocol):
     """Takes the frames of an episode."""
@@ -61,6 +63,8 @@ def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     for name, low in (("steps", 1), ("every", 1), ("seed", 0)):
         if getattr(arguments, name) < low:
             raise ValueError(f"{name} = {getattr(arguments, name)}: want {low} or more")
+    if arguments.live is not None and not 0 <= arguments.live <= _LAST_PORT:
+        raise ValueError(f"live = {arguments.live}: want a port from 0 to {_LAST_PORT}; 0 takes one that is free")
     if arguments.out is None and arguments.live is None:
         raise ValueError("nothing to do: give --out FILE, --live, or both")
     _require(arguments)

@@ -3,7 +3,7 @@
 import pytest
 
 from baselines.base.errors import BaselineError
-from baselines.scoring.degraded import Drives, degraded_table, keep_drives, read_degraded
+from baselines.scoring.degraded import DRIVEN, Drives, degraded_table, keep_drives, read_degraded
 from benchmarks.sensors.sensing_loss import all_senses, explore
 
 
@@ -27,7 +27,15 @@ def test_the_table_gives_points_lost_and_leaves_out_a_policy_that_is_not_driven_
     lines = table.splitlines()
     assert lines[2] == "| high | 3 | 70.0 % | 30.0 | 65.0 | 12.0 |"
     assert lines[3] == "| low | 3 | 50.0 % | 10.0 | 45.0 | 12.0 |"
-    assert len(lines) == 4
+    assert len(lines) == 6
+    assert lines[5].startswith("Not measured: reactive, wall-following, nearest-frontier, ")
+
+
+def test_the_table_of_all_explorers_names_none_that_is_not_measured():
+    full = {"ideal": drives(0.5), "dusty": drives(0.05)}
+    assert "Not measured" not in degraded_table(dict.fromkeys(DRIVEN, full))
+    but_one = dict.fromkeys([name for name in DRIVEN if name != "two-level"], full)
+    assert degraded_table(but_one).splitlines()[-1] == "Not measured: two-level."
 
 
 def test_episodes_of_the_same_inputs_are_not_driven_again_and_other_senses_are_other_inputs(short_id):

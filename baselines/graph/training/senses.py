@@ -23,7 +23,7 @@ class Senses:
         ValueError
             If the mine's floor is not flat, or the robot fits nowhere.
         """
-        if not world.floor.is_flat:
+        if world.has_heights:
             raise ValueError(f"{world.folder}: its floor is not flat, want a mine without heights")
         anchor_m = np.array(world.record["spawn"]["anchor_m"])
         self.lidar = shared_lidar(world.folder, world.record["world_sha256"], task.range_m[1], "auto")

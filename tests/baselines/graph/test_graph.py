@@ -32,6 +32,7 @@ from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import load_world
+from tests.volumes import BOX, build_volume
 
 TASK, ROBOT = TaskParams(terrain=False, max_steps=600), RobotParams()
 SHAPE = Shape(width=16, heads=2, blocks=2, attention=True, stubs=True, floor=True)
@@ -75,6 +76,12 @@ def compare_sight(world, count):
 
 def test_the_same_beams_see_the_same_cells_as_in_the_environment(world):
     compare_sight(world, 300)
+
+
+def test_a_mine_with_heights_is_refused_by_its_folder(tmp_path):
+    steep = load_world(build_volume(BOX, tmp_path))
+    with pytest.raises(ValueError, match=f"{steep.folder}: its floor is not flat, want a mine without heights"):
+        Senses(steep, TASK, ROBOT)
 
 
 @pytest.mark.slow

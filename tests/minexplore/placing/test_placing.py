@@ -147,6 +147,8 @@ def test_a_pair_with_a_files_own_floor_becomes_a_contact_with_the_mines(tee: Bui
     ("pose", "options", "message"),
     [
         ((500.0, 2.5), {}, r"pose: \(x, y\) = \(500, 2.5\): in rock; want a place of the workings"),
+        ((10.0, 2.5, 0.0, -50.0), {}, r"pose: \(10.0, 2.5, -50.0\): in rock"),
+        ((10.0, 2.5, 0.0, 50.0), {}, r"pose: \(10.0, 2.5, 50.0\): in rock"),
         ((10.0, 0.3), {}, r"reaches 0\.\d+ m into .+; want a place with 1\.\d+ m round it"),
         ((10.0,), {}, r"pose = \(10.0,\): want \(x, y\), \(x, y, yaw\) or \(x, y, yaw, z\)"),
         ((10.0, math.nan), {}, "pose: y_m = nan: want a finite number"),

@@ -215,6 +215,8 @@ def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(smal
         ({"sensors": "sonar"}, "sensors: 'sonar': want each once of rgb"),
         ({"steps": 0}, "steps = 0: want 1 or more"),
         ({"out": None}, "nothing to do: give --out FILE, --live, or both"),
+        ({"live": 99999}, "live = 99999: want a port from 0 to 65535"),
+        ({"live": -1}, "live = -1: want a port from 0 to 65535"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(tmp_path, options, words):
