@@ -141,7 +141,7 @@ ROWS = [
     _row("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f"),
     _row("drifts, m", "topology.drift_m", ",.0f"),
     _row("rock on walls and roof, m2", "per_m2.rock_m2", ",.0f"),
-    _row("convex collision parts beyond the fewest, per metre of wall", "collision.parts_per_wall_m", ".3f"),
+    _row("convex collision parts beyond two a corner, per metre of wall", "collision.parts_per_wall_m", ".3f"),
     _row("bundle beyond 1.1 MB, bytes per m2 of rock", "per_m2.bytes", ",.0f"),
     _row("bundle, MB", "world.bytes", "MB", headline=True),
     _row("MjModel load, the first in a process, s", "world.first_load_s", ".2f", headline=True),

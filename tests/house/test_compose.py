@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
-from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, FIXED_PARTS
+from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, PARTS_PER_CORNER
 from pipeline.params.refusals import describe_refusals
 from pipeline.params.validation import ValidationParams
 from tests.project import ROOT
@@ -109,7 +109,8 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
     limits, clauses = validation.limits, validation.certificate.limits
     for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", FIXED_LOAD_MB)):
         assert fixed + rock_m2 * limits[f"per_m2.{name}"].max <= limits[f"world.{name}"].max
-    parts = FIXED_PARTS + wall_m * limits["collision.parts_per_wall_m"].max
+    corners, pillars = 307, 1
+    parts = PARTS_PER_CORNER * corners + pillars + wall_m * limits["collision.parts_per_wall_m"].max
     assert parts <= limits["collision.parts"].max
     for name in ("intrusion", "missing"):
         assert 1e-6 * wall_m * clauses[f"{name}_um"].max <= clauses[f"{name}_m2"].max
