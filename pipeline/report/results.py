@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 
+from minexplore.schema.readers.json_text import describe_json_error
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.rock.paper import PAPER
@@ -174,7 +175,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None
     except (ValueError, RecursionError) as error:
-        raise ArtifactError(f"{path}: not JSON: {str(error)[:200]}") from error
+        raise ArtifactError(f"{path}: {describe_json_error(error)}; stage 6 writes it anew (`make all`)") from error
     if not flat:
         raise ArtifactError(f"{path}: want a mapping of figures, not {content!r:.40}")
     for name, value in flat.items():

@@ -135,6 +135,12 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
         ("survey.stations=data/../x.csv", "not below data/"),
         ("realism.lights.count=101", r"realism\.lights\.count = 101: .*want at most 100"),
         ("nonsense", "nonsense"),
+        ("=1", "^override =1: want KEY=VALUE"),
+        ("contours.tolerance_m=[1", r"^override contours\.tolerance_m=\[1: want KEY=VALUE .*lists as \[1,2\]"),
+        (
+            "contours.tolerance_m=${nope.x}",
+            r"contours\.tolerance_m: its value refers to a key that",
+        ),
         ("contours.tolerance_m=", r"contours\.tolerance_m"),
         ("+contours.new=1", r"contours\.new = 1: no such key"),
     ],
