@@ -10,9 +10,10 @@ from typing import Any, cast
 import yaml
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import InterpolationResolutionError, OmegaConfBaseException
 from pydantic import ValidationError
 
 from minexplore.physics.robot import RobotParams
@@ -113,13 +114,29 @@ def _explain(overrides: list[str], error: Exception, conf: Path) -> str:
         with initialize_config_dir(str(conf.resolve()), version_base="1.3"):
             base = hydra_compose("config", [f"{key}={value}" for key, value in groups])
     except (*_REFUSALS, ValueError, TypeError):
-        return f"overrides {overrides}: {str(error).splitlines()[0]}"
+        return _misspelt(overrides)
     for key, _ in pairs:
         if key and not (conf / key).is_dir() and re.fullmatch(r"[\w.]+", key):
             problem = _unknown_key(base, key, conf)
             if problem:
                 return problem
-    return f"overrides {overrides}: {str(error).splitlines()[0]}"
+    if isinstance(error, InterpolationResolutionError):
+        return f"overrides {overrides}: {error.full_key}: its value refers to a key that the configuration lacks"
+    return _misspelt(overrides)
+
+
+def _misspelt(overrides: list[str]) -> str:
+    """Return a message that names the first override that is not of the form that is read, else all."""
+    form = "want KEY=VALUE or GROUP=CHOICE: lists as [1,2], sections as {key: 1}, a text with other signs in quotes"
+    parser = OverridesParser.create()
+    for override in overrides:
+        try:
+            parser.parse_override(override)
+        except HydraException:
+            return f"override {override}: {form}"
+        if override.startswith("="):
+            return f"override {override}: {form}"
+    return f"overrides {overrides}: they do not fit together or to the configuration; {form}"
 
 
 def _unknown_key(config: DictConfig, key: str, conf: Path) -> str | None:

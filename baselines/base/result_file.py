@@ -12,6 +12,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from baselines.base.errors import BaselineError
+from baselines.base.refusals import first_refusal
 
 RESULTS = Path(__file__).parents[1] / "results"
 CHECKPOINTS = RESULTS / "checkpoints"
@@ -161,8 +162,10 @@ def read_text(path: Path) -> str:
             raise BaselineError(f"{path}: {about.st_size:,} bytes, a results file has at most {MOST_BYTES:,}")
         with path.open("rb") as file:
             return file.read(MOST_BYTES).decode()
-    except (OSError, ValueError) as error:
-        raise BaselineError(f"{path}: cannot be read ({error})") from error
+    except OSError as error:
+        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise BaselineError(f"{path}: cannot be read: not UTF-8 text from byte {error.start} on") from error
 
 
 def _read_head(path: Path, line: str) -> Head:
@@ -183,7 +186,5 @@ def _read_episode(path: Path, number: int, line: str) -> Episode:
 
 
 def _first_of(error: ValidationError) -> str:
-    """Return the first thing that is wrong, as plain text: a field's name comes from the file."""
-    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    field = ".".join(map(str, first["loc"]))[:_MOST_SAID]
-    return f"{field.encode('unicode_escape').decode()}: {first['msg'][:_MOST_SAID]}"
+    """Return the first value that is refused, as plain text: it and the field's name come from the file."""
+    return first_refusal(error).encode("unicode_escape").decode()[: 2 * _MOST_SAID]

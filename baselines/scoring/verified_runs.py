@@ -8,6 +8,7 @@ from pathlib import Path
 
 from baselines.base.errors import BaselineError
 from baselines.base.result_file import Episode, Head, chain, replace_text
+from minexplore.schema.readers.json_text import describe_json_error
 
 RECORD = "driven_here.json"  # in the folder of all results: a file's path below it, and the hash of its contents
 
@@ -33,8 +34,10 @@ def _read_record(results: Path) -> dict[str, str]:
     file = results / RECORD
     try:
         kept = json.loads(file.read_text()) if file.is_file() else {}
-    except (OSError, ValueError) as error:
-        raise BaselineError(f"{file}: cannot be read ({error})") from error
+    except OSError as error:
+        raise BaselineError(f"{file}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise BaselineError(f"{file}: {describe_json_error(error)}; remove it and drive the runs again") from error
     if not isinstance(kept, dict):
         raise BaselineError(f"{file}: want the hash of each file that was driven here")
     return kept

@@ -71,7 +71,7 @@ def judge(seed: int) -> dict[str, Any]:
             "connected": topology["components_world"] == 1 and topology["loops_difference"] == 0,
             "certificate": bool(validator.certificate.holds),
             "wall_error_m": validator.wall_error.mean_m,
-            "parts_per_wall_m": validator.measure("collision")["parts_per_wall_m"],
+            "parts_per_wall_m": round(validator.measure("collision")["parts"] / free.polygon.length, 4),
             "iou": round(float(validator.measure("iou")["free_space_vs_cleaned"]), 5),
             "area_m2": round(free.polygon.area),
             "loops": topology["loops_world"],

@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from minexplore.schema.readers.json_text import describe_json_error
 from minexplore.splits import SEEDS, STYLES, mine_name
 from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
@@ -189,7 +190,7 @@ def _read_record(file: Path) -> dict[str, Any]:
     try:
         found = json.loads(read_text_file(file)) if file.exists() else {}
     except (ValueError, RecursionError) as error:
-        raise ArtifactError(f"{file}: not JSON ({str(error)[:100]}); remove it") from error
+        raise ArtifactError(f"{file}: {describe_json_error(error)}; remove it") from error
     if not isinstance(found, dict):
         raise ArtifactError(f"{file}: want an object with one entry a world; remove it")
     return found

@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 
+from minexplore.schema.readers.json_text import describe_json_error
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.rock.paper import PAPER
@@ -141,7 +142,7 @@ ROWS = [
     _row("narrowest passage, clear width kept", "walls.narrowest_kept", ".3f"),
     _row("drifts, m", "topology.drift_m", ",.0f"),
     _row("rock on walls and roof, m2", "per_m2.rock_m2", ",.0f"),
-    _row("convex collision parts beyond the fewest, per metre of wall", "collision.parts_per_wall_m", ".3f"),
+    _row("convex collision parts beyond two a corner, per metre of wall", "collision.parts_per_wall_m", ".3f"),
     _row("bundle beyond 1.1 MB, bytes per m2 of rock", "per_m2.bytes", ",.0f"),
     _row("bundle, MB", "world.bytes", "MB", headline=True),
     _row("MjModel load, the first in a process, s", "world.first_load_s", ".2f", headline=True),
@@ -174,7 +175,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; stage 6 writes it (`make all`)") from None
     except (ValueError, RecursionError) as error:
-        raise ArtifactError(f"{path}: not JSON: {str(error)[:200]}") from error
+        raise ArtifactError(f"{path}: {describe_json_error(error)}; stage 6 writes it anew (`make all`)") from error
     if not flat:
         raise ArtifactError(f"{path}: want a mapping of figures, not {content!r:.40}")
     for name, value in flat.items():

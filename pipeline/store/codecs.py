@@ -21,6 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
+from pipeline.store.files import describe_field
 from pipeline.store.hashing import require_plain
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
 
@@ -111,7 +112,8 @@ def decode(path: Path, kind: Any) -> Any:
             case _:
                 raise ValueError(f"no codec reads {path.suffix!r}")
     except _UNREADABLE as error:
-        reason = " ".join(str(error).split())[:300]
+        own = describe_field(error) if isinstance(error, ValidationError) else str(error)
+        reason = " ".join(own.split())[:300]
         raise ArtifactError(f"{path}: not a readable {getattr(kind, '__name__', kind)}: {reason}") from error
 
 

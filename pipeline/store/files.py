@@ -9,7 +9,18 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pipeline.errors import ArtifactError
+from pydantic import ValidationError
+
+from pipeline.errors import ArtifactError, printable
+
+
+def describe_field(error: ValidationError) -> str:
+    """Return which field of an artifact is not as its schema wants, in our own words."""
+    first = error.errors()[0]
+    if first["type"] == "json_invalid":
+        return "not JSON"
+    place = printable(".".join(map(str, first["loc"])), 100)
+    return f"{place!r} is missing, unknown or of another kind" if place else "its content is of another kind"
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from minexplore import __version__
 from pipeline.errors import ArtifactError
+from pipeline.store.files import describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
 _Section = TypeVar("_Section")
@@ -56,7 +57,7 @@ def read_manifest(path: Path) -> Manifest:
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; its stage has not run (`make all`)") from None
     except ValidationError as error:
-        raise ArtifactError(f"{path}: not a manifest: {error.errors()[0]['msg']}") from error
+        raise ArtifactError(f"{path}: not a manifest: {describe_field(error)}; its stage must run again") from error
 
 
 def read_params(path: Path, kind: type[_Section]) -> _Section:
@@ -70,6 +71,4 @@ def read_params(path: Path, kind: type[_Section]) -> _Section:
     try:
         return TypeAdapter(kind).validate_python(read_manifest(path).params)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))[:100]
-        raise ArtifactError(f"{path}: params: {where!r}: {first['msg']}; its stage must run again") from error
+        raise ArtifactError(f"{path}: params: {describe_field(error)}; its stage must run again") from error

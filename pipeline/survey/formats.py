@@ -68,7 +68,8 @@ FORMATS: dict[str, Format] = {
 _CONVERTED = {
     ".lox": "Therion writes the same survey as .3d: `export model -fmt survex -o cave.3d`; or give its .th",
     ".top": "PocketTopo exports it as text, which Therion's editor imports; give the .th",
-    ".bt": "a terrain, not a survey; `gdal_translate in.bt out.tif` makes a GeoTIFF for --heights",
+    ".bt": "of an octree of OctoMap give the map.yaml that map_saver writes, or points as .pcd; "
+    "of a terrain `gdal_translate in.bt out.tif` makes a GeoTIFF for --heights",
     ".tro": "VisualTopo exports it for Survex or Therion: give the .svx or .th",
     ".trox": "VisualTopo exports it for Survex or Therion: give the .svx or .th",
     ".csx": "cSurvey exports it for Survex or Therion: give the .svx or .th",

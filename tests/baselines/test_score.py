@@ -7,7 +7,7 @@ import pytest
 
 from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError, RejectedError, run_command
-from baselines.base.result_file import RESULTS, Episode, chain, read_results
+from baselines.base.result_file import RESULTS, Episode, chain, parse_results, read_results
 from baselines.base.statistics import estimate, figures, interquartile_mean, sample_times
 from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all
 from baselines.explorers import EXPLORERS
@@ -20,7 +20,7 @@ from baselines.sandbox.bubblewrap import require_sandbox
 from baselines.score import main, score
 from baselines.scoring.rerun import Rerun
 from baselines.scoring.split_file import read_drives
-from baselines.scoring.verified_runs import note_driven, was_driven_here
+from baselines.scoring.verified_runs import RECORD, note_driven, was_driven_here
 from tests.baselines.test_learned import write_policy
 from tests.forked import run_forked
 from tests.project import ROOT
@@ -275,6 +275,16 @@ def test_a_part_that_was_driven_again_verifies_no_file(honest, monkeypatch, caps
     said = capsys.readouterr().out
     assert "1 of 20 episodes driven again" in said
     assert UNVERIFIED in said
+
+
+def test_broken_records_of_runs_are_refused_in_our_own_words(tmp_path):
+    (tmp_path / RECORD).write_text("{")
+    with pytest.raises(BaselineError, match=rf"{RECORD}: not JSON from line 1, character 2 on; remove it and drive"):
+        was_driven_here(tmp_path / "a.jsonl", tmp_path, None, [])
+    with pytest.raises(BaselineError, match=r"a\.jsonl:1: not the head of a results file \(not JSON\)$"):
+        parse_results(tmp_path / "a.jsonl", "{\n")
+    with pytest.raises(BaselineError, match=r"a\.jsonl:1: not the head of a results file \(format is missing\)$"):
+        parse_results(tmp_path / "a.jsonl", "{}\n")
 
 
 @pytest.mark.parametrize("name", ["..", ".", ".hidden", "a..b", "a.", "-x", "a/b", "", "a" * 65])

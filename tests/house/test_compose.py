@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from pipeline.compose import compose
 from pipeline.errors import ParamsError
-from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, FIXED_PARTS
+from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, PARTS_PER_CORNER
 from pipeline.params.refusals import describe_refusals
 from pipeline.params.validation import ValidationParams
 from tests.project import ROOT
@@ -109,7 +109,8 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
     limits, clauses = validation.limits, validation.certificate.limits
     for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", FIXED_LOAD_MB)):
         assert fixed + rock_m2 * limits[f"per_m2.{name}"].max <= limits[f"world.{name}"].max
-    parts = FIXED_PARTS + wall_m * limits["collision.parts_per_wall_m"].max
+    corners, pillars = 307, 1
+    parts = PARTS_PER_CORNER * corners + pillars + wall_m * limits["collision.parts_per_wall_m"].max
     assert parts <= limits["collision.parts"].max
     for name in ("intrusion", "missing"):
         assert 1e-6 * wall_m * clauses[f"{name}_um"].max <= clauses[f"{name}_m2"].max
@@ -134,6 +135,12 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
         ("survey.stations=data/../x.csv", "not below data/"),
         ("realism.lights.count=101", r"realism\.lights\.count = 101: .*want at most 100"),
         ("nonsense", "nonsense"),
+        ("=1", "^override =1: want KEY=VALUE"),
+        ("contours.tolerance_m=[1", r"^override contours\.tolerance_m=\[1: want KEY=VALUE .*lists as \[1,2\]"),
+        (
+            "contours.tolerance_m=${nope.x}",
+            r"contours\.tolerance_m: its value refers to a key that",
+        ),
         ("contours.tolerance_m=", r"contours\.tolerance_m"),
         ("+contours.new=1", r"contours\.new = 1: no such key"),
     ],

@@ -127,7 +127,7 @@ def test_an_outline_with_a_wide_tolerance_is_refused(small, tmp_path, params):
         ("free_space.geojson", b"[" * 100_000, "free_space.geojson: not JSON of a world"),
         ("free_space.geojson", b"[]", "free_space.geojson: not a readable FreeSpace"),
         ("topology.json", b'{"a":' * 100_000, "topology.json: not JSON of a world"),
-        ("topology.json", b"{}", "topology.json: not a readable DriftNetwork"),
+        ("topology.json", b"{}", "topology.json: not a readable DriftNetwork: '"),
         ("free_space.bt", b"", "free_space.bt: not the octree of the clearance grid"),
     ],
 )

@@ -61,6 +61,19 @@ def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):
         decode(tmp_path / "p.npz", ConvexParts)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not a manifest: not JSON; its stage must run again$"),
+        ("{}", "not a manifest: 'stage' is missing, unknown or of another kind; its stage must run again$"),
+    ],
+)
+def test_a_broken_manifest_is_refused_in_our_own_words(tmp_path, text, message):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(ArtifactError, match=message):
+        read_manifest(tmp_path / "manifest.json")
+
+
 def test_nan_is_never_written_to_json(tmp_path):
     with pytest.raises(ValueError, match=r"not JSON compliant|Out of range"):
         encode(tmp_path / "x.json", {"a": float("nan")})

@@ -14,6 +14,7 @@ from pipeline.survey.formats import _CONVERTED, FORMATS, kind_of
         (".lox", "Therion"),
         (".TOP", "PocketTopo"),
         (".bt", "gdal_translate"),
+        (".bt", "octree of OctoMap"),
         (".dwg", "dxf"),
         (".kml", "QGIS"),
         (".pgm", "yaml"),

@@ -50,7 +50,7 @@ def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most:
     except BundleError:
         raise
     except _UNREADABLE as error:
-        raise BundleError(f"{file}: cannot be read ({str(error)[:100]})") from error
+        raise BundleError(f"{file}: cannot be read: no archive of arrays, or damaged") from error
 
 
 def _read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:

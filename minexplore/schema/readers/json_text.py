@@ -30,6 +30,15 @@ class _Refused:
     fault: str
 
 
+def describe_json_error(error: Exception) -> str:
+    """Return what is wrong with a text that is no JSON, and where, for a message: `not JSON from line 2 ... on`."""
+    if isinstance(error, json.JSONDecodeError):
+        return f"not JSON from line {error.lineno}, character {error.colno} on"
+    if isinstance(error, UnicodeDecodeError):
+        return f"not UTF-8 text from byte {error.start} on"
+    return "not JSON, its values are nested too deep" if isinstance(error, RecursionError) else "not JSON"
+
+
 def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
     """Return the content of a JSON file.
 
@@ -79,7 +88,7 @@ def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
             parse_constant=lambda text: refuse(f"= {text}: want a finite number"),
         )
     except (ValueError, RecursionError) as error:
-        raise BundleError(f"{file}: not JSON ({str(error)[:200]})") from error
+        raise BundleError(f"{file}: {describe_json_error(error)}") from error
     for where, fault in _faults(content) if refused else ():
         raise BundleError(f"{file}: {where or 'its content'} {fault}")
     return content

@@ -61,7 +61,7 @@ def _inflate(name: str, engine: zlib._Decompress, packed: memoryview) -> Iterato
         try:
             block = engine.decompress(rest, _BLOCK)
         except zlib.error as error:
-            raise BundleError(f"{name}: the image is damaged ({error})") from error
+            raise BundleError(f"{name}: the image is damaged: its data cannot be unpacked") from error
         if block:
             yield block
         rest = engine.unconsumed_tail

@@ -55,7 +55,7 @@ def read_xml(file: str, data: bytes) -> Node:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise BundleError(f"{file}: not XML ({error})") from error
+        raise BundleError(f"{file}: not XML from line {error.lineno}, character {error.offset + 1} on") from error
     return reader.root
 
 

@@ -57,8 +57,8 @@ def stored_kinds(source: Path | bytes, layer: str, count: int) -> Counter[str]:
     table, text = layer.replace('"', '""'), layer.replace("'", "''")
     named = f"SELECT column_name FROM gpkg_geometry_columns WHERE table_name = '{text}'"
     column = str((_first_column(source, named) or ["geom"])[0]).replace('"', '""')
-    questions = {CURVE: f'ST_GeometryType("{column}") IN {_CURVES}', MEASURED: f'ST_IsMeasured("{column}")'}
-    found: Counter[str] = Counter()
+    questions = {CURVE: f'ST_GeometryType("{column}") IN {_CURVES}', MEASURED: f'ST_IsMeasured("{column}") = 1'}
+    found: Counter[str] = Counter()  # of a shape without geometry ST_IsMeasured is -1
     for kind, wanted in questions.items():
         found[kind] = int((_first_column(source, f'SELECT COUNT(*) AS n FROM "{table}" WHERE {wanted}') or [0])[0])
     return +found

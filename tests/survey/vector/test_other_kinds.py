@@ -106,6 +106,7 @@ def test_shapes_that_are_surfaces_or_empty_or_curved_are_counted_beside_a_drift(
     assert read.shapes[1].length == pytest.approx(np.pi * 5, rel=1e-3)
     assert "2 shapes without geometry, 1 multipatch (TIN, polyhedral surface)" in told
     assert "mine.gpkg: 1 shapes have curves; arcs are read as chords" in told
+    assert "measures (M)" not in told
 
 
 def test_measures_are_dropped_with_their_number_and_the_elevations_stay(tmp_path, capsys):

@@ -18,6 +18,7 @@ from pipeline.metrics.limits import flatten
 from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
+from pipeline.store.files import describe_field
 from pipeline.store.verify import verify_world
 from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
 from pipeline.volume.areas import solid_of_floors
@@ -82,8 +83,10 @@ def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
         verify_world(folder)
     try:
         record: VolumeRecord = TypeAdapter(VolumeRecord).validate_json((folder / RECORD).read_bytes(), strict=True)
-    except (OSError, ValidationError) as error:
-        raise ArtifactError(f"{folder / RECORD}: no record of a volume world: {str(error)[:200]}") from error
+    except OSError as error:
+        raise ArtifactError(f"{folder / RECORD}: cannot be read ({error.strerror})") from error
+    except ValidationError as error:
+        raise ArtifactError(f"{folder / RECORD}: no record of a volume world: {describe_field(error)}") from error
     return record
 
 

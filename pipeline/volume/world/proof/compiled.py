@@ -33,7 +33,8 @@ def compare_model(
     try:
         root = ElementTree.fromstring(xml)
     except ElementTree.ParseError as error:
-        raise ArtifactError(f"mine.xml: not XML ({error})") from error
+        line, before = error.position
+        raise ArtifactError(f"mine.xml: not XML from line {line}, character {before + 1} on") from error
     written = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.iter("mesh") if not mesh.get("file")}
     geoms = {geom.get("name"): geom.get("pos", "0 0 0") for geom in root.iterfind(f".//body[@name='{MINE_BODY}']/geom")}
     names = part_names(parts, zones)
