@@ -39,8 +39,8 @@ class FloorSamples:
 def coarse_floors(volume: Volume, hit: np.ndarray, weights: np.ndarray, surveyed: np.ndarray) -> Volume:
     """Return the volume without the vertices of floors that their shape does not need.
 
-    The floor stays within 8 mm of its height at each vertex and middle of a facet, and within 6 mm of the survey along
-    the legs. Its rim stays where it is in plan.
+    The floor stays within 1 cm of its height at each vertex and middle of a facet, and within 7 mm of the survey along
+    the legs. Its rim stays where it is in plan. A floor from which a wall goes down stays as it is along that wall.
 
     Parameters
     ----------
@@ -148,8 +148,20 @@ class _Floors:
         self._may_go = np.zeros(len(self._places), bool)
         self._may_go[self.faces[is_floor]] = True
         self._may_go[self.faces[steep | kept]] = False
+        self._may_go[self.faces[is_floor & self._over_drops()]] = False
         self._changed = np.ones(len(self._places), bool)  # beside a vertex: it is to be tried again
         self._known = np.zeros(0, _GOING)
+
+    def _over_drops(self) -> np.ndarray:
+        """Return the facets (f,) at the ends of edges from which a wall goes down: a floor's slope is a step there."""
+        edges = MeshEdges(self.faces, np.flatnonzero(self.alive), self._label, len(self._places))
+        height = self._places[:, 2]
+        hangs = edges.is_rim & (self._label[edges.facet] != Label.FLOOR)
+        hangs &= height[edges.third] < np.minimum(height[edges.start], height[edges.end]) - _OFF_M
+        over = np.zeros(len(self._places), bool)
+        over[edges.start[hangs]] = over[edges.end[hangs]] = True
+        found: np.ndarray = over[self.faces].any(axis=1)
+        return found
 
     def thin_out(self) -> int:
         """Let vertices go that are not beside each other, those first that move the floor least; return how many."""

@@ -9,7 +9,7 @@ from benchmarks.comparisons.volume import throw_bodies
 from benchmarks.comparisons.volume.throw_bodies import mine_of, table_of, throw_everywhere
 from pipeline.errors import InputError
 from pipeline.volume.union import Label
-from pipeline.volume.world.proof.region import regions_over
+from pipeline.volume.world.proof.region import region_of, regions_over
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +25,13 @@ def test_each_facet_is_a_target_in_one_region_with_the_parts_about_it(tee):
         behind = [facet for part in region.parts for facet in part.facets]
         assert region.targets.any()
         assert np.isin(np.flatnonzero(region.targets), behind).all()
+
+
+def test_a_region_of_parts_that_reach_too_little_has_more_of_them_so_that_bodies_are_thrown(tee):
+    for seed in range(3):
+        region = region_of(tee.volume, tee.parts, 2, np.random.default_rng(seed))
+        assert len(region.parts) > 2
+        assert region.targets.any()
 
 
 def test_no_body_gets_out_of_a_t_a_ball_is_pushed_at_each_facet_and_a_second_run_reads_what_the_first_one_kept(

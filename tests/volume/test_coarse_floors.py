@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.comparisons.volume.cases import CASES
+from benchmarks.comparisons.volume.cases import CASES, GateCase
+from benchmarks.comparisons.volume.random_volumes import table_of
 from pipeline.volume import floors
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
@@ -13,16 +14,20 @@ from pipeline.volume.shell import build_shell
 from pipeline.volume.union import Label, pieces_of, unite
 
 
-@pytest.fixture(scope="module")
-def spiral(tmp_path_factory):
-    """Return a spiral's network, its union, its floors before and after vertices go, and the finished volume."""
-    network = CASES["spiral"].network(tmp_path_factory.mktemp("spiral"))
+def solved(case, folder):
+    """Return a survey's network, its union, its floors before and after vertices go, and the finished volume."""
+    network = case.network(folder)
     rough = unite(network, pieces_of(network))
     coarse, seen = floors.coarse_floors, []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(floors, "coarse_floors", lambda *given: seen.append((given[0], coarse(*given))) or seen[0][1])
         volume = floors.solve_floors(rough, network)
     return network, rough, *seen[0], volume
+
+
+@pytest.fixture(scope="module")
+def spiral(tmp_path_factory):
+    return solved(CASES["spiral"], tmp_path_factory.mktemp("spiral"))
 
 
 def test_a_spiral_has_fewer_than_four_parts_a_metre_and_floors_within_a_centimetre_of_the_survey(spiral):
@@ -48,6 +53,14 @@ def test_a_mesh_without_the_vertices_that_it_does_not_need_is_closed_and_does_no
     assert len(crossing_facets(after.vertices, after.faces, 1e-6)) == 0
     assert after.solid.volume() == pytest.approx(before.solid.volume(), rel=1e-3)
     assert {tuple(place) for place in after.vertices.tolist()} <= {tuple(place) for place in before.vertices.tolist()}
+
+
+def test_a_floor_from_which_a_wall_goes_down_keeps_its_step(tmp_path):
+    network, rough, before, after, _ = solved(GateCase("mine 4", table_of("mine", 4)), tmp_path)
+    step = measure_floor(before, network, rough).step_m
+    assert 0.005 < step < 0.01
+    assert measure_floor(after, network, rough).step_m < step + 1e-6
+    assert (after.label == Label.FLOOR).sum() < (before.label == Label.FLOOR).sum() / 2
 
 
 def test_edges_about_a_vertex_are_all_that_start_there():

@@ -15,7 +15,7 @@ ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
 _INSIDE = 1e-6  # of a part's face, beyond its edges
 _WHOLE = 1e-9  # of a facet's area that rounding may leave
 _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
-_GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses a polygon whose edge differs in the last digit
+_GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
 
 
@@ -117,17 +117,16 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
     face = shapely.convex_hull(shapely.multipoints(flat, indices=pair[on]))
     corners = shapely.polygons(np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across))
     holds_middle = shapely.distance(face, shapely.Point(0, 0)) < _INSIDE
-    shared = shapely.intersection(face, corners)
-    lost = holds_middle & (shapely.area(shared) <= 0)
-    shared[lost] = shapely.intersection(face[lost], corners[lost], grid_size=_GRID_M)
-    return PartFaces(
-        part,
-        facet,
-        shapely.area(face),
-        np.maximum.reduceat(depth, starts),
-        holds_middle,
-        shared,
-    )
+    shared = polygons_shared(face, corners)
+    return PartFaces(part, facet, shapely.area(face), np.maximum.reduceat(depth, starts), holds_middle, shared)
+
+
+def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return what each of some polygons (n,) shares with the other of its number, also where GEOS first loses it."""
+    shared: np.ndarray = shapely.intersection(some, others)
+    lost = (shapely.area(shared) <= 0) & shapely.intersects(some, others)  # or they only touch
+    shared[lost] = shapely.intersection(some[lost], others[lost], grid_size=_GRID_M)
+    return shared
 
 
 def _depths(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:

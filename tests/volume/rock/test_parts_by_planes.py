@@ -11,7 +11,7 @@ from benchmarks.comparisons.volume.cases import GateCase
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
-from pipeline.volume.rock.faces import PartFaces, faces_on_facets
+from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.rays import RaysIntoRock
@@ -152,6 +152,16 @@ def test_two_faces_whose_common_edge_differs_in_the_last_digit_cover_a_facet():
     faces = PartFaces(both, np.zeros(2, int), shapely.area(shared), none, none.astype(bool), shared)
     area = float(shapely.area(shared).sum())
     assert faces.uncovered_m2(np.array([area]))[0] < 1e-6
+
+
+def test_a_face_whose_side_lies_on_a_facets_side_but_for_the_last_digit_shares_its_area():
+    corner = (-19.09757310772768, -2.6482075865761723)
+    face = shapely.Polygon(
+        [corner, (-7.070262403782666, -0.4851904865847516), (-7.069572558657299, -1.4306596385153392)]
+    )
+    facet = shapely.Polygon([(10.909317962655086, 0.38927387190722973), (8.188255145072603, 2.258933714668942), corner])
+    shared = polygons_shared(np.array([face, facet]), np.array([facet, shapely.Point(30, 30).buffer(1)]))
+    assert shapely.area(shared) == pytest.approx([face.area, 0.0])
 
 
 def test_parts_that_differ_from_their_facets_in_the_last_digit_cover_them(drift):

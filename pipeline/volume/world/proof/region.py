@@ -22,11 +22,17 @@ class Region:
 
 
 def region_of(volume: Volume, parts: list[ShellPart], most: int, rng: np.random.Generator) -> Region:
-    """Return the `most` parts nearest to a floor that is drawn at random, or all if there are no more."""
+    """Return the `most` parts nearest to a floor that is drawn at random, or all if there are no more.
+
+    Where these reach so little that no facet is a target, as in a scan of small facets, there are more.
+    """
     if len(parts) <= most:
         return Region(parts, np.ones(len(volume.faces), bool))
     area = np.linalg.norm(volume.normals, axis=1) * (volume.label == Label.FLOOR)
-    return _PartsAbout(volume, parts).region(int(rng.choice(len(area), p=area / area.sum())), most)
+    about, facet = _PartsAbout(volume, parts), int(rng.choice(len(area), p=area / area.sum()))
+    while not (found := about.region(facet, most)).targets.any():
+        most *= 2
+    return found
 
 
 def regions_over(volume: Volume, parts: list[ShellPart], most: int) -> Iterator[Region]:
