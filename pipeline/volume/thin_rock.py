@@ -12,7 +12,7 @@ from pipeline.volume.union import Label, Volume
 
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
-_ROUNDS = ((0.027, 1e-4), (0.03, 1e-5), (0.033, 1e-5))
+_ROUNDS = ((0.027, 1e-4), (0.03, 1e-5))
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 
 

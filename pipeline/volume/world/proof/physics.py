@@ -21,7 +21,7 @@ ROBOTS = 12
 # bear weight and have no friction. On steeper floors it slides, whatever the floor is like.
 STEEPEST = 0.2
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m
-_AROUND_M, _RING = (0.4, 0.8), 8  # a robot's length about a place, where its wheels and castors come to
+_STEP_M, _STEPS, _RING = 0.2, 4, 8  # a robot's length about a place, where its wheels and castors come to
 _OVER_M = 0.3  # from which the floor about a place is looked for
 
 
@@ -150,16 +150,18 @@ def measure_standing(
 
 
 def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
-    """Return at which places (n, 3) m the floor is nowhere steeper than `STEEPEST` about a robot."""
+    """Return at which places (n, 3) m the floor is nowhere steeper than `STEEPEST` about a robot.
+
+    Heights are compared step by step on the way from the place outwards, in eight directions, as far as it is free.
+    """
     angle = np.arange(_RING) * (2 * np.pi / _RING)
-    around = np.repeat(_AROUND_M, _RING)
-    ring = np.column_stack(
-        [around * np.tile(np.cos(angle), 2), around * np.tile(np.sin(angle), 2), 0 * around + _OVER_M]
-    )
-    beside = (places[:, None] + ring).reshape(-1, 3)
-    free = Inside(volume).distance_m(beside) > 0
-    rise = np.abs(drop(volume.vertices, volume.faces, beside)[1].reshape(len(places), len(ring)) - places[:, 2:])
-    found: np.ndarray = (~free.reshape(rise.shape) | (rise <= STEEPEST * around)).all(axis=1)
+    far = np.arange(_STEPS + 1) * _STEP_M
+    ring = np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle)), np.full((len(far), _RING), _OVER_M)])
+    beside = (places[:, None, None] + np.moveaxis(ring, 0, -1)).reshape(-1, 3)
+    shape = (len(places), len(far), _RING)
+    free = Inside(volume).distance_m(beside).reshape(shape) > 0
+    rise = np.abs(np.diff(drop(volume.vertices, volume.faces, beside)[1].reshape(shape), axis=1))
+    found: np.ndarray = (~(free[:, 1:] & free[:, :-1]) | (rise <= STEEPEST * _STEP_M)).all(axis=(1, 2))
     return found
 
 

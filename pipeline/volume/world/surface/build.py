@@ -20,6 +20,7 @@ from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief.joints import JointedRock, relief_of_joints
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
+from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
 from pipeline.volume.world.surface.chunks import cut_rock
@@ -66,7 +67,8 @@ def displaced_rock(params: SurfaceParams, volume: MineVolume, scan_m: np.ndarray
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = _wanted_m(params, fine), _unseen(fine.vertices, scan_m)
     room = room_about(fine, volume)
-    rock = displace_rock(fine, wanted, room, bounds_of(rough), params.floor_chamfer_m, simplification, share)
+    free, foot_m = Inside(volume.measured()), params.floor_chamfer_m
+    rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
     if len(rock.crossings):
         place = rock.crossings[0].round(1).tolist()
         warn_user(

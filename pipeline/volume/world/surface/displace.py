@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from pipeline.surface.mesh.displacement import Bounds, Room, bound_by_room, damp
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
+from pipeline.volume.enclosure import Inside
 from pipeline.volume.world.surface.fine import FineRock
 
 _ROUNDS = 9
@@ -18,6 +19,7 @@ _FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision
 _FLAT_M = 0.3
 _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to 1.2 m, which no displacement crosses
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
+_BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
 
 
@@ -43,6 +45,7 @@ def displace_rock(
     bounds: Bounds,
     foot_m: float,
     simplification: Simplification | None,
+    free: Inside,
     share: np.ndarray | float = 1.0,
 ) -> DisplacedRock:
     """Displace the rock by `wanted_m` (n,) m, positive into the workings, within its bounds.
@@ -50,7 +53,8 @@ def displace_rock(
     Each point gets a `share` (n,) of what its bounds leave. Floors stay, and the rock over them within `foot_m` moves
     the less the nearer it is. Where the mesh crosses itself or four faces share an edge, the displacement is halved,
     and after some rounds taken back in growing circles, where the mesh is not simplified either. What then still
-    crosses does so in the volume itself. Points have 32 bits, as in the files of meshes.
+    crosses does so in the volume itself. So it is where the simplified mesh reaches farther into the `free` space than
+    the walls' bound. Points have 32 bits, as in the files of meshes.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
@@ -63,11 +67,13 @@ def displace_rock(
         wrong = np.concatenate([find_crossings(points, faces, faces[changed]), find_shared_edges(points, faces)])
         if not len(wrong) and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
-        if not len(wrong) or repair == _ROUNDS:
+        beyond = _beyond(points, faces[changed], free, bounds.wall_m + _BEYOND_M)
+        if not len(wrong) + len(beyond) or repair == _ROUNDS:
             mesh = mesher.surface(vertices)
             mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
             return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
-        mended = np.concatenate([mended, wrong])
+        mended = np.concatenate([mended, wrong, beyond])
+        wrong = np.concatenate([wrong, beyond])
         flat_m = _FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1)
         near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=max(_RADIUS_M, 2 * flat_m))
         moved = np.isfinite(near)
@@ -78,6 +84,12 @@ def displace_rock(
         else:
             given = damp(given, np.maximum(near - flat_m, 0.0), flat_m, 0.0)
     raise AssertionError("unreachable")
+
+
+def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) -> np.ndarray:
+    """Return those corners (k, 3) m of faces that are more than `most_m` inside the free space."""
+    corners = points[np.unique(faces)]
+    return corners[free.distance_m(corners) > most_m] if len(corners) else corners
 
 
 def _in_32_bits(points: np.ndarray) -> np.ndarray:
