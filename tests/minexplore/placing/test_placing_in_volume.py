@@ -50,9 +50,10 @@ def test_a_robot_stands_on_the_highest_floor_or_on_the_one_under_a_height_that_i
         (minexplore.Pose(15.0, 0.0, z_m=8.0, stands=True), 8.0),
     ):
         model, data = placed(over, ball, pose)
-        assert height_of(over, data) == pytest.approx(floor_m + 0.2 + 0.005, abs=0.005)
+        start_m = height_of(over, data)
+        assert start_m == pytest.approx(floor_m + 0.2, abs=0.01 + 0.005)  # floors follow the survey within 1 cm
         mujoco.mj_step(model, data, nstep=500)
-        assert height_of(over, data) == pytest.approx(floor_m + 0.2, abs=0.015)
+        assert 0 < start_m - height_of(over, data) < 0.01  # it was placed a little over its floor
 
 
 def test_a_robot_stands_upright_on_a_ramp_and_over_it_where_it_turns(ramp):
