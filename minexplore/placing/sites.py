@@ -37,7 +37,7 @@ class Pose:
     stands: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what is no finite number, and a height that nothing says what it is."""
+        """Refuse a number that is not finite, and a height whose meaning is not stated."""
         for name in ("x_m", "y_m", "yaw_rad", "z_m"):
             value = getattr(self, name)
             number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
