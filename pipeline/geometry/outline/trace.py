@@ -142,7 +142,8 @@ def _on_grid(outline: Polygon, simplified: Polygon, setting: str) -> Polygon:
         raise GeometryError(
             f"{setting}: {len(outline.interiors)} islands would become {len(simple.interiors)}; use a smaller value"
         )
-    return orient(simple)
+    unsigned = shapely.transform(simple, lambda xy: xy + 0.0)  # -0.0 to 0.0: its sign depends on the processor
+    return orient(shapely.set_precision(unsigned, grid_m(outline), mode="pointwise"))
 
 
 def _fit_rings(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:

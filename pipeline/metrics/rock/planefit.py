@@ -8,6 +8,8 @@ import numpy as np
 
 from pipeline.geometry.sorting import stable_order
 
+_FLAT_M = 1e-6  # a smaller RMS residual is the rounding of the eigenvalue of a flat voxel; it depends on the processor
+
 
 @dataclass(frozen=True)
 class VoxelPlanes:
@@ -78,7 +80,7 @@ def fit_voxel_planes(points: np.ndarray, size_m: float | tuple[float, float, flo
     normal = vectors[:, :, 0]
     x, y, z = (of * np.repeat(normal[:, axis], count) for axis, of in enumerate(local))
     residual = x + z + y
-    sigma = np.sqrt(np.maximum(values[:, 0], 0.0))
+    sigma = np.sqrt(np.where(values[:, 0] > _FLAT_M**2, values[:, 0], 0.0))
     return VoxelPlanes(cell, middle + mean, normal, sigma, residual, first, count)
 
 
