@@ -65,7 +65,8 @@ def test_a_plane_scores_almost_zero():
 def test_a_flat_voxel_has_no_residual_whatever_the_processor_rounds():
     x, y = np.random.default_rng(3).uniform(0, 5, (2, 4000))
     planes = fit_voxel_planes(np.column_stack([x, y, 1 + 0.3 * x - 0.7 * y]), 0.5, 20)
-    assert len(planes.sigma) > 50 and (planes.sigma == 0).all()
+    assert len(planes.sigma) > 50
+    assert (planes.sigma == 0).all()
 
 
 def test_an_axis_without_a_figure_is_no_zero_and_is_left_out_of_the_mean():
