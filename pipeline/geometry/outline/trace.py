@@ -14,6 +14,7 @@ from pipeline.geometry.outline.fewest_vertices import simplify_to_error
 from pipeline.types import Frame, Mask
 
 _SUBPIXELS = 2
+_ROUNDING_M = 1e-9  # a fitted coordinate of less is zero; the sign of what is left depends on the processor
 _ROWS = 1024  # that are searched at once
 
 
@@ -135,15 +136,15 @@ def simplify_to_wall_error(outline: Polygon, error_m: float) -> Polygon:
 
 def _on_grid(outline: Polygon, simplified: Polygon, setting: str) -> Polygon:
     """Return a simplified outline on the grid of `grid_m`; refuse it if it is invalid or an island is lost."""
-    simple = shapely.set_precision(simplified, grid_m(outline))
+    unsigned = shapely.transform(simplified, lambda xy: np.where(np.abs(xy) < _ROUNDING_M, 0.0, xy))
+    simple = shapely.set_precision(unsigned, grid_m(outline))
     if not isinstance(simple, Polygon) or simple.is_empty or not simple.is_valid:
         raise GeometryError(f"{setting}: the outline would be invalid; use a smaller value")
     if len(simple.interiors) != len(outline.interiors):
         raise GeometryError(
             f"{setting}: {len(outline.interiors)} islands would become {len(simple.interiors)}; use a smaller value"
         )
-    unsigned = shapely.transform(simple, lambda xy: xy + 0.0)  # -0.0 to 0.0: its sign depends on the processor
-    return orient(shapely.set_precision(unsigned, grid_m(outline), mode="pointwise"))
+    return orient(simple)
 
 
 def _fit_rings(outline: Polygon, kept: Polygon, tolerance_m: float) -> Polygon:

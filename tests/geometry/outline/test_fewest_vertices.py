@@ -106,7 +106,7 @@ def test_rough_walls_have_the_stated_deviation_and_keep_the_islands():
 
 
 def test_a_vertex_beside_an_axis_has_no_sign_that_depends_on_the_processor():
-    near_axes = shapely.Polygon([(-1e-9, -1e-9), (20, -1e-9), (20, 4), (-1e-9, 4)])
+    near_axes = shapely.Polygon([(-1e-10, -1e-10), (20, -1e-10), (20, 4), (-1e-10, 4)])
     for simple in (simplify_to_wall_error(near_axes, 0.02), simplify_outline(near_axes, 0.02)):
         at = shapely.get_coordinates(simple)
         assert (at == 0).any()
