@@ -11,7 +11,7 @@ import numpy as np
 from shapely import Polygon
 from tqdm import tqdm
 
-from pipeline.geometry.maps.occupancy import first_anchor, nav2_map, occupancy_grid
+from pipeline.geometry.maps.occupancy import cell_within_bundle, first_anchor, nav2_map, occupancy_grid
 from pipeline.geometry.maps.octree import Columns, build_octree, to_bt
 from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms
 from pipeline.geometry.rock.partition import Box, rock_around, tiled_rock, world_box
@@ -58,7 +58,7 @@ def compile_rock(
         return {**_nothing(params), "volume": compile_volume(params, network, solid, subject, floors)}
     free = free_space.polygon
     world = world_box(free, params.rock_margin_m, free_space.frame.extent_m)
-    cell = params.grid_cell_m
+    cell = cell_within_bundle(params.grid_cell_m, world)
     grid = occupancy_grid(free, cell, world)
     columns = Columns.of_cells(np.argwhere(grid.free), grid.origin_m, cell, params.height_m)
     pixels, yaml = nav2_map(grid)

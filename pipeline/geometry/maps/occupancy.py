@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,10 +12,45 @@ from shapely import Polygon
 from shapely.strtree import STRtree
 
 from minexplore.bundle import NAV2_PICTURE
+from minexplore.schema.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.remarks import Remark, warn_user
 from pipeline.types import Frame, Occupancy, Spawn
+
+_BORDER = 0.999  # of the most cells: a grid begins and ends at whole cells, up to two more a row and column
+_STEP_M, _COARSEST_M = 0.05, 2  # m, of cells
+
+
+def cell_within_bundle(wanted_m: float, world_m: tuple[float, float, float, float]) -> float:
+    """Return the wanted cell, m, or the least one of whole 5 cm with which a bundle may hold the grid of a box.
+
+    A remark names a cell that is larger than wanted.
+
+    Raises
+    ------
+    GeometryError
+        If the cell is larger than a bundle allows; the message names the spans.
+    """
+    west, south, east, north = world_m
+    most = MOST_CELLS * _BORDER
+    if (east - west) * (north - south) <= most * wanted_m**2:
+        return wanted_m
+    cell = round(math.ceil(math.sqrt((east - west) * (north - south) / most) / _STEP_M) * _STEP_M, 2)
+    if cell > _COARSEST_M:
+        raise GeometryError(
+            f"the workings span {east - west:.0f} x {north - south:.0f} m; the maps of a bundle have at most "
+            f"{MOST_CELLS:,} cells of at most {_COARSEST_M} m: build a part of them"
+        )
+    warn_user(
+        Remark(
+            f"is the cell of maps, not {wanted_m:g} m: a bundle holds at most {MOST_CELLS:,} cells",
+            f"{cell:.2f} m",
+            "compile3d.grid_cell_m",
+        )
+    )
+    return cell
 
 
 def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:

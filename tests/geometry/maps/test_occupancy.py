@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import yaml
 
+from minexplore.schema.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
-from pipeline.geometry.maps.occupancy import entrance_anchor, nav2_map, occupancy_grid
+from pipeline.geometry.maps.occupancy import cell_within_bundle, entrance_anchor, nav2_map, occupancy_grid
+from pipeline.remarks import collect_remarks
 from tests.mines import STRAIGHT, TEE
 
 WORLD = (-4.0, -4.0, 104.0, 9.0)
@@ -46,3 +48,21 @@ def test_the_nav2_map_shows_the_cells_of_the_grid():
     assert meta["resolution"] == 0.5
     assert meta["origin"] == [grid.origin_m[0], grid.origin_m[1], 0.0]
     assert "/" not in meta["image"]
+
+
+def test_the_cell_of_a_wide_mine_is_the_least_that_a_bundle_holds_and_a_remark_names_it():
+    box = (-3.1, -8.2, 5603.3, 7706.1)
+    with collect_remarks() as remarks:
+        cell = cell_within_bundle(0.25, box)
+    assert [(remark.value, remark.option) for remark in remarks] == [("0.70 m", "compile3d.grid_cell_m")]
+    west, south, east, north = (v / cell for v in box)
+    cells = (np.ceil(east) - np.floor(west)) * (np.ceil(north) - np.floor(south))
+    assert 0.8 * MOST_CELLS < cells <= MOST_CELLS
+    with collect_remarks() as remarks:
+        assert cell_within_bundle(0.25, (0.0, 0.0, 2400.0, 2500.0)) == 0.25
+    assert not remarks
+
+
+def test_a_mine_that_is_too_wide_for_any_map_is_refused():
+    with pytest.raises(GeometryError, match=r"21000 x 24000 m.*at most 100,000,000 cells of at most 2 m"):
+        cell_within_bundle(0.25, (0.0, 0.0, 21_000.0, 24_000.0))
