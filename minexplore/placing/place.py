@@ -77,6 +77,7 @@ def place(
         pose = _pose_of(pose)
     world = world if isinstance(world, World) else load_world(find_world(world))
     file = read_robot(robot)
+    file.settle_masses()
     file.drop_scenery()
     stance = file.stance(keyframe)
     site = site_of(world)

@@ -37,7 +37,8 @@ of the headlamp. Depths are along its axis, at most {depth_m:g} m; 0 means none.
 
 A cloud has `points_m`, `range_m`, `ring`, `time_s`, `intensity` and `label`. Rays hit the visible rock, furniture and
 the floor that wheels stand on, within 1 mm of MuJoCo's own rays. `Scanner` in `minexplore.sensing.scanners` takes a
-mounting pose and, for motion within a scan, the robot's pose when the scan began.
+mounting pose and, for motion within a scan, the robot's pose when the scan began. `scanner_of("own.json", world)` makes
+one of a file with the fields of those in `minexplore/sensing/scanners/patterns`.
 
 | name | range, m | at 10 % reflectivity, m | noise, mm | scans/s | rays a scan |
 |---|---|---|---|---|---|
