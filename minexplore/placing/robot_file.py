@@ -70,7 +70,7 @@ class RobotFile:
         if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
             compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
             for body in bodies:
-                body.explicitinertial = False
+                body.explicitinertial, body.ipos = False, [np.nan] * 3  # so that MuJoCo infers it
         if compiler.settotalmass <= 0:
             return
         try:

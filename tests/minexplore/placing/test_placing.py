@@ -107,6 +107,24 @@ def test_every_body_weighs_what_the_compiler_made_of_its_own_file_and_mujoco_war
         np.testing.assert_allclose(placed_body.inertia, body.inertia, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "compiler", ["", 'settotalmass="14"', 'inertiafromgeom="true"', 'inertiafromgeom="true" settotalmass="9"']
+)
+def test_inertials_that_a_file_states_hold_as_in_the_file_alone(tee: BuiltMine, compiler: str):
+    text = f"""<mujoco><compiler {compiler}/><worldbody><body name="a" pos="0 0 1"><freejoint/>
+    <inertial pos=".01 0 0" mass="3" fullinertia=".1 .2 .25 .01 .02 .03"/><geom size=".2"/><body name="b" pos=".5 0 0">
+    <joint axis="0 1 0"/><geom type="capsule" size=".05" fromto="0 0 0 .3 0 0"/>
+    <geom type="box" size=".1 .1 .1" contype="0" conaffinity="0" mass="2"/></body></body></worldbody></mujoco>"""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # MuJoCo's of `settotalmass`
+        own = mujoco.MjModel.from_xml_string(text)
+    model, _ = placed(load_world(tee.bundle), mujoco.MjSpec.from_string(text), (10.0, 2.5), reach_m=5.0)
+    for name in "ab":
+        np.testing.assert_allclose(model.body(f"robot/{name}").mass, own.body(name).mass)
+        np.testing.assert_allclose(model.body(f"robot/{name}").inertia, own.body(name).inertia)
+        np.testing.assert_allclose(model.body(f"robot/{name}").ipos, own.body(name).ipos, atol=1e-12)
+
+
 def test_all_options_that_differ_are_listed_and_contacts_stay_the_mines(tee: BuiltMine):
     text = """<mujoco><option iterations="7" wind="1 0 0" o_friction=".1 .1 .1 .1 .1"><flag override="enable"/></option>
     <worldbody><body name="b" pos="0 0 1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
