@@ -1,4 +1,4 @@
-"""Draw docs/robots.jpg: this package's robots in the embedded mine, and two of Gymnasium's that were placed in it."""
+"""Draw docs/robots.jpg: this package's robots, what they see, and three of Gymnasium's that were placed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ import mujoco
 import numpy as np
 
 from benchmarks.resume import run_benchmark
+from benchmarks.sensors.pictures import SPAN_M, draw_cloud
 from minexplore.envs.env import MineEnv
+from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.pictures.opengl import new_renderer
 from minexplore.pictures.render import Renderer
 from minexplore.placing.place import PlacementWarning, place
@@ -27,22 +29,41 @@ ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 _SIZE_PX = (640, 480)
 _ROCK_RGBA, _FLOOR_RGBA = (0.54, 0.44, 0.36, 1.0), (0.42, 0.38, 0.34, 1.0)
 _SETTLE_S = 0.25
-_COLOUR = (235, 235, 235)
+_COLOUR, _BEAM = (235, 235, 235), (240, 220, 90)
 
 
-def draw_own(world: World, robot: str) -> np.ndarray:
-    """Return the view (rows, cols, 3) RGB from behind one of this package's robots after some steps."""
+def draw_own(world: World, robot: str | None) -> list[np.ndarray]:
+    """Return a view from behind one of this package's robots after some steps, its camera's, and its beams.
+
+    All are (rows, cols, 3) RGB.
+    """
     env = MineEnv(world.folder, robot=robot)
     env.reset(seed=0)
     action = np.zeros(env.robot.COMMANDS)
     action[0] = 0.5
     for _ in range(12):
-        env.step(action)
+        observation = env.step(action)[0]
     robots = env.robots
     renderer = Renderer(world, robots.T_world_mine, env.grid, env.robot, 1, _SIZE_PX)
-    picture = renderer.draw("chase", robots.qpos, robots.seen[0], robots.poses())
+    chase = renderer.draw("chase", robots.qpos, robots.seen[0], robots.poses())
     renderer.close()
+    seen = cv2.resize(env.capture("rgb"), _SIZE_PX, interpolation=cv2.INTER_CUBIC)
+    beams = draw_beams(env, np.asarray(observation))
     env.close()
+    return [chase, seen, beams]
+
+
+def draw_beams(env: MineEnv, observation: np.ndarray) -> np.ndarray:
+    """Return a picture (rows, cols, 3) of a robot's beams from above, the robot looking to the right, on a cloud."""
+    picture = cv2.resize(draw_cloud(env.capture("os1-64")), _SIZE_PX, interpolation=cv2.INTER_NEAREST)
+    around = 2 * np.pi * np.arange(env.task.beams) / env.task.beams
+    level = np.column_stack([np.cos(around), np.sin(around)])
+    ways = env.robot.beams(env.task.beams)[:, :2] if isinstance(env.robot, QuadrotorParams) else level
+    near, far = env.task.range_m
+    ends = ways * (near + observation[: len(ways), None] * (far - near)) * _SIZE_PX[0] / SPAN_M
+    middle = np.array(_SIZE_PX) / 2
+    for end in np.round(middle + ends * [1, -1]).astype(int).tolist():
+        cv2.line(picture, tuple(middle.astype(int).tolist()), end, _BEAM, 1, cv2.LINE_AA)
     return picture
 
 
@@ -74,22 +95,24 @@ def draw_placed(world: World, file: Path) -> np.ndarray:
     return picture
 
 
+def name_view(name: str, view: np.ndarray) -> np.ndarray:
+    """Return a view (rows, cols, 3) RGB as BGR with its name."""
+    picture = np.ascontiguousarray(view[..., ::-1])
+    return cv2.putText(picture, name, (16, 34), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _COLOUR, 2, cv2.LINE_AA)
+
+
 def main() -> int:
     """Write the picture."""
     world = load_world(find_world("chilean_mine"))
-    views = {
-        "robot='husky'": draw_own(world, "husky"),
-        "robot='quadrotor'": draw_own(world, "quadrotor"),
-        "place(world, 'ant.xml', pose)": draw_placed(world, ASSETS / "ant.xml"),
-        "place(world, 'humanoid.xml', pose)": draw_placed(world, ASSETS / "humanoid.xml"),
-    }
-    shown = []
-    for name, view in views.items():
-        picture = np.ascontiguousarray(view[..., ::-1])
-        cv2.putText(picture, name, (16, 34), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _COLOUR, 2, cv2.LINE_AA)
-        shown.append(picture)
-    whole = cv2.vconcat([cv2.hconcat(shown[:2]), cv2.hconcat(shown[2:])])
-    small = cv2.resize(whole, None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
+    rows = []
+    for robot in (None, "husky", "quadrotor"):
+        called = "the default robot" if robot is None else f"robot='{robot}'"
+        names = (called, "its camera", "its beams, from above")
+        rows.append([name_view(*pair) for pair in zip(names, draw_own(world, robot), strict=True)])
+    files = ("ant.xml", "humanoid.xml", "half_cheetah.xml")
+    rows.append([name_view(f"place(world, '{file}', pose)", draw_placed(world, ASSETS / file)) for file in files])
+    whole = cv2.vconcat([cv2.hconcat(row) for row in rows])
+    small = cv2.resize(whole, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA)
     write_atomically(PICTURE, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes())
     return 0
 

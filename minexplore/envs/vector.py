@@ -15,6 +15,7 @@ from gymnasium.vector.utils import batch_space
 from minexplore.envs.batches import commands_of, make_batch, observations_of
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
 from minexplore.envs.outcome import StepOutcome
+from minexplore.envs.sensed.sensor_suite import check_sensors
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.pictures.opengl import prepare_opengl
 from minexplore.pictures.render import CAMERAS, Renderer
@@ -43,6 +44,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         step resets at once; the last observation and info are in `info["final_obs"]`, `info["final_info"]`.
     threads : int
         That step the physics.
+    sensors : ()
+        None are read here; `vectorization_mode="sync"` of `gymnasium.make_vec` reads them.
     """
 
     closed = True  # until there is something to close: Gymnasium closes what goes out of use, half-made ones too
@@ -61,8 +64,11 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         threads: int = 1,
         pose: str = "true",
         conditions: SensorParams | Mapping[str, Any] | str | None = None,
+        sensors: Sequence[str] = (),
     ) -> None:
         """Load the world and put the robots into it."""
+        if check_sensors(sensors):
+            raise ValueError(f"sensors = {sensors!r:.100}: want () here; vectorization_mode='sync' reads sensors")
         given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
         gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions)
         check_count("num_envs", num_envs, _MOST)

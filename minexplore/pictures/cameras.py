@@ -47,6 +47,8 @@ class CameraParams:
     def __post_init__(self) -> None:
         """Refuse numbers that no camera has."""
         check_numbers("camera", self, _SPANS)
+        if not isinstance(self.mount, Mount):
+            raise ValueError(f"camera: mount = {self.mount!r:.100}: want Mount(...)")
 
     @classmethod
     def on(cls, robot: Robot) -> Self:

@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY
+from minexplore.bundle import MINE_BODY, line_of
 from minexplore.limits import Span
 from minexplore.physics.robot import ROCK_BODY
 from minexplore.placing.robot_file import RobotFile, RobotStance, read_robot
@@ -77,6 +77,7 @@ def place(
         pose = _pose_of(pose)
     world = world if isinstance(world, World) else load_world(find_world(world))
     file = read_robot(robot)
+    file.settle_masses()
     file.drop_scenery()
     stance = file.stance(keyframe)
     site = site_of(world)
@@ -148,7 +149,11 @@ def _compose(
 
 def _require_room(world: World, spec: mujoco.MjSpec, file: RobotFile, pose: Pose, stance: RobotStance) -> None:
     """Refuse a pose at which the robot reaches into rock or floor."""
-    model = world.compile(spec)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        name = f"{file.name} in {world.record['name']}"
+        raise ValueError(f"robot: {name}: MuJoCo does not compile the two: {line_of(error)}") from error
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(SPAWN).id)
     mujoco.mj_forward(model, data)

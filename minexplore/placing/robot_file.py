@@ -19,11 +19,13 @@ _BITS = 31  # of contype and conaffinity
 _OPTIONS = (
     *("timestep", "integrator", "cone", "impratio", "jacobian", "solver", "iterations", "tolerance"),
     *("ls_iterations", "ls_tolerance", "noslip_iterations", "noslip_tolerance", "ccd_iterations", "ccd_tolerance"),
-    *("density", "viscosity", "wind", "magnetic"),
+    *("density", "viscosity", "wind", "magnetic", "sdf_iterations", "sdf_initpoints", "disableactuator"),
 )
 _SIZES = [f"nuser_{kind}" for kind in ("actuator", "body", "cam", "geom", "jnt", "sensor", "site", "tendon")]
+_PICTURES = ("global_", "headlight", "map", "quality", "rgba", "scale")  # how a model is drawn
 _NAMED = {"integrator": mujoco.mjtIntegrator, "cone": mujoco.mjtCone, "solver": mujoco.mjtSolver}
 _WORLDS_FLAGS = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_GRAVITY
+_WORLDS_ENABLED = int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)  # one friction, margin and softness for all contacts
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,31 @@ class RobotFile:
     changes: list[str] = field(default_factory=list)
     paired: set[str] = field(default_factory=set)  # geoms that met the scenery by pairs
 
+    def settle_masses(self) -> None:
+        """Give each body its share of a file's `settotalmass`, which an attached spec has no more.
+
+        With `inertiafromgeom="true"` MuJoCo discards no visual geoms; `"auto"` without inertials of bodies is the same.
+        """
+        compiler, bodies = self.spec.compiler, self.spec.bodies[1:]
+        if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+            compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+            for body in bodies:
+                body.explicitinertial, body.ipos = False, [np.nan] * 3  # so that MuJoCo infers it
+        if compiler.settotalmass <= 0:
+            return
+        try:
+            for body in bodies:
+                if body.geoms and not body.explicitinertial:
+                    self.spec.adopt_inertial(body)
+        except ValueError as error:
+            raise ValueError(f"robot: {self.name}: MuJoCo does not compile it: {line_of(error)}") from error
+        scale = compiler.settotalmass / max(sum(body.mass for body in bodies), mujoco.mjMINVAL)
+        compiler.settotalmass = -1.0
+        for body in bodies:
+            body.mass *= scale
+            body.inertia = body.inertia * scale
+            body.fullinertia = body.fullinertia * scale
+
     def stance(self, keyframe: str | None) -> RobotStance:
         """Measure the robot in a keyframe; in its first one by default, or where it has none at its `qpos0`.
 
@@ -85,6 +112,8 @@ class RobotFile:
         high = np.array([max(_support(model, data, g, way) for g in solid) for way in np.eye(3)])
         low = np.array([-max(_support(model, data, g, -way) for g in solid) for way in np.eye(3)])
         roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
+        if not roots:
+            raise ValueError(f"robot: {self.name}: it has no body beside the world's; want at least one")
         free = [
             int(model.jnt_qposadr[j])
             for j in range(model.njnt)
@@ -139,26 +168,33 @@ class RobotFile:
         self.changes.append(f"conaffinity of {len(solid)} geoms has bit {free[0]} beside their own, to meet the rock")
 
     def prepare_to_join(self, spec: mujoco.MjSpec) -> None:
-        """Leave out the keyframes, which hold places of the file's frame, and make the sizes of a spec the robot's."""
+        """Leave out the keyframes, which hold places of the file's frame, and take a spec's sizes and settings.
+
+        MuJoCo warns of each setting of an attached spec that is not the other's, and keeps the other's.
+        """
         for key in list(self.spec.keys):
             self.spec.delete(key)
         self.spec.nkey = spec.nkey
         for name in _SIZES:
             setattr(spec, name, getattr(self.spec, name))
+        _copy_fields(spec.option, self.spec.option)
+        for name in _PICTURES:
+            _copy_fields(getattr(spec.visual, name), getattr(self.spec.visual, name))
 
     def take_options(self, spec: mujoco.MjSpec) -> None:
         """Give a spec the options that the robot's file has, and note in what the mine's differ."""
         own, differ = self.spec.option, []
         for name in _OPTIONS:
             theirs, ours = getattr(own, name), getattr(spec.option, name)
-            if name in ("timestep", *_NAMED) and theirs != ours:
+            if not np.array_equal(theirs, ours):
                 differ.append(f"{name} {_as_text(name, theirs)} (environments: {_as_text(name, ours)})")
             setattr(spec.option, name, theirs)
         if differ:
             self.changes.append(f"its own solver options hold: {', '.join(differ)}")
+        minds_own = own.disableflags & _WORLDS_FLAGS or own.enableflags & _WORLDS_ENABLED
         spec.option.disableflags |= own.disableflags & ~_WORLDS_FLAGS
-        spec.option.enableflags |= own.enableflags
-        if own.disableflags & _WORLDS_FLAGS or not np.allclose(own.gravity, spec.option.gravity):
+        spec.option.enableflags |= own.enableflags & ~_WORLDS_ENABLED
+        if minds_own or not np.allclose(own.gravity, spec.option.gravity):
             self.changes.append("gravity and contacts are the mine's")
 
 
@@ -200,8 +236,16 @@ def _menagerie_file(name: str) -> Path:
         raise ValueError(f"robot = {name!r}: {line_of(error)}") from error
 
 
+def _copy_fields(source: Any, target: Any) -> None:
+    for name in dir(source):
+        if not name.startswith("_"):
+            setattr(target, name, getattr(source, name))
+
+
 def _as_text(name: str, value: Any) -> str:
-    return _NAMED[name](value).name.partition("_")[2] if name in _NAMED else f"{value:g} s"
+    if name in _NAMED:
+        return _NAMED[name](value).name.partition("_")[2]
+    return f"{value:g} s" if name == "timestep" else " ".join(f"{number:g}" for number in np.atleast_1d(value))
 
 
 def _support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, way: np.ndarray) -> float:

@@ -104,7 +104,7 @@ def _run(
     steps, seed, every = arguments.steps, arguments.seed, arguments.every
     frames = frames_of(env, drive, sensors, steps, seed, every, arguments.pose == "true")
     count, looks, frame = 0, 0, None
-    for count, frame in enumerate(frames, start=1):  # noqa: B007
+    for count, frame in enumerate(frames):  # noqa: B007
         looks += bool(frame.readings)
         for sink in sinks:
             sink.add(frame)

@@ -49,10 +49,19 @@ class McapFile:
     """
 
     def __init__(self, path: Path, suite: SensorSuite) -> None:
-        """Create the file; `suite` knows how the sensors are mounted."""
+        """Create the file; `suite` knows how the sensors are mounted.
+
+        Raises
+        ------
+        ValueError
+            If the file cannot be written.
+        """
         from mcap_ros2.writer import Writer  # of the extra `record`
 
-        self._suite, self._stream = suite, path.open("wb")
+        try:
+            self._suite, self._stream = suite, path.open("wb")
+        except OSError as error:
+            raise ValueError(f"out = {str(path)!r}: cannot be written ({error.strerror})") from error
         self._writer: Any = Writer(self._stream)
         self._schemas = {name: self._writer.register_msgdef(name, definition_of(name)) for name in message_types()}
         self._time_ns = 0

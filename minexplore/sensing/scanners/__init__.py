@@ -3,7 +3,8 @@
 from minexplore.sensing.scanners.cloud import PointCloud
 from minexplore.sensing.scanners.labels import LABELS
 from minexplore.sensing.scanners.mount import Mount, Pose3D
-from minexplore.sensing.scanners.pattern import ScanPattern, load_pattern, pattern_names
+from minexplore.sensing.scanners.pattern import ScanPattern
+from minexplore.sensing.scanners.pattern_files import load_pattern, pattern_names
 from minexplore.sensing.scanners.scanner import Scanner, scanner_of
 
 __all__ = [

@@ -1,22 +1,20 @@
-"""Where a LiDAR looks and when: patterns as data files, from data sheets."""
+"""Where a LiDAR looks and when."""
 
 from __future__ import annotations
 
 import functools
-import json
-from dataclasses import dataclass
-from pathlib import Path
+import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-_FOLDER = Path(__file__).parent / "patterns"
-_KINDS = ("spinning", "rosette", "lines")
-_SHARED = {"kind", "source", "rate_hz", "elevations_deg", "range_m", "range_at_ten_percent_m", "noise_m"}
-_OWN = {
-    "spinning": {"columns", "azimuths_deg", "firing_s"},
-    "rosette": {"points_hz", "turns_hz", "swings_hz", "fan_deg"},
-    "lines": {"columns", "lines"},
+from minexplore.limits import Span, check_numbers
+
+_SPANS = {
+    "rate_hz": Span(1e-4, 1e6),
+    "range_at_ten_percent_m": Span(0.001, 1e6),
+    "noise_m": Span(0.0, 1000.0),
 }
 
 
@@ -50,11 +48,18 @@ class ScanPattern:
     range_m: tuple[float, float]
     range_at_ten_percent_m: float
     noise_m: float
-    about: dict[str, Any]
+    about: dict[str, Any] = field(hash=False)
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no LiDAR has."""
+        check_numbers(f"LiDAR {self.name}", self, _SPANS)
+        near, far = self.range_m
+        if not 0 < near < far < math.inf:
+            raise ValueError(f"LiDAR {self.name}: range_m = {self.range_m}: want 0 < near < far")
 
     def scan(self, number: int = 0) -> Rays:
         """Return the rays of a scan by its number; all scans are alike but those of a rosette."""
-        return _rosette(self, number) if self.kind == "rosette" else _repeated(self.name)
+        return _rosette(self, number) if self.kind == "rosette" else _repeated(self)
 
     @property
     def rays(self) -> int:
@@ -69,52 +74,8 @@ class ScanPattern:
         return 1 / self.rate_hz
 
 
-def pattern_names() -> list[str]:
-    """Return the names of the patterns that ship with the package."""
-    return sorted(path.stem for path in _FOLDER.glob("*.json"))
-
-
-@functools.cache
-def load_pattern(name: str) -> ScanPattern:
-    """Return a pattern by its name.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name; the message lists those that there are.
-    """
-    if name not in pattern_names():
-        raise ValueError(f"LiDAR = {name!r}: valid choices are {', '.join(pattern_names())}")
-    return parse_pattern(name, json.loads((_FOLDER / f"{name}.json").read_text()))
-
-
-def parse_pattern(name: str, record: dict[str, Any]) -> ScanPattern:
-    """Return a pattern as its file states it.
-
-    Raises
-    ------
-    ValueError
-        If a field is missing or unknown, or the kind is.
-    """
-    kind = record.get("kind")
-    if kind not in _KINDS:
-        raise ValueError(f"{name}: kind = {kind!r}: valid choices are {', '.join(_KINDS)}")
-    wrong = set(record) ^ (_SHARED | _OWN[kind])
-    if wrong:
-        raise ValueError(f"{name}: {sorted(wrong)[0]}: missing or unknown in a pattern of kind {kind!r}")
-    near, far = record["range_m"]
-    if not 0 < near < far:
-        raise ValueError(f"{name}: range_m = {record['range_m']}: want 0 < near < far")
-    shared = {field: record[field] for field in _SHARED - {"elevations_deg", "range_m"}}
-    own = {field: record[field] for field in _OWN[kind]}
-    return ScanPattern(
-        name=name, elevations_deg=tuple(record["elevations_deg"]), range_m=(near, far), about=own, **shared
-    )
-
-
 @functools.lru_cache(maxsize=4)
-def _repeated(name: str) -> Rays:
-    pattern = load_pattern(name)
+def _repeated(pattern: ScanPattern) -> Rays:
     return _spinning(pattern) if pattern.kind == "spinning" else _lines(pattern)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from minexplore.sensing.lidar import Backend
@@ -11,7 +13,8 @@ from minexplore.sensing.scanners.cloud import PointCloud
 from minexplore.sensing.scanners.degradation import degrade_hits, reflectivities
 from minexplore.sensing.scanners.labels import DUST
 from minexplore.sensing.scanners.mount import Mount, Pose3D
-from minexplore.sensing.scanners.pattern import Rays, ScanPattern, load_pattern
+from minexplore.sensing.scanners.pattern import Rays, ScanPattern
+from minexplore.sensing.scanners.pattern_files import load_pattern
 from minexplore.world import World
 
 
@@ -78,18 +81,20 @@ class Scanner:
 
 
 def scanner_of(
-    name: str,
+    name: str | Path,
     world: World,
     mount: Mount | None = None,
     params: SensorParams = IDEAL,
     backend: Backend = "auto",
 ) -> Scanner:
-    """Return a LiDAR by the name of its pattern in a world.
+    """Return a LiDAR in a world by the name of its pattern, or by the `.json` file of one; see `load_pattern`.
 
     Raises
     ------
     ValueError
-        If there is no pattern of that name.
+        If there is no pattern of that name, or the file is refused.
+    FileNotFoundError
+        If there is no such file.
     """
     pattern = load_pattern(name)
     return Scanner(pattern, shared_caster(world, pattern.range_m[1], backend), mount, params)

@@ -143,6 +143,16 @@ def test_an_imu_at_rest_reads_gravity_and_the_noise_of_its_data_sheet():
     assert imu.read(np.eye(3), np.zeros(3), rng).force_mps2[0] == pytest.approx(1.0, abs=0.15)
 
 
+def test_the_vector_form_reads_no_sensors_and_says_which_does(small_world):
+    with pytest.raises(ValueError, match=r"sensors = \('imu',\): want \(\) here; vectorization_mode='sync' reads sens"):
+        MineVectorEnv(2, small_world, sensors=("imu",))
+    kwargs = {"world": str(small_world), "sensors": ("imu",)}
+    envs = gymnasium.make_vec("MineXplore/World-v0", num_envs=2, vectorization_mode="sync", **kwargs)
+    observation, _ = envs.reset(seed=0)
+    assert observation["imu"].shape == (2, 6)
+    envs.close()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -156,6 +166,8 @@ def test_an_imu_at_rest_reads_gravity_and_the_noise_of_its_data_sheet():
 def test_bad_arguments_are_refused_in_one_line(small_world, arguments, words):
     with pytest.raises(ValueError, match=words):
         MineEnv(small_world, **arguments)
+    with pytest.raises(ValueError, match=words):
+        MineVectorEnv(1, small_world, **arguments)
     env = MineEnv(small_world)
     env.reset(seed=0)
     with pytest.raises(ValueError, match="sensors: 'sonar'"):

@@ -86,6 +86,8 @@ def test_dust_returns_light_where_nothing_else_is_in_reach():
 def test_a_camera_that_none_sells_is_refused_in_one_line():
     with pytest.raises(ValueError, match=r"camera: fovy_deg = 190: want a number from 5 to 150"):
         CameraParams(fovy_deg=190)
+    with pytest.raises(ValueError, match=r"camera: mount = \(0, 0, 1\): want Mount\(\.\.\.\)"):
+        CameraParams(mount=(0, 0, 1))
 
 
 def test_the_cameras_field_is_that_of_its_data_sheet_at_four_to_three():

@@ -90,6 +90,54 @@ def test_a_placed_robot_weighs_what_it_weighs_in_its_own_file_and_keeps_its_solv
         model.geom("robot/floor")
 
 
+@pytest.mark.parametrize("robot", ["half_cheetah.xml", "pusher.xml", "hopper.xml", "inverted_double_pendulum.xml"])
+def test_every_body_weighs_what_the_compiler_made_of_its_own_file_and_mujoco_warns_of_nothing(tee, robot, capfd):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # MuJoCo's of `settotalmass`
+        own = mujoco.MjModel.from_xml_path(str(ASSETS / robot))
+    capfd.readouterr()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", PlacementWarning)
+        model = minexplore.place(load_world(tee.bundle), ASSETS / robot, (10.0, 2.5)).compile()
+    assert capfd.readouterr().err == ""
+    for body in map(own.body, range(1, own.nbody)):
+        placed_body = model.body(f"robot/{body.name}")
+        assert placed_body.mass == pytest.approx(body.mass, rel=1e-9)
+        np.testing.assert_allclose(placed_body.inertia, body.inertia, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "compiler", ["", 'settotalmass="14"', 'inertiafromgeom="true"', 'inertiafromgeom="true" settotalmass="9"']
+)
+def test_inertials_that_a_file_states_hold_as_in_the_file_alone(tee: BuiltMine, compiler: str):
+    text = f"""<mujoco><compiler {compiler}/><worldbody><body name="a" pos="0 0 1"><freejoint/>
+    <inertial pos=".01 0 0" mass="3" fullinertia=".1 .2 .25 .01 .02 .03"/><geom size=".2"/><body name="b" pos=".5 0 0">
+    <joint axis="0 1 0"/><geom type="capsule" size=".05" fromto="0 0 0 .3 0 0"/>
+    <geom type="box" size=".1 .1 .1" contype="0" conaffinity="0" mass="2"/></body></body></worldbody></mujoco>"""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # MuJoCo's of `settotalmass`
+        own = mujoco.MjModel.from_xml_string(text)
+    model, _ = placed(load_world(tee.bundle), mujoco.MjSpec.from_string(text), (10.0, 2.5), reach_m=5.0)
+    for name in "ab":
+        np.testing.assert_allclose(model.body(f"robot/{name}").mass, own.body(name).mass)
+        np.testing.assert_allclose(model.body(f"robot/{name}").inertia, own.body(name).inertia)
+        np.testing.assert_allclose(model.body(f"robot/{name}").ipos, own.body(name).ipos, atol=1e-12)
+
+
+def test_all_options_that_differ_are_listed_and_contacts_stay_the_mines(tee: BuiltMine):
+    text = """<mujoco><option iterations="7" wind="1 0 0" o_friction=".1 .1 .1 .1 .1"><flag override="enable"/></option>
+    <worldbody><body name="b" pos="0 0 1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+    with pytest.warns(
+        PlacementWarning, match=r"iterations 7 \(environments: 100\), wind 1 0 0 \(environments: 0 0 0\)"
+    ):
+        spec = minexplore.place(load_world(tee.bundle), mujoco.MjSpec.from_string(text), (10.0, 2.5))
+    assert "gravity and contacts are the mine's" in spec.text("placement").data
+    model = spec.compile()
+    assert not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
+    assert (model.opt.iterations, model.opt.wind.tolist()) == (7, [1.0, 0.0, 0.0])
+
+
 def test_no_two_parts_of_a_robot_meet_that_did_not_meet_in_its_own_file(tee: BuiltMine):
     own = mujoco.MjModel.from_xml_path(str(ASSETS / "humanoid.xml"))
     model, _ = placed(load_world(tee.bundle), ASSETS / "humanoid.xml", (10.0, 2.5))
@@ -170,6 +218,11 @@ def test_what_is_no_robot_is_refused_in_one_line(tee: BuiltMine):
     ghost = '<mujoco><worldbody><body><geom size="1" contype="0" conaffinity="0"/></body></worldbody></mujoco>'
     with pytest.raises(ValueError, match="none of its geoms collides"):
         placed(world, mujoco.MjSpec.from_string(ghost), (10.0, 2.5))
+    urdf = (
+        '<robot name="r"><link name="l"><collision><geometry><sphere radius="1"/></geometry></collision></link></robot>'
+    )
+    with pytest.raises(ValueError, match="it has no body beside the world's; want at least one"):
+        placed(world, mujoco.MjSpec.from_string(urdf), (10.0, 2.5))
     with pytest.raises(ValueError, match=r"robot = 7: want an MJCF file, an mujoco\.MjSpec, or menagerie:NAME"):
         placed(world, 7, (10.0, 2.5))
 

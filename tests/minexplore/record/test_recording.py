@@ -169,7 +169,7 @@ def test_the_command_records_and_says_how_much(small_world, tmp_path):
     words = ["record", "MineXplore/World-v0", "--world", str(small_world), "--sensors", "mid-360,imu"]
     done = run_forked("minexplore", [*words, "--steps", "4", "--out", str(out)], ROOT)
     assert done.returncode == 0, done.stderr
-    assert "5 steps, 5 looks, coverage" in done.stdout
+    assert "4 steps, 5 looks, coverage" in done.stdout
     assert out.read_bytes().startswith(b"\x89MCAP")
 
 
@@ -203,8 +203,10 @@ def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(smal
     }
     given |= {"out": tmp_path / "flight.mcap", "live": None}
     command.record(Namespace(**given), lambda observation, beams: observation[:2])
-    assert "4 steps, 4 looks" in (said := capsys.readouterr().out)
+    assert "3 steps, 4 looks" in (said := capsys.readouterr().out)
     assert "odometry off by 0.00 m" in said
+    with pytest.raises(ValueError, match=r"out = '.*': cannot be written \(Is a directory\)"):
+        command.record(Namespace(**given | {"out": tmp_path}), lambda observation, beams: observation[:2])
     with pytest.raises(ValueError, match="pose = 'odometry': a quadrotor has no wheels; want true"):
         command.record(Namespace(**given | {"pose": "odometry"}), lambda observation, beams: observation[:2])
 

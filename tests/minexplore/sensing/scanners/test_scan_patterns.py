@@ -1,9 +1,13 @@
 """Scan patterns against the figures of their data sheets."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from minexplore.sensing.scanners.pattern import load_pattern, parse_pattern, pattern_names
+import minexplore
+from minexplore.sensing.scanners.pattern_files import load_pattern, parse_pattern, pattern_names
 
 
 def angles(rays):
@@ -82,7 +86,49 @@ def test_every_pattern_names_its_source():
         assert "data sheet" in load_pattern(name).source
 
 
-def test_bad_patterns_are_refused_in_one_line():
+def test_a_pattern_of_a_users_own_file_scans_as_the_one_that_ships(tmp_path):
+    shipped = Path(minexplore.__file__).parent / "sensing/scanners/patterns/vlp-16.json"
+    record = json.loads(shipped.read_text()) | {"columns": 90, "rate_hz": 20.0}
+    (tmp_path / "own.json").write_text(json.dumps(record))
+    own = load_pattern(tmp_path / "own.json")
+    assert (own.name, own.rays, len(own.scan().time_s)) == ("own", 90 * 16, 90 * 16)
+    assert own.scan().time_s.max() == pytest.approx(1 / 20, rel=0.02)
+    np.testing.assert_allclose(own.scan().directions[:16], load_pattern("vlp-16").scan().directions[:16])
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("rate_hz", 0, "LiDAR own: rate_hz = 0: want a number from 0.0001 to 1,000,000"),
+        ("rate_hz", "10", "LiDAR own: rate_hz = '10': want a number"),
+        ("range_m", [-1, 5], r"LiDAR own: range_m = \[-1, 5\]: want a list of 2, each a number from 0"),
+        ("range_m", [5, 1], r"LiDAR own: range_m = \(5, 1\): want 0 < near < far"),
+        ("range_m", 7, "LiDAR own: range_m = 7: want a list of 2"),
+        ("noise_m", -0.1, "LiDAR own: noise_m = -0.1: want a number from 0"),
+        ("range_at_ten_percent_m", None, "LiDAR own: range_at_ten_percent_m = None: want a number"),
+        ("columns", 1.5, "LiDAR own: columns = 1.5: want a whole number from 1"),
+        ("columns", 20_000_000, "LiDAR own: 320,000,000 rays a scan: want 1 to 20,000,000"),
+        ("elevations_deg", [], r"LiDAR own: elevations_deg = \[\]: want a list of one or more"),
+        ("firing_s", [0.0], r"LiDAR own: firing_s = \[0.0\]: want a list of 16, each a number from 0"),
+        ("azimuths_deg", ["a"] * 16, "LiDAR own: azimuths_deg = .*: want a list of 16"),
+    ],
+)
+def test_a_field_of_a_pattern_beyond_its_limit_is_refused_in_one_line(field, value, words):
+    shipped = Path(minexplore.__file__).parent / "sensing/scanners/patterns/vlp-16.json"
+    with pytest.raises(ValueError, match=words) as refused:
+        parse_pattern("own", json.loads(shipped.read_text()) | {field: value})
+    assert "\n" not in str(refused.value)
+
+
+def test_bad_patterns_are_refused_in_one_line(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"LiDAR = 'none\.json': no such file"):
+        load_pattern("none.json")
+    (tmp_path / "own.json").write_text("[")
+    with pytest.raises(ValueError, match=r"own\.json: not JSON from line 1"):
+        load_pattern(tmp_path / "own.json")
+    rosette = json.loads((Path(minexplore.__file__).parent / "sensing/scanners/patterns/mid-360.json").read_text())
+    with pytest.raises(ValueError, match=r"LiDAR own: fan_deg = \[\[1\]\]: want a list of pairs"):
+        parse_pattern("own", rosette | {"fan_deg": [[1]]})
     with pytest.raises(ValueError, match=r"LiDAR = 'vlp-17': valid choices are mid-360, os1-64, vlp-16, vz-400"):
         load_pattern("vlp-17")
     with pytest.raises(ValueError, match="own: kind = None: valid choices are spinning"):
