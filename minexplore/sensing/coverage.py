@@ -66,8 +66,9 @@ class CoverageGrid:
         """
         ray, row, col, _ = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
         rows, cols = self.reachable.shape
-        inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
-        return ray[inside], row[inside], col[inside]
+        # Seen as a number without sign, one below zero is beyond any end.
+        inside = (col.view(np.uint64) < cols) & (row.view(np.uint64) < rows)
+        return (ray, row, col) if inside.all() else (ray[inside], row[inside], col[inside])
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells, rows and columns, as seen in `seen` (m, rows, cols) by their observers.
@@ -76,10 +77,9 @@ class CoverageGrid:
         """
         row, col = cell
         number = row * self.reachable.shape[1] + col
-        useful = self.reachable.reshape(-1)[number]
-        flat = observer[useful] * self.reachable.size + number[useful]
+        flat = observer * self.reachable.size + number
         view = seen.reshape(-1)
-        unseen = flat[~view[flat]]
+        unseen = flat[self.reachable.reshape(-1)[number] > view[flat]]
         if not len(unseen):
             return np.zeros(len(seen), np.int64)
         new = np.unique(unseen)
@@ -104,18 +104,21 @@ def cut_at_lines(
 
     Segments (n, 2) to (n, 2) m are at most `longest_m` long.
     """
-    start, ends = (starts_m - origin_m) / cell_m, (ends_m - origin_m) / cell_m
-    step = ends - start
-    lines = np.arange(1, int(np.ceil(longest_m / cell_m)) + 2)
-    ahead = np.where(step > 0, np.floor(start), np.ceil(start))  # (n, 2): the line behind the start on either axis
+    start = ((starts_m - origin_m) / cell_m)[..., None]
+    step = ((ends_m - origin_m) / cell_m)[..., None] - start
+    lines = np.arange(1.0, int(np.ceil(longest_m / cell_m)) + 2)
+    forward = step > 0
+    crossed = np.where(forward, np.floor(start) + lines, np.ceil(start) - lines)  # (n, 2, lines), on either axis
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (ahead[..., None] + np.sign(step)[..., None] * lines - start[..., None]) / step[..., None]
-    share = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
-    at = np.sort(np.hstack([np.zeros((len(start), 1)), share, np.ones((len(start), 1))]), axis=1)
-    ray, piece = np.nonzero(at[:, 1:] > at[:, :-1])
-    middle = (at[ray, piece + 1] + at[ray, piece]) / 2
-    col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
-    return ray, row, col, middle
+        share = (crossed - start) / step
+    at = np.ones((len(start), 2 * len(lines) + 2))  # where pieces end; one without length ends where the last does
+    at[:, 0] = 0.0
+    at[:, 1:-1] = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
+    at.sort(axis=1)
+    middle = (at[:, 1:] + at[:, :-1]) / 2
+    cell = np.floor(start + middle[:, None] * step).astype(np.int64)
+    piece = at[:, 1:] > at[:, :-1]
+    return piece.nonzero()[0], cell[:, 1][piece], cell[:, 0][piece], middle[piece]
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:

@@ -160,24 +160,30 @@ class Lidar:
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
-        slope, height = directions[..., 2], origins[:, None, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level = np.where(
-                slope < 0,
-                (self._floor_m - height) / slope,
-                np.where(slope > 0, (self._roof_m - height) / slope, np.inf),
-            )
-        rock = np.empty(directions.shape[:2])
-        for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
-            starts, ways = np.repeat(origins[rows], directions.shape[1], axis=0), directions[rows].reshape(-1, 3)
+        slope, height, beams = directions[..., 2], origins[:, None, 2], directions.shape[1]
+        level = np.full(slope.shape, np.inf)
+        np.divide(
+            np.where(slope < 0, self._floor_m - height, self._roof_m - height), slope, out=level, where=slope != 0
+        )
+        groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
+        if len(groups) == 1:
+            starts = origins if len(origins) == 1 else origins.repeat(beams, axis=0)
+            rock = self._cast(groups[0][0], starts, directions.reshape(-1, 3)).reshape(slope.shape)
+            return np.minimum(np.minimum(rock, level), self.range_m)
+        rock = np.empty(slope.shape)
+        for tile, rows in groups:
+            starts, ways = origins[rows].repeat(beams, axis=0), directions[rows].reshape(-1, 3)
             rock[rows] = self._cast(tile, starts, ways).reshape(len(rows), -1)
         return np.minimum(np.minimum(rock, level), self.range_m)
 
     def _cast(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Return distances (n,) m to the rock along rays (n, 3) that start in a tile; inf where there is none."""
+        """Return distances (n,) m to the rock along rays (n, 3) that start in a tile; inf where there is none.
+
+        They start at places (n, 3) m, or at one place (1, 3).
+        """
         cast, near = self._scene(tile)
         if not len(near):
-            return np.full(len(origins), np.inf)
+            return np.full(len(directions), np.inf)
         found, mesh, face = cast(origins, directions)
         return plane_distances(self.planes, self._first[near[mesh]] + face, origins, directions, found)
 
@@ -225,10 +231,12 @@ def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> 
         TriangleMesh(scene, (vertices - middle).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
 
     def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        starts = np.broadcast_to((origins - middle).astype(np.float32), directions.shape)
-        ways = np.ascontiguousarray(directions, dtype=np.float32)
-        hit = scene.run(np.ascontiguousarray(starts), ways, output=1)
-        return np.where(hit["geomID"] < 0, np.float32(np.inf), hit["tfar"]), hit["geomID"], hit["primID"]
+        starts = np.empty(directions.shape, np.float32)
+        starts[:] = origins - middle
+        hit = scene.run(starts, np.ascontiguousarray(directions, dtype=np.float32), output=1)
+        found, mesh = hit["tfar"], hit["geomID"]
+        found[mesh < 0] = np.inf
+        return found, mesh, hit["primID"]
 
     return cast
 

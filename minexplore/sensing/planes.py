@@ -48,4 +48,5 @@ def plane_distances(
 
 def _dot(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Return products (n,) of rows by their first three numbers, in a fixed order of operations."""
-    return one[:, 0] * two[:, 0] + one[:, 1] * two[:, 1] + one[:, 2] * two[:, 2]
+    product = one[:, :3] * two[:, :3]
+    return product[:, 0] + product[:, 1] + product[:, 2]
