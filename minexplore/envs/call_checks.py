@@ -10,6 +10,8 @@ import numpy as np
 
 _DEEPEST = 4  # lists in lists; a list may hold itself
 
+_PLAIN = (np.dtype(np.float32), np.dtype(np.float64))
+
 
 def numbers_of(action: Any) -> np.ndarray:
     """Return an action, or the actions of many robots, as float64.
@@ -19,6 +21,8 @@ def numbers_of(action: Any) -> np.ndarray:
     ValueError
         If it holds anything but numbers of 64 bits: texts, complex numbers, dates, or masked values.
     """
+    if type(action) is np.ndarray and action.dtype in _PLAIN:  # as policies give them, at every step
+        return action.astype(np.float64)
     try:
         if _is_masked(action):
             raise TypeError("masked values")

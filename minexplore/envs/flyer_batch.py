@@ -7,6 +7,7 @@ import numpy as np
 
 from minexplore.envs.flyer_ground import FlyerGround
 from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.robot_places import Stances
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
@@ -65,13 +66,13 @@ class FlyerBatch(RobotBatch):
             touched |= self.stepper.advance(robots, self._mine_places(robots), steps)
         return touched
 
-    def heights(self, robots: np.ndarray) -> np.ndarray:
+    def _heights_of(self, now: Stances) -> np.ndarray:
         """Return how high robots (k,) are, m, mine frame."""
-        return self._mine_places(robots)[:, 2].copy()
+        return now.places_m[:, 2].copy()
 
-    def attitudes(self, robots: np.ndarray) -> np.ndarray:
+    def _attitudes_of(self, now: Stances) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots in the mine frame."""
-        return np.arcsin(np.clip(self._stances(robots).axes[:, :2, 2], -1.0, 1.0))
+        return np.arcsin(np.clip(now.axes[:, :2, 2], -1.0, 1.0))
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         v = self.qvel[robots, :3]

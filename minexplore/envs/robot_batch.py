@@ -173,10 +173,11 @@ class RobotBatch(RobotPlaces):
         assert isinstance(self.robot, DrivenRobot)
         task, places = self.task, self._mine_places(robots)
         zone = self.world.zones_at(places[:, 0])
-        forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
+        scale = self._scale[zone]
+        forward = command[:, 0] * task.max_forward_mps * scale
         for k in self._noise[zone].nonzero()[0].tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
-        turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
+        turn = command[:, 1] * task.max_turn_radps * scale
         forward, turn = self.robot.disturb(forward, turn, rngs, robots)
         self.stepper.ctrl[self._rows(robots)] = self.robot.controls(forward, turn)
         self.ground.brake(robots, places, self.qvel)
@@ -221,20 +222,20 @@ class RobotBatch(RobotPlaces):
         return observe(self.task, ranges, self.previous[self._rows(robots)], [rngs[i] for i in robots.tolist()])
 
     def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
-        places, attitude, rows = self._mine_places(robots), self.attitudes(robots), self._rows(robots)
-        seen = self.cells_seen[rows].copy()
+        now, rows = self._stances(robots), self._rows(robots)
+        seen, attitude = self.cells_seen[rows].copy(), self._attitudes_of(now)
         return {
             "cells_seen": seen,
             "cells_reachable": np.full(len(robots), self.grid.total),
             "coverage": seen / self.grid.total,
             "collision": np.asarray(collision),
             "collisions": self.collisions[rows].copy(),
-            "zone": self.world.zone_names[self.world.zones_at(places[:, 0])],
-            "pose_m_rad": self.poses(robots),
-            "height_m": self.heights(robots),
+            "zone": self.world.zone_names[self.world.zones_at(now.places_m[:, 0])],
+            "pose_m_rad": now.poses(),
+            "height_m": self._heights_of(now),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
-            **self.ground.info(robots, places),
+            **self.ground.info(robots, now.places_m),
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

@@ -31,6 +31,14 @@ class Stances:
     level: np.ndarray
     axes: np.ndarray
 
+    def poses(self) -> np.ndarray:
+        """Return x, y (m) and yaw (rad) in the mine frame, (k, 3)."""
+        found = np.empty((len(self.places_m), 3))
+        found[:, :2] = self.places_m[:, :2]
+        # NumPy's arc tangent differs between processors.
+        found[:, 2] = [math.atan2(y, x) for x, y in self.axes[:, 0, :2].tolist()]
+        return found
+
 
 class RobotPlaces:
     """The places, headings and speeds of n robots of a batch."""
@@ -72,21 +80,21 @@ class RobotPlaces:
 
     def poses(self, robots: np.ndarray | None = None) -> np.ndarray:
         """Return x, y (m) and yaw (rad) in the mine frame, (k, 3), of robots (k,), of all by default."""
-        now = self._stances(self._every if robots is None else robots)
-        found = np.empty((len(now.places_m), 3))
-        found[:, :2] = now.places_m[:, :2]
-        # NumPy's arc tangent differs between processors.
-        found[:, 2] = [math.atan2(y, x) for x, y in now.axes[:, 0, :2].tolist()]
-        return found
+        return self._stances(self._every if robots is None else robots).poses()
 
     def heights(self, robots: np.ndarray) -> np.ndarray:
         """Return how high the floor is under robots (k,) m, by the height of their axles in the mine frame."""
-        return self._mine_places(robots)[:, 2] - self.robot.wheel_radius_m
+        return self._heights_of(self._stances(robots))
+
+    def _heights_of(self, now: Stances) -> np.ndarray:
+        return now.places_m[:, 2] - self.robot.wheel_radius_m
 
     def attitudes(self, robots: np.ndarray) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots against the level."""
-        rise = self._stances(robots).level[:, 2, :2]
-        return np.arcsin(np.minimum(np.maximum(rise, -1.0), 1.0))
+        return self._attitudes_of(self._stances(robots))
+
+    def _attitudes_of(self, now: Stances) -> np.ndarray:
+        return np.arcsin(np.minimum(np.maximum(now.level[:, 2, :2], -1.0), 1.0))
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         along = rotate_inverse(self.qvel[self._rows(robots), :3], self._R)

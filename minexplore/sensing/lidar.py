@@ -156,7 +156,7 @@ class Lidar:
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
         self.planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
         self._first = np.cumsum([0, *(len(faces) for _, faces in self._meshes)])[:-1]  # plane of each mesh
-        self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with meshes and bytes
+        self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with first faces and bytes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
@@ -165,27 +165,25 @@ class Lidar:
         np.divide(
             np.where(slope < 0, self._floor_m - height, self._roof_m - height), slope, out=level, where=slope != 0
         )
-        groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
-        if len(groups) == 1:
-            starts = origins if len(origins) == 1 else origins.repeat(beams, axis=0)
-            rock = self._cast(groups[0][0], starts, directions.reshape(-1, 3)).reshape(slope.shape)
-            return np.minimum(np.minimum(rock, level), self.range_m)
-        rock = np.empty(slope.shape)
-        for tile, rows in groups:
-            starts, ways = origins[rows].repeat(beams, axis=0), directions[rows].reshape(-1, 3)
-            rock[rows] = self._cast(tile, starts, ways).reshape(len(rows), -1)
+        starts = origins if len(origins) == 1 else origins.repeat(beams, axis=0)
+        rock = self._to_rock(origins, starts, directions.reshape(-1, 3), beams).reshape(slope.shape)
         return np.minimum(np.minimum(rock, level), self.range_m)
 
-    def _cast(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Return distances (n,) m to the rock along rays (n, 3) that start in a tile; inf where there is none.
+    def _to_rock(self, origins: np.ndarray, starts: np.ndarray, ways: np.ndarray, beams: int) -> np.ndarray:
+        """Return distances (n * beams,) m to rock, inf where there is none, along rays from origins (n, 3) m.
 
-        They start at places (n, 3) m, or at one place (1, 3).
+        Rays (n * beams, 3) start at `starts`, (n * beams, 3) m or a single one (1, 3).
         """
-        cast, near = self._scene(tile)
-        if not len(near):
-            return np.full(len(directions), np.inf)
-        found, mesh, face = cast(origins, directions)
-        return plane_distances(self.planes, self._first[near[mesh]] + face, origins, directions, found)
+        groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
+        if len(groups) == 1:
+            found, face = self._hit_faces(groups[0][0], starts, ways)
+            return plane_distances(self.planes, face, starts, ways, found) if len(self.planes) else found
+        found, face = np.empty((len(origins), beams), np.float32), np.empty((len(origins), beams), np.int32)
+        by_robot, their_ways = starts.reshape(-1, beams, 3), ways.reshape(-1, beams, 3)
+        for tile, rows in groups:
+            hit = self._hit_faces(tile, by_robot[rows].reshape(-1, 3), their_ways[rows].reshape(-1, 3))
+            found[rows], face[rows] = (each.reshape(-1, beams) for each in hit)
+        return plane_distances(self.planes, face.ravel(), starts, ways, found.ravel()) if len(self.planes) else found
 
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.
@@ -194,11 +192,14 @@ class Lidar:
         are the caster's own, in single precision, and not cut at `range_m`; level floors and roofs are left out.
         """
         start = origins if origins.ndim == 1 else origins[0]
-        cast, near = self._scene(tuple(np.floor(start[:2] / _TILE_M).astype(int).tolist()))
-        if not len(near):
-            return np.full(len(directions), np.inf, np.float32), np.full(len(directions), -1)
+        return self._hit_faces(tuple(np.floor(start[:2] / _TILE_M).astype(int).tolist()), origins, directions)
+
+    def _hit_faces(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `hits` does, of rays that start in a tile."""
+        cast, first = self._scene(tile)
+        if len(first) == 1:  # no mesh is near
+            return np.full(len(directions), np.inf, np.float32), np.full(len(directions), -1, np.int32)
         found, mesh, face = cast(origins, directions)
-        first = np.append(self._first[near], 0).astype(np.int32)  # a miss has the numbers -1
         return found, first[mesh] + face
 
     @property
@@ -207,7 +208,10 @@ class Lidar:
         return sum(size for *_, size in self._scenes.values())
 
     def _scene(self, tile: Tile) -> tuple[Cast, np.ndarray]:
-        """Return what casts rays that start in a tile, and the meshes (k,) that it holds."""
+        """Return what casts rays that start in a tile, and the first face (k + 1,) of each mesh that it holds.
+
+        The last number is for a miss, whose numbers of mesh and face are -1.
+        """
         if tile not in self._scenes:
             low = np.array(tile) * _TILE_M - self.range_m
             high = low + _TILE_M + 2 * self.range_m
@@ -216,7 +220,8 @@ class Lidar:
             size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in meshes)
             while self._scenes and self.kept_bytes + size > self._scenes_bytes:
                 self._scenes.popitem(last=False)
-            self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), near, size)
+            first = np.append(self._first[near], 0).astype(np.int32)
+            self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), first, size)
         self._scenes.move_to_end(tile)
         return self._scenes[tile][:2]
 
