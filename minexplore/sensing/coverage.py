@@ -107,13 +107,12 @@ def cut_at_lines(
     start = ((starts_m - origin_m) / cell_m)[..., None]
     step = ((ends_m - origin_m) / cell_m)[..., None] - start
     lines = np.arange(1.0, int(np.ceil(longest_m / cell_m)) + 2)
-    forward = step > 0
-    crossed = np.where(forward, np.floor(start) + lines, np.ceil(start) - lines)  # (n, 2, lines), on either axis
+    along = np.where(step > 0, start, -start)  # on either axis, in the direction of the segment
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (crossed - start) / step
-    at = np.ones((len(start), 2 * len(lines) + 2))  # where pieces end; one without length ends where the last does
+        share = (np.floor(along) + lines - along) / np.abs(step)  # (n, 2, lines)
+    at = np.ones((len(start), 2 * len(lines) + 2))  # where pieces end; those beyond the end have no length
     at[:, 0] = 0.0
-    at[:, 1:-1] = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
+    at[:, 1:-1] = np.fmin(share, 1.0).reshape(len(start), -1)
     at.sort(axis=1)
     middle = (at[:, 1:] + at[:, :-1]) / 2
     cell = np.floor(start + middle[:, None] * step).astype(np.int64)
