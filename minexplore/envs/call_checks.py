@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -39,6 +40,8 @@ def numbers_of(action: Any) -> np.ndarray:
 
 def _is_masked(value: Any, depth: int = _DEEPEST) -> bool:
     """Return whether a value, or one in its lists, has masked entries; deeper lists are no arrays and refused later."""
+    if "numpy.ma" not in sys.modules:  # who has masked arrays has loaded it; it takes as long as 50 steps
+        return False
     if isinstance(value, list | tuple):
         return depth > 0 and any(_is_masked(inner, depth - 1) for inner in value)
     return isinstance(value, np.ma.MaskedArray) and bool(np.ma.getmaskarray(value).any())

@@ -82,7 +82,8 @@ class CoverageGrid:
         unseen = flat[self.reachable.reshape(-1)[number] > view[flat]]
         if not len(unseen):
             return np.zeros(len(seen), np.int64)
-        new = np.unique(unseen)
+        unseen.sort()
+        new = unseen[np.append(True, unseen[1:] != unseen[:-1])]
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
 
@@ -129,11 +130,15 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
     seed = int(np.linalg.norm(places - centre_m, axis=1).argmin())
     unseen = np.pad(standing, 1)  # a border of rock: no step leaves the grid
     width = unseen.shape[1]
-    beside = np.array([1, -1, width, -width])
     first = (row[seed] + 1) * width + col[seed] + 1
     edge, left = np.array([first]), unseen.reshape(-1)
-    while len(edge):  # all cells that are one step farther at a time
-        left[edge] = False
-        edge = (edge[:, None] + beside).ravel()
-        edge = np.unique(edge[left[edge]])
+    left[edge] = False
+    while len(edge):  # all cells that are one step farther at a time, side by side, so that none comes twice
+        sides = []
+        for step in (1, -1, width, -width):
+            beside = edge + step
+            beside = beside[left[beside]]
+            left[beside] = False
+            sides.append(beside)
+        edge = np.concatenate(sides)
     return standing & ~unseen[1:-1, 1:-1]

@@ -29,7 +29,7 @@ from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tiles_at
-from minexplore.world import World, load_world
+from minexplore.world import World, checked_world
 
 Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
@@ -112,7 +112,7 @@ def _require_known(backend: object) -> None:
 
 @functools.lru_cache(maxsize=8)
 def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
-    world = load_world(folder)
+    world = checked_world(folder, world_sha256)
     if world.volume is not None:
         return Lidar(volume_meshes(world, world.volume.facets), range_m, backend, floor_m=-np.inf)
     if has_visible_rock(world.record):
