@@ -154,8 +154,10 @@ class Lidar:
         self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
         bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
-        self.planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
-        self._first = np.cumsum([0, *(len(faces) for _, faces in self._meshes)])[:-1]  # plane of each mesh
+        *first, faces = np.cumsum([0, *(len(faces) for _, faces in self._meshes)]).tolist()
+        self._first = np.array(first, dtype=np.int32)  # plane of each mesh
+        self._planes = np.empty((faces, 4))  # of a mesh when a scene first holds it: a robot sees a part of a mine
+        self._has_planes = np.zeros(len(first), dtype=bool)
         self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with first faces and bytes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -177,13 +179,13 @@ class Lidar:
         groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
         if len(groups) == 1:
             found, face = self._hit_faces(groups[0][0], starts, ways)
-            return plane_distances(self.planes, face, starts, ways, found) if len(self.planes) else found
+            return plane_distances(self._planes, face, starts, ways, found) if len(self._planes) else found
         found, face = np.empty((len(origins), beams), np.float32), np.empty((len(origins), beams), np.int32)
         by_robot, their_ways = starts.reshape(-1, beams, 3), ways.reshape(-1, beams, 3)
         for tile, rows in groups:
             hit = self._hit_faces(tile, by_robot[rows].reshape(-1, 3), their_ways[rows].reshape(-1, 3))
             found[rows], face[rows] = (each.reshape(-1, beams) for each in hit)
-        return plane_distances(self.planes, face.ravel(), starts, ways, found.ravel()) if len(self.planes) else found
+        return plane_distances(self._planes, face.ravel(), starts, ways, found.ravel()) if len(self._planes) else found
 
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.
@@ -203,6 +205,12 @@ class Lidar:
         return found, first[mesh] + face
 
     @property
+    def planes(self) -> np.ndarray:
+        """Return the planes (n, 4) of all faces, see `face_planes`."""
+        self._make_planes(np.flatnonzero(~self._has_planes))
+        return self._planes
+
+    @property
     def kept_bytes(self) -> int:
         """Return what the kept scenes take, by the number of their faces."""
         return sum(size for *_, size in self._scenes.values())
@@ -220,10 +228,18 @@ class Lidar:
             size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in meshes)
             while self._scenes and self.kept_bytes + size > self._scenes_bytes:
                 self._scenes.popitem(last=False)
-            first = np.append(self._first[near], 0).astype(np.int32)
+            self._make_planes(near[~self._has_planes[near]])
+            first = np.append(self._first[near], np.int32(0))
             self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), first, size)
         self._scenes.move_to_end(tile)
         return self._scenes[tile][:2]
+
+    def _make_planes(self, meshes: np.ndarray) -> None:
+        """Fill in the planes of some meshes (k,), by number."""
+        for number in meshes.tolist():
+            planes = face_planes(*self._meshes[number])
+            self._planes[self._first[number] : self._first[number] + len(planes)] = planes
+        self._has_planes[meshes] = True
 
 
 def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> Cast:
