@@ -39,7 +39,7 @@ MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; conta
 # MuJoCo reserves 13 MB for the contacts of any model, twice a batch: 13 GB of addresses for the 512 batches that are
 # kept. Robots thrown at walls use less than 24 kB; 10 kB hold the contacts of a geom at five places.
 _CONTACT_BYTES, _CONTACT_BYTES_PER_GEOM = 32 << 10, 10 << 10
-ALONE = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)  # 7 % of a step
+ALONE = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)  # what models of one robot switch off: 7 % of a step, no digit
 _MOST_GEOMS = 1000  # larger models keep MuJoCo's value
 
 
