@@ -81,8 +81,8 @@ def answer(world: str) -> None:
         many.reset(seed=0)
         rates["64 robots at the entrance"] = _rate(many.step, _ROBOTS, _STEPS)
         many.reset(seed=0)
-        for robot, (place, yaw) in enumerate(zip(chosen, yaws, strict=True)):
-            many.robots.place(robot, *place, yaw)
+        for robot, ((x, y), yaw) in enumerate(zip(chosen, yaws, strict=True)):
+            many.robots.place(robot, x, y, yaw)
         rates["64 robots spread"] = _rate(many.step, _ROBOTS, _STEPS)
         print(json.dumps(rates), flush=True)
 
