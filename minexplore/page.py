@@ -10,7 +10,7 @@ import mujoco
 from minexplore import ROBOT_TASKS, WORLDS
 from minexplore.envs.env import MineEnv
 from minexplore.envs.sensed.sensor_page import sensors_section
-from minexplore.physics.local_models import physics_spec
+from minexplore.physics.local_models import ALONE, physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
 from minexplore.task import TaskParams
 
@@ -164,7 +164,7 @@ def option_values(model: mujoco.MjModel) -> dict[str, str]:
         "friction cone": mujoco.mjtCone(opt.cone).name,
         "impratio": f"{opt.impratio:g}",
         "Jacobian": mujoco.mjtJacobian(opt.jacobian).name,
-        "disabled": _flags(opt.disableflags, mujoco.mjtDisableBit),
+        "disabled": _flags(opt.disableflags & ~ALONE, mujoco.mjtDisableBit),
         "enabled": _flags(opt.enableflags, mujoco.mjtEnableBit),
         "gravity": f"({', '.join(f'{g:g}' for g in opt.gravity)}) m/s2",
     }

@@ -17,6 +17,8 @@ def group_by_tile(tiles: np.ndarray) -> list[tuple[Tile, np.ndarray]]:
     if len(tiles) == 1:  # one robot needs no sorting
         return [(tuple(tiles[0].tolist()), np.zeros(1, dtype=int))]
     order = np.lexsort(tiles.T[::-1])
-    borders = np.flatnonzero(np.any(np.diff(tiles[order], axis=0) != 0, axis=1)) + 1
-    groups = [group for group in np.split(order, borders) if len(group)]
-    return [(tuple(tiles[group[0]].tolist()), group) for group in groups]
+    ordered = tiles[order]
+    borders = (np.flatnonzero((ordered[1:] != ordered[:-1]).any(axis=1)) + 1).tolist()
+    firsts = [0, *borders] if len(tiles) else []
+    names = map(tuple, ordered[firsts].tolist())
+    return [(name, order[a:b]) for name, a, b in zip(names, firsts, [*borders, len(tiles)], strict=False)]

@@ -165,6 +165,18 @@ def load_world(folder: Path) -> World:
         return _LOADED[key]
 
 
+def checked_world(folder: Path, world_sha256: str) -> World:
+    """Return a world that this process has checked; one that it has not, or forgot, is loaded.
+
+    No file is read again: what is read of it later is compared with its hash then.
+    """
+    with _LOADING:
+        for (where, _), world in _LOADED.items():
+            if where == folder and world.record["world_sha256"] == world_sha256:
+                return world
+    return load_world(folder)
+
+
 def _read(folder: Path, checked: CheckedWorld) -> World:
     record, grid = checked.record, checked.grid
     zones = read_zones(folder / RECORD, record.get("zones"))

@@ -20,6 +20,7 @@ from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from benchmarks.speed.plain_env import PlainEnv
 from minexplore.bundle import FREE_SPACE, MINE_BODY, floor_geom
+from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import (
@@ -37,10 +38,10 @@ from pipeline.types import ConvexParts
 
 RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/evidence/parts/env-speed.md")
 HULLS = Path("artifacts/benchmarks/vhacd.npz")
-_RUNS, _ROBOTS, _STEPS = 5, 64, 60
+_RUNS, _ROBOTS, _STEPS, _ALONE_STEPS = 5, 64, 60, 400
 _CLEARANCE_M = 0.6  # of the places over which robots are spread; the robot's radius is 0.35 m
 _LIMITS = {
-    "physics_vs_bare_floor": (0.80, None),
+    "physics_vs_bare_floor": (0.95, None),
     "vector_vs_plain": (5.0, None),
     "vector_vs_paper_design": (8.0, None),
     "two_threads_vs_one": (1.5, None),
@@ -144,8 +145,8 @@ def paired_steps_per_s(
     return rates
 
 
-def plain_steps_per_s(env: PlainEnv, steps: int) -> float:
-    """Return the plain environment's control steps a second."""
+def one_robot_steps_per_s(env: PlainEnv | MineEnv, steps: int) -> float:
+    """Return the control steps a second of an environment of one robot."""
     rng = np.random.default_rng(0)
     actions = [np.array([rng.uniform(0.3, 1), rng.uniform(-1, 1)]) for _ in range(9)]
     env.reset()
@@ -175,13 +176,15 @@ def measure() -> dict[str, float]:
     """Measure every figure: the median of five runs, references in the same run."""
     folder = find_world("chilean_mine")
     world = load_world(folder)
-    plain, paper = PlainEnv(world), PlainEnv(world, paper_hulls(world))
+    plain, paper, alone = PlainEnv(world), PlainEnv(world, paper_hulls(world)), MineEnv(folder)
+    one_robot_steps_per_s(alone, _ALONE_STEPS)
     one, two = (MineVectorEnv(_ROBOTS, folder, threads=t) for t in (1, 2))
     for start in (start_spread, start_at_entrance):  # models and scenes are made as robots reach them
         paired_steps_per_s((one, two), start, _STEPS)
     runs = [
         {
             **_vector_rates(one, two, plain, paper),
+            "one_robot_steps_per_s": one_robot_steps_per_s(alone, _ALONE_STEPS),
             **dict(zip(("physics_vs_dipping_floor", "physics_vs_bare_floor"), physics_ratios(world), strict=True)),
             "reset_ms": 1000 * seconds(lambda: [one.reset() for _ in range(20)]) / 20 / _ROBOTS,
             **_making(),
@@ -195,7 +198,7 @@ def _vector_rates(one: MineVectorEnv, two: MineVectorEnv, plain: PlainEnv, paper
     """Return steps/s and their ratios: robots spread over the mine, then all at the entrance as the references."""
     spread, spread_two = paired_steps_per_s((one, two), start_spread, _STEPS)
     together, together_two = paired_steps_per_s((one, two), start_at_entrance, _STEPS)
-    theirs, design = (plain_steps_per_s(env, _STEPS) for env in (plain, paper))
+    theirs, design = (one_robot_steps_per_s(env, _STEPS) for env in (plain, paper))
     return {
         "vector_steps_per_s": spread,
         "two_threads_steps_per_s": spread_two,

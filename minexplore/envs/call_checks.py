@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numbers
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 _DEEPEST = 4  # lists in lists; a list may hold itself
+
+_PLAIN = (np.dtype(np.float32), np.dtype(np.float64))
 
 
 def numbers_of(action: Any) -> np.ndarray:
@@ -19,6 +22,8 @@ def numbers_of(action: Any) -> np.ndarray:
     ValueError
         If it holds anything but numbers of 64 bits: texts, complex numbers, dates, or masked values.
     """
+    if type(action) is np.ndarray and action.dtype in _PLAIN:  # as policies give them, at every step
+        return action.astype(np.float64)
     try:
         if _is_masked(action):
             raise TypeError("masked values")
@@ -35,6 +40,8 @@ def numbers_of(action: Any) -> np.ndarray:
 
 def _is_masked(value: Any, depth: int = _DEEPEST) -> bool:
     """Return whether a value, or one in its lists, has masked entries; deeper lists are no arrays and refused later."""
+    if "numpy.ma" not in sys.modules:  # who has masked arrays has loaded it; it takes as long as 50 steps
+        return False
     if isinstance(value, list | tuple):
         return depth > 0 and any(_is_masked(inner, depth - 1) for inner in value)
     return isinstance(value, np.ma.MaskedArray) and bool(np.ma.getmaskarray(value).any())

@@ -7,8 +7,8 @@ import numpy as np
 
 from minexplore.envs.flyer_ground import FlyerGround
 from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.robot_places import Stances
 from minexplore.physics.quadrotor import QuadrotorParams
-from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
@@ -66,15 +66,13 @@ class FlyerBatch(RobotBatch):
             touched |= self.stepper.advance(robots, self._mine_places(robots), steps)
         return touched
 
-    def heights(self, robots: np.ndarray) -> np.ndarray:
+    def _heights_of(self, now: Stances) -> np.ndarray:
         """Return how high robots (k,) are, m, mine frame."""
-        return self._mine_places(robots)[:, 2]
+        return now.places_m[:, 2].copy()
 
-    def attitudes(self, robots: np.ndarray) -> np.ndarray:
+    def _attitudes_of(self, now: Stances) -> np.ndarray:
         """Return pitch, nose up, and roll, left side up, (k, 2) rad, of robots in the mine frame."""
-        axes = np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)
-        rise = np.stack([rotate_inverse(axis, self._R)[:, 2] for axis in axes[:2]], axis=1)
-        return np.arcsin(np.clip(rise, -1.0, 1.0))
+        return np.arcsin(np.clip(now.axes[:, :2, 2], -1.0, 1.0))
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         v = self.qvel[robots, :3]
@@ -99,9 +97,9 @@ class FlyerBatch(RobotBatch):
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
-        axes = [rotate_inverse(a, self._R) for a in np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)]
-        origin = self._mine_places(robots)
-        ahead, left, up = (axis[:, None, :] for axis in axes)
+        now = self._stances(robots)
+        origin, axes = now.places_m, now.axes[:, :, None]
+        ahead, left, up = axes[:, 0], axes[:, 1], axes[:, 2]
         directions = self._beams[:, :1] * ahead + self._beams[:, 1:2] * left + self._beams[:, 2:] * up
         return origin, directions, self.lidar.cast(origin, directions)
 

@@ -20,4 +20,4 @@ class StepOutcome:
 
 def info_of_robot(info: dict[str, np.ndarray], row: int) -> dict[str, Any]:
     """Return one robot's info as plain values."""
-    return {k: v[row].item() if v[row].ndim == 0 else v[row].copy() for k, v in info.items()}
+    return {name: value.item(row) if value.ndim == 1 else value[row].copy() for name, value in info.items()}

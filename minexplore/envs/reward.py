@@ -20,8 +20,10 @@ def step_reward(before: np.ndarray, new: np.ndarray, total: int, collision: np.n
         Reachable cells. An episode that sees them all and touches nothing returns at most `CAP`.
     collision : (n,) bool
     """
-    reward = np.where(new > 0, new * COVERAGE_GAIN / total, -IDLE_PENALTY)
-    for share, bonus in MILESTONES:
-        line = share * total
-        reward += bonus * ((before < line) & (before + new >= line))
+    gained = new > 0
+    reward = np.where(gained, new * COVERAGE_GAIN / total, -IDLE_PENALTY)
+    if gained.any():
+        for share, bonus in MILESTONES:
+            line = share * total
+            reward += bonus * ((before < line) & (before + new >= line))
     return reward - COLLISION_PENALTY * collision

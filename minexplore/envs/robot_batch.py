@@ -12,7 +12,6 @@ from minexplore.envs.reward import step_reward
 from minexplore.envs.robot_places import RobotPlaces
 from minexplore.physics.robot_kind import DrivenRobot, Robot
 from minexplore.physics.stepper import PhysicsStepper
-from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.sensing.lidar import Backend, shared_lidar
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
@@ -20,7 +19,7 @@ from minexplore.world import World
 
 _COUNTED = {2: "two", 4: "four"}
 # Arrays with a row for each robot that hold what changes while it drives.
-_CHANGES = ("state", "seen", "seen_m", "cells_seen", "previous", "steps", "stalled", "collisions")
+_CHANGES = ("state", "seen", "looked_m", "cells_seen", "previous", "steps", "stalled", "collisions")
 
 
 class RobotBatch(RobotPlaces):
@@ -40,6 +39,7 @@ class RobotBatch(RobotPlaces):
         if not isinstance(whole, bool):
             raise ValueError(f"whole = {whole!r}: want True or False")
         self.world, self.task, self.robot, self.count = world, task, robot, count
+        self._every = np.arange(count)
         self.ground = self._make_ground(whole)
         self.local_models, self.T_world_mine = self.ground.models, self.ground.T_world_mine
         self._R, self._t = self.T_world_mine[:3, :3], self.T_world_mine[:3, 3]
@@ -53,7 +53,7 @@ class RobotBatch(RobotPlaces):
         self.stepper = PhysicsStepper(self.local_models, count, threads, self.ground.start_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
-        self.seen_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of all cells that each has seen
+        self.looked_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of the places that each looked from
         self.cells_seen = np.zeros(count, dtype=int)
         self.previous = np.zeros((count, robot.COMMANDS))
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
@@ -73,15 +73,18 @@ class RobotBatch(RobotPlaces):
             counter[robots] = 0
         ranges, new = self._look(robots)
         self.cells_seen[robots] = new  # no step earned these cells
-        nothing = np.zeros(len(robots))
-        return StepOutcome(self._observe(robots, ranges, rngs), nothing, nothing > 0, self._info(robots, nothing > 0))
+        nothing = np.zeros(len(robots), dtype=bool)
+        info = self._info(robots, nothing)
+        return StepOutcome(self._observe(robots, ranges, rngs), np.zeros(len(robots)), nothing.copy(), info)
 
     def _forget(self, robots: np.ndarray) -> None:
         """Clear the cells that robots (k,) have seen, in the box that their beams can have crossed."""
+        farthest = self.task.range_m[1] + self.task.cell_m
         for i in robots.tolist():
-            if np.isfinite(self.seen_m[i]).all():
-                self.grid.forget(self.seen[i], *self.seen_m[i])
-        self.seen_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
+            low, high = self.looked_m[i]
+            if np.isfinite(self.looked_m[i]).all():
+                self.grid.forget(self.seen[i], low - farthest, high + farthest)
+        self.looked_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
 
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
         """Place a robot, at rest, on the floor at a pose of the plan; in a volume on the next floor under a height."""
@@ -119,20 +122,20 @@ class RobotBatch(RobotPlaces):
         ValueError
             If an action is not finite or the shape is wrong; it names the robot.
         """
-        robots = np.arange(self.count) if robots is None else robots
+        robots = self._every if robots is None else robots
+        rows = self._rows(robots)
         command = self._commands(actions, robots)
         collision = self.drive(command, rngs, robots)
-        self.collisions[robots] += collision
-        self.previous[robots] = command
+        self.collisions[rows] += collision
+        self.previous[rows] = command
         ranges, new = self._look(robots)
-        reward = step_reward(self.cells_seen[robots], new, self.grid.total, collision)
-        self.cells_seen[robots] += new
-        self.steps[robots] += 1
+        reward = step_reward(self.cells_seen[rows], new, self.grid.total, collision)
+        self.cells_seen[rows] += new
+        self.steps[rows] += 1
         # In mud and water noise moves a robot that is commanded to stand, so the command counts too.
-        speeds = np.minimum(self._speeds(robots), self._asked_speeds(command))
-        still = speeds < self.task.stall_speed_mps
-        self.stalled[robots] = np.where(still, self.stalled[robots] + 1, 0)
-        truncated = (self.steps[robots] >= self.task.max_steps) | (self.stalled[robots] >= self.task.stall_steps)
+        still = np.minimum(self._speeds(robots), self._asked_speeds(command)) < self.task.stall_speed_mps
+        self.stalled[rows] = (self.stalled[rows] + 1) * still
+        truncated = (self.steps[rows] >= self.task.max_steps) | (self.stalled[rows] >= self.task.stall_steps)
         return StepOutcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
 
     def _asked_speeds(self, command: np.ndarray) -> np.ndarray:
@@ -149,7 +152,7 @@ class RobotBatch(RobotPlaces):
             several = f"{_COUNTED[self.robot.COMMANDS]} finite numbers in [-1, 1]"
             raise ValueError(f"action of robot {i} = {command[i].tolist()}: want {several}")
         # The action space's 32 bits: what a policy computes may differ between processors in the last of 64.
-        return np.minimum(np.maximum(command[robots], -1.0), 1.0).astype(np.float32).astype(np.float64)
+        return np.minimum(np.maximum(command[self._rows(robots)], -1.0), 1.0).astype(np.float32).astype(np.float64)
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots (k,) by one control step without casting beams.
@@ -170,12 +173,13 @@ class RobotBatch(RobotPlaces):
         assert isinstance(self.robot, DrivenRobot)
         task, places = self.task, self._mine_places(robots)
         zone = self.world.zones_at(places[:, 0])
-        forward = command[:, 0] * task.max_forward_mps * self._scale[zone]
-        for k in np.flatnonzero(self._noise[zone]).tolist():
+        scale = self._scale[zone]
+        forward = command[:, 0] * task.max_forward_mps * scale
+        for k in self._noise[zone].nonzero()[0].tolist():
             forward[k] += rngs[robots[k]].normal(0.0, self._noise[zone[k]])
-        turn = command[:, 1] * task.max_turn_radps * self._scale[zone]
+        turn = command[:, 1] * task.max_turn_radps * scale
         forward, turn = self.robot.disturb(forward, turn, rngs, robots)
-        self.stepper.ctrl[robots] = self.robot.controls(forward, turn)
+        self.stepper.ctrl[self._rows(robots)] = self.robot.controls(forward, turn)
         self.ground.brake(robots, places, self.qvel)
         return self._advance(robots, places)
 
@@ -195,43 +199,43 @@ class RobotBatch(RobotPlaces):
         origin, directions, ranges = self._cast(robots)
         ray, *cell = self._crossed(origin, directions, ranges)
         new = self.grid.mark(self.seen, robots[ray // self.task.beams], *cell)
-        farthest = self.task.range_m[1] + self.task.cell_m
-        self.seen_m[robots, 0] = np.fmin(self.seen_m[robots, 0], origin[:, :2] - farthest)
-        self.seen_m[robots, 1] = np.fmax(self.seen_m[robots, 1], origin[:, :2] + farthest)
-        return ranges, new[robots]
+        rows = self._rows(robots)
+        self.looked_m[rows, 0] = np.fmin(self.looked_m[rows, 0], origin[:, :2])
+        self.looked_m[rows, 1] = np.fmax(self.looked_m[rows, 1], origin[:, :2])
+        return ranges, new[rows]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
-        axes = [rotate_inverse(a, self._R) for a in np.moveaxis(rotation_matrices(self.qpos[robots, 3:7]), 2, 0)]
+        now = self._stances(robots)
         lift = self.robot.sensor_height_m - self.robot.wheel_radius_m
-        origin = self._mine_places(robots) + lift * axes[2]
-        ahead, left = (axis[:, None, :] for axis in axes[:2])
-        directions = self._beams[:, :1] * ahead + self._beams[:, 1:] * left
+        origin = now.places_m + lift * now.axes[:, 2]
+        directions = self._beams[:, :1] * now.axes[:, None, 0] + self._beams[:, 1:] * now.axes[:, None, 1]
         return origin, directions, self.lidar.cast(origin, directions)
 
     def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return ray numbers, and the indices of the cells that the beams pass through."""
         ends = origin[:, None] + directions * ranges[..., None]
-        starts = np.repeat(origin, self.task.beams, axis=0)
+        starts = origin.repeat(self.task.beams, axis=0)
         return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
-        return observe(self.task, ranges, self.previous[robots], [rngs[i] for i in robots.tolist()])
+        return observe(self.task, ranges, self.previous[self._rows(robots)], [rngs[i] for i in robots.tolist()])
 
     def _info(self, robots: np.ndarray, collision: np.ndarray) -> dict[str, np.ndarray]:
-        poses, attitude, places = self.poses()[robots], self.attitudes(robots), self._mine_places(robots)
+        now, rows = self._stances(robots), self._rows(robots)
+        seen, attitude = self.cells_seen[rows].copy(), self._attitudes_of(now)
         return {
-            "cells_seen": self.cells_seen[robots],
+            "cells_seen": seen,
             "cells_reachable": np.full(len(robots), self.grid.total),
-            "coverage": self.cells_seen[robots] / self.grid.total,
+            "coverage": seen / self.grid.total,
             "collision": np.asarray(collision),
-            "collisions": self.collisions[robots].copy(),
-            "zone": self.world.zone_names[self.world.zones_at(places[:, 0])],
-            "pose_m_rad": poses,
-            "height_m": self.heights(robots),
+            "collisions": self.collisions[rows].copy(),
+            "zone": self.world.zone_names[self.world.zones_at(now.places_m[:, 0])],
+            "pose_m_rad": now.poses(),
+            "height_m": self._heights_of(now),
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
-            **self.ground.info(robots, places),
+            **self.ground.info(robots, now.places_m),
         }
 
     def copy_state(self) -> dict[str, np.ndarray]:

@@ -127,7 +127,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         reward, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
         info: dict[str, Any] = {}
         if len(driving):
-            outcome = self.robots.step(actions, self._rngs, driving)
+            outcome = self.robots.step(actions, self._rngs, driving if len(over) else None)
             self._observation[driving] = outcome.observation
             reward[driving], truncated[driving] = outcome.reward, outcome.truncated
             info = _spread(outcome, driving, self.num_envs)

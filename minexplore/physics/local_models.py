@@ -19,7 +19,14 @@ from minexplore.bundle import (
     is_rock,
     is_roof,
 )
-from minexplore.physics.robot import ROCK_BODY, contact_sensor, separate_contacts, stand_on_facets
+from minexplore.physics.robot import (
+    ROBOT_BIT,
+    ROCK_BODY,
+    RobotParams,
+    contact_sensor,
+    separate_contacts,
+    stand_on_facets,
+)
 from minexplore.physics.robot_kind import Robot
 from minexplore.physics.rough_floor import read_rough_floor
 from minexplore.rotations import quaternion
@@ -32,6 +39,7 @@ MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; conta
 # MuJoCo reserves 13 MB for the contacts of any model, twice a batch: 13 GB of addresses for the 512 batches that are
 # kept. Robots thrown at walls use less than 24 kB; 10 kB hold the contacts of a geom at five places.
 _CONTACT_BYTES, _CONTACT_BYTES_PER_GEOM = 32 << 10, 10 << 10
+ALONE = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)  # what models of one robot switch off: 7 % of a step, no digit
 _MOST_GEOMS = 1000  # larger models keep MuJoCo's value
 
 
@@ -79,7 +87,10 @@ class LocalModels:
         BundleError
             If MuJoCo refuses a part; the message is MuJoCo's.
         """
-        return self.world.compile(with_little_memory(self.spec(tile)))
+        spec = self.spec(tile)
+        if not self.whole:
+            step_alone(spec, self.robot)
+        return self.world.compile(with_little_memory(spec))
 
     def spec(self, tile: Tile | None, robots: tuple[str, ...] = ("robot",)) -> mujoco.MjSpec:
         """Return a physics model's spec; without a tile it holds all parts."""
@@ -167,6 +178,19 @@ def with_little_memory(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     if geoms <= _MOST_GEOMS:
         spec.memory = _CONTACT_BYTES + geoms * _CONTACT_BYTES_PER_GEOM
     return spec
+
+
+def step_alone(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Leave out of a model of one robot what costs time and changes no digit of its motion.
+
+    These are the search for islands, as one robot is one, and the geoms of the chassis that other robots meet or see.
+    Wheels keep theirs: MuJoCo looks for a wheel's contacts by the boxes of all its geoms.
+    """
+    spec.option.disableflags |= ALONE
+    if type(robot).attach is RobotParams.attach:  # another robot's sensors may name its geoms
+        for geom in list(spec.body("robot").geoms):
+            if geom.mass == 0 and not (geom.contype | geom.conaffinity) & ~ROBOT_BIT:
+                spec.delete(geom)
 
 
 def physics_spec(task: TaskParams) -> mujoco.MjSpec:

@@ -89,7 +89,9 @@ class RobotParams(DrivenRobot):
 
     def controls(self, forward_mps: np.ndarray, turn_radps: np.ndarray) -> np.ndarray:
         """Return the actuators' controls (k, actuators) of twists (k,); another robot overrides this and `attach`."""
-        return np.column_stack(self.wheel_speeds(forward_mps, turn_radps))
+        found = np.empty((len(forward_mps), 2))
+        found[:, 0], found[:, 1] = self.wheel_speeds(forward_mps, turn_radps)
+        return found
 
     def attach(self, spec: mujoco.MjSpec, name: str) -> None:
         """Add the robot to a world; see `attach_robot` for the names that the environment expects."""

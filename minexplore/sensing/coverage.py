@@ -66,8 +66,9 @@ class CoverageGrid:
         """
         ray, row, col, _ = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
         rows, cols = self.reachable.shape
-        inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
-        return ray[inside], row[inside], col[inside]
+        # Seen as a number without sign, one below zero is beyond any end.
+        inside = (col.view(np.uint64) < cols) & (row.view(np.uint64) < rows)
+        return (ray, row, col) if inside.all() else (ray[inside], row[inside], col[inside])
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells, rows and columns, as seen in `seen` (m, rows, cols) by their observers.
@@ -76,13 +77,13 @@ class CoverageGrid:
         """
         row, col = cell
         number = row * self.reachable.shape[1] + col
-        useful = self.reachable.reshape(-1)[number]
-        flat = observer[useful] * self.reachable.size + number[useful]
+        flat = observer * self.reachable.size + number
         view = seen.reshape(-1)
-        unseen = flat[~view[flat]]
+        unseen = flat[self.reachable.reshape(-1)[number] > view[flat]]
         if not len(unseen):
             return np.zeros(len(seen), np.int64)
-        new = np.unique(unseen)
+        unseen.sort()
+        new = unseen[np.append(True, unseen[1:] != unseen[:-1])]
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
 
@@ -104,18 +105,20 @@ def cut_at_lines(
 
     Segments (n, 2) to (n, 2) m are at most `longest_m` long.
     """
-    start, ends = (starts_m - origin_m) / cell_m, (ends_m - origin_m) / cell_m
-    step = ends - start
-    lines = np.arange(1, int(np.ceil(longest_m / cell_m)) + 2)
-    ahead = np.where(step > 0, np.floor(start), np.ceil(start))  # (n, 2): the line behind the start on either axis
+    start = ((starts_m - origin_m) / cell_m)[..., None]
+    step = ((ends_m - origin_m) / cell_m)[..., None] - start
+    lines = np.arange(1.0, int(np.ceil(longest_m / cell_m)) + 2)
+    along = np.where(step > 0, start, -start)  # on either axis, in the direction of the segment
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (ahead[..., None] + np.sign(step)[..., None] * lines - start[..., None]) / step[..., None]
-    share = np.where((share > 0) & (share < 1), share, 1.0).reshape(len(start), -1)
-    at = np.sort(np.hstack([np.zeros((len(start), 1)), share, np.ones((len(start), 1))]), axis=1)
-    ray, piece = np.nonzero(at[:, 1:] > at[:, :-1])
-    middle = (at[ray, piece + 1] + at[ray, piece]) / 2
-    col, row = np.floor(start[ray] + middle[:, None] * step[ray]).astype(int).T
-    return ray, row, col, middle
+        share = (np.floor(along) + lines - along) / np.abs(step)  # (n, 2, lines)
+    at = np.ones((len(start), 2 * len(lines) + 2))  # where pieces end; those beyond the end have no length
+    at[:, 0] = 0.0
+    at[:, 1:-1] = np.fmin(share, 1.0).reshape(len(start), -1)
+    at.sort(axis=1)
+    middle = (at[:, 1:] + at[:, :-1]) / 2
+    cell = np.floor(start + middle[:, None] * step).astype(np.int64)
+    piece = at[:, 1:] > at[:, :-1]
+    return piece.nonzero()[0], cell[:, 1][piece], cell[:, 0][piece], middle[piece]
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
@@ -127,11 +130,15 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
     seed = int(np.linalg.norm(places - centre_m, axis=1).argmin())
     unseen = np.pad(standing, 1)  # a border of rock: no step leaves the grid
     width = unseen.shape[1]
-    beside = np.array([1, -1, width, -width])
     first = (row[seed] + 1) * width + col[seed] + 1
     edge, left = np.array([first]), unseen.reshape(-1)
-    while len(edge):  # all cells that are one step farther at a time
-        left[edge] = False
-        edge = (edge[:, None] + beside).ravel()
-        edge = np.unique(edge[left[edge]])
+    left[edge] = False
+    while len(edge):  # all cells that are one step farther at a time, side by side, so that none comes twice
+        sides = []
+        for step in (1, -1, width, -width):
+            beside = edge + step
+            beside = beside[left[beside]]
+            left[beside] = False
+            sides.append(beside)
+        edge = np.concatenate(sides)
     return standing & ~unseen[1:-1, 1:-1]

@@ -29,7 +29,7 @@ from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tiles_at
-from minexplore.world import World, load_world
+from minexplore.world import World, checked_world
 
 Backend = Literal["auto", "embree", "open3d"]
 Meshes = dict[str, tuple[np.ndarray, np.ndarray]]
@@ -112,7 +112,7 @@ def _require_known(backend: object) -> None:
 
 @functools.lru_cache(maxsize=8)
 def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
-    world = load_world(folder)
+    world = checked_world(folder, world_sha256)
     if world.volume is not None:
         return Lidar(volume_meshes(world, world.volume.facets), range_m, backend, floor_m=-np.inf)
     if has_visible_rock(world.record):
@@ -154,32 +154,38 @@ class Lidar:
         self._meshes, self._scenes_bytes = list(meshes.values()), scenes_bytes
         bounds = np.array([(v[:, :2].min(axis=0), v[:, :2].max(axis=0)) for v, _ in meshes.values()])
         self._low, self._high = np.moveaxis(bounds.reshape(-1, 2, 2), 1, 0)
-        self.planes = np.concatenate([face_planes(*mesh) for mesh in self._meshes] or [np.zeros((0, 4))])
-        self._first = np.cumsum([0, *(len(faces) for _, faces in self._meshes)])[:-1]  # plane of each mesh
-        self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with meshes and bytes
+        *first, faces = np.cumsum([0, *(len(faces) for _, faces in self._meshes)]).tolist()
+        self._first = np.array(first, dtype=np.int32)  # plane of each mesh
+        self._planes = np.empty((faces, 4))  # of a mesh when a scene first holds it: a robot sees a part of a mine
+        self._has_planes = np.zeros(len(first), dtype=bool)
+        self._scenes: OrderedDict[Tile, tuple[Cast, np.ndarray, int]] = OrderedDict()  # with first faces and bytes
 
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
-        slope, height = directions[..., 2], origins[:, None, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            level = np.where(
-                slope < 0,
-                (self._floor_m - height) / slope,
-                np.where(slope > 0, (self._roof_m - height) / slope, np.inf),
-            )
-        rock = np.empty(directions.shape[:2])
-        for tile, rows in group_by_tile(tiles_at(origins[:, :2], _TILE_M)):
-            starts, ways = np.repeat(origins[rows], directions.shape[1], axis=0), directions[rows].reshape(-1, 3)
-            rock[rows] = self._cast(tile, starts, ways).reshape(len(rows), -1)
+        slope, height, beams = directions[..., 2], origins[:, None, 2], directions.shape[1]
+        level = np.full(slope.shape, np.inf)
+        np.divide(
+            np.where(slope < 0, self._floor_m - height, self._roof_m - height), slope, out=level, where=slope != 0
+        )
+        starts = origins if len(origins) == 1 else origins.repeat(beams, axis=0)
+        rock = self._to_rock(origins, starts, directions.reshape(-1, 3), beams).reshape(slope.shape)
         return np.minimum(np.minimum(rock, level), self.range_m)
 
-    def _cast(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Return distances (n,) m to the rock along rays (n, 3) that start in a tile; inf where there is none."""
-        cast, near = self._scene(tile)
-        if not len(near):
-            return np.full(len(origins), np.inf)
-        found, mesh, face = cast(origins, directions)
-        return plane_distances(self.planes, self._first[near[mesh]] + face, origins, directions, found)
+    def _to_rock(self, origins: np.ndarray, starts: np.ndarray, ways: np.ndarray, beams: int) -> np.ndarray:
+        """Return distances (n * beams,) m to rock, inf where there is none, along rays from origins (n, 3) m.
+
+        Rays (n * beams, 3) start at `starts`, (n * beams, 3) m or a single one (1, 3).
+        """
+        groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
+        if len(groups) == 1:
+            found, face = self._hit_faces(groups[0][0], starts, ways)
+            return plane_distances(self._planes, face, starts, ways, found) if len(self._planes) else found
+        found, face = np.empty((len(origins), beams), np.float32), np.empty((len(origins), beams), np.int32)
+        by_robot, their_ways = starts.reshape(-1, beams, 3), ways.reshape(-1, beams, 3)
+        for tile, rows in groups:
+            hit = self._hit_faces(tile, by_robot[rows].reshape(-1, 3), their_ways[rows].reshape(-1, 3))
+            found[rows], face[rows] = (each.reshape(-1, beams) for each in hit)
+        return plane_distances(self._planes, face.ravel(), starts, ways, found.ravel()) if len(self._planes) else found
 
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.
@@ -188,12 +194,21 @@ class Lidar:
         are the caster's own, in single precision, and not cut at `range_m`; level floors and roofs are left out.
         """
         start = origins if origins.ndim == 1 else origins[0]
-        cast, near = self._scene(tuple(np.floor(start[:2] / _TILE_M).astype(int).tolist()))
-        if not len(near):
-            return np.full(len(directions), np.inf, np.float32), np.full(len(directions), -1)
+        return self._hit_faces(tuple(np.floor(start[:2] / _TILE_M).astype(int).tolist()), origins, directions)
+
+    def _hit_faces(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `hits` does, of rays that start in a tile."""
+        cast, first = self._scene(tile)
+        if len(first) == 1:  # no mesh is near
+            return np.full(len(directions), np.inf, np.float32), np.full(len(directions), -1, np.int32)
         found, mesh, face = cast(origins, directions)
-        first = np.append(self._first[near], 0).astype(np.int32)  # a miss has the numbers -1
         return found, first[mesh] + face
+
+    @property
+    def planes(self) -> np.ndarray:
+        """Return the planes (n, 4) of all faces, see `face_planes`."""
+        self._make_planes(np.flatnonzero(~self._has_planes))
+        return self._planes
 
     @property
     def kept_bytes(self) -> int:
@@ -201,7 +216,10 @@ class Lidar:
         return sum(size for *_, size in self._scenes.values())
 
     def _scene(self, tile: Tile) -> tuple[Cast, np.ndarray]:
-        """Return what casts rays that start in a tile, and the meshes (k,) that it holds."""
+        """Return what casts rays that start in a tile, and the first face (k + 1,) of each mesh that it holds.
+
+        The last number is for a miss, whose numbers of mesh and face are -1.
+        """
         if tile not in self._scenes:
             low = np.array(tile) * _TILE_M - self.range_m
             high = low + _TILE_M + 2 * self.range_m
@@ -210,9 +228,18 @@ class Lidar:
             size = _BYTES_PER_FACE[self.backend] * sum(len(faces) for _, faces in meshes)
             while self._scenes and self.kept_bytes + size > self._scenes_bytes:
                 self._scenes.popitem(last=False)
-            self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), near, size)
+            self._make_planes(near[~self._has_planes[near]])
+            first = np.append(self._first[near], np.int32(0))
+            self._scenes[tile] = (_BUILDERS[self.backend](meshes, (low + high) / 2), first, size)
         self._scenes.move_to_end(tile)
         return self._scenes[tile][:2]
+
+    def _make_planes(self, meshes: np.ndarray) -> None:
+        """Fill in the planes of some meshes (k,), by number."""
+        for number in meshes.tolist():
+            planes = face_planes(*self._meshes[number])
+            self._planes[self._first[number] : self._first[number] + len(planes)] = planes
+        self._has_planes[meshes] = True
 
 
 def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> Cast:
@@ -225,10 +252,12 @@ def _embree(meshes: list[tuple[np.ndarray, np.ndarray]], centre: np.ndarray) -> 
         TriangleMesh(scene, (vertices - middle).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
 
     def cast(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        starts = np.broadcast_to((origins - middle).astype(np.float32), directions.shape)
-        ways = np.ascontiguousarray(directions, dtype=np.float32)
-        hit = scene.run(np.ascontiguousarray(starts), ways, output=1)
-        return np.where(hit["geomID"] < 0, np.float32(np.inf), hit["tfar"]), hit["geomID"], hit["primID"]
+        starts = np.empty(directions.shape, np.float32)
+        starts[:] = origins - middle
+        hit = scene.run(starts, np.ascontiguousarray(directions, dtype=np.float32), output=1)
+        found, mesh = hit["tfar"], hit["geomID"]
+        found[mesh < 0] = np.inf
+        return found, mesh, hit["primID"]
 
     return cast
 

@@ -14,8 +14,11 @@ _CAST_M = 1e-3  # a ray caster of 32 bits is never farther off, but where a ray 
 def face_planes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return planes (n, 4), normal of any length and offset m, of the faces (n, 3) of vertices (k, 3) m."""
     one, two, three = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
-    normal = np.cross(two - one, three - one)
-    return np.column_stack([normal, _dot(normal, one)])
+    (ax, ay, az), (bx, by, bz) = (two - one).T, (three - one).T
+    planes = np.empty((len(faces), 4))
+    planes[:, 0], planes[:, 1], planes[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    planes[:, 3] = _dot(planes, one)
+    return planes
 
 
 def plane_distances(
@@ -48,4 +51,5 @@ def plane_distances(
 
 def _dot(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Return products (n,) of rows by their first three numbers, in a fixed order of operations."""
-    return one[:, 0] * two[:, 0] + one[:, 1] * two[:, 1] + one[:, 2] * two[:, 2]
+    product = one[:, :3] * two[:, :3]
+    return product[:, 0] + product[:, 1] + product[:, 2]

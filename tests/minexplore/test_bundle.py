@@ -1,3 +1,5 @@
+import shutil
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,10 +9,12 @@ from minexplore.bundle import (
     GEOM_GROUPS,
     MINE_BODY,
     MODEL,
+    PREVIEW,
     ROOF,
     ROOF_GEOM,
     SURFACE_BODY,
     WALLS,
+    BundleError,
     GeomGroup,
     TriangleMesh,
     chunk_mesh,
@@ -26,7 +30,7 @@ from minexplore.bundle import (
     smooth_mesh,
     surface_geom,
 )
-from minexplore.world import load_world
+from minexplore.world import checked_world, load_world
 from tests.mines import BuiltMine
 
 TETRAHEDRON = TriangleMesh(
@@ -94,3 +98,13 @@ def test_every_visible_mesh_has_the_contract_s_file_and_geom(tee: BuiltMine):
             geom = fitting_geom(mesh.name) if is_fitting(mesh.name) else surface_geom(mesh.name)
             assert spec.geom(geom).meshname == mesh.name
     assert any(mesh.name == chunk_mesh(WALLS, 0, 0) for mesh in spec.meshes)
+
+
+def test_a_world_that_was_checked_is_found_again_without_reading_its_files(tee, tmp_path):
+    folder = tmp_path / "world"
+    shutil.copytree(tee.bundle, folder)
+    world = load_world(folder)
+    (folder / PREVIEW).unlink()
+    assert checked_world(folder, world.record["world_sha256"]) is world
+    with pytest.raises(BundleError, match=PREVIEW):
+        checked_world(folder, "0" * 64)

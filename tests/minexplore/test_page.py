@@ -23,7 +23,7 @@ def test_the_page_states_the_options_of_the_models_that_are_stepped(tee: BuiltMi
 
 
 def test_the_page_states_the_robot_s_geoms_as_they_are_stepped(tee: BuiltMine):
-    model = LocalModels(load_world(tee.bundle), TaskParams(), RobotParams()).model((4, 1))
+    model = LocalModels(load_world(tee.bundle), TaskParams(), RobotParams()).spec((4, 1)).compile()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page().splitlines() if "|" in line]
     by_name = {row[0]: row for row in rows}
     for name in ("chassis", "bumper", "front", "rear", "left", "right"):

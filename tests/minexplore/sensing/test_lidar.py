@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from minexplore.sensing.lidar import Lidar, surface_meshes
+from minexplore.sensing.planes import face_planes
 from minexplore.world import load_world
 from tests.mines import BuiltMine
 
@@ -77,3 +78,11 @@ def test_a_missing_backend_says_what_to_install(monkeypatch, installed, backend,
     monkeypatch.setattr("minexplore.sensing.lidar.find_spec", lambda name: object() if name in installed else None)
     with pytest.raises(ImportError, match=words):
         Lidar({}, 10.0, backend)
+
+
+def test_planes_are_made_for_the_meshes_near_a_ray_only_until_all_are_asked_for(meshes):
+    lidar = Lidar(meshes, 10.0)
+    origins, directions = rays(1, 4)
+    lidar.cast(origins, directions)
+    assert 0 < lidar._has_planes.sum() < len(meshes)
+    np.testing.assert_array_equal(lidar.planes, np.concatenate([face_planes(*mesh) for mesh in meshes.values()]))
