@@ -1,0 +1,66 @@
+"""Surveys of the rock's surface: triangle meshes, and point clouds from scanners in the workings."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pipeline.params.base import DataFile
+from pipeline.params.survey.base import FileSurveyParams
+from pipeline.params.survey.values import PlaceM, Unit
+
+
+class SurfaceSurveyParams(FileSurveyParams):
+    """A surface round the free space of workings, in the coordinates of its file."""
+
+    unit: Unit | None = Field(
+        default=None, description="unit of the file's coordinates; null: the unit that a file of a solid states, or m"
+    )
+    up: Literal["y", "z"] | None = Field(
+        default=None, description="axis of the file that points up; null: y of a solid in GLB, else z"
+    )
+    origin: PlaceM | None = Field(
+        default=None, description="the mine frame's origin in the file's coordinates; null: chosen"
+    )
+
+
+class SolidSurveyParams(SurfaceSurveyParams):
+    """A triangle mesh round the free space of workings: DXF faces, OBJ, STL, PLY, GLB."""
+
+    kind: Literal["solid"] = Field(description="what the survey is read as")
+    layers: list[str] | None = Field(default=None, description="layers or objects that are read; null: all")
+    weld_m: float = Field(default=0.001, gt=0, le=1, description="corners nearer than this are one")
+    close_m: float = Field(
+        default=10.0, ge=0, le=50, description="holes up to this width are closed: entrances are open in most scans"
+    )
+    simplify_m: float = Field(
+        default=0.001,
+        gt=0,
+        le=0.5,
+        description="the mesh is simplified: up to 1 mm all of it moves by no more than this, else four fifths of it",
+    )
+
+
+class CloudSurveyParams(SurfaceSurveyParams):
+    """Points on the rock round the free space of workings: LAS, LAZ, PLY, PCD, XYZ, or the triangles of a mesh."""
+
+    kind: Literal["cloud"] = Field(description="what the survey is read as")
+    trajectory: DataFile | None = Field(
+        default=None, description="where the scanner was, in the file's coordinates: rows `time x y z`; null: not known"
+    )
+    voxel_m: float = Field(
+        default=0.2, ge=0.02, le=2, description="resolution of the surface; gaps of as much between points are bridged"
+    )
+    close_m: float = Field(
+        default=3.0,
+        ge=0,
+        le=50,
+        description="unseen parts of the surface up to this width are listed as holes, wider ones as ends or shadows",
+    )
+    simplify_m: float = Field(
+        default=0.03,
+        gt=0,
+        le=0.5,
+        description="the surface is simplified, and four fifths of it move by no more than this",
+    )
