@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from baselines.pages.split_page import UNVERIFIED_HEADING
-from tests.project import Project
 from tests.sandbox import needs_sandbox
 
 STILL = """
@@ -36,9 +35,9 @@ class Still:
 
 
 @pytest.fixture(scope="module")
-def own(tee, tmp_path_factory):
+def own(tee, unbuilt, tmp_path_factory):
     """Return a copy of the project with the T-junction as a mine of the user's own."""
-    project = Project(tmp_path_factory.mktemp("own") / "mine", tiny=False)
+    project = unbuilt.copy(tmp_path_factory.mktemp("own") / "mine")
     shutil.copytree(tee.bundle, project.folder / "artifacts/worlds/my-mine/realism/world")
     shutil.rmtree(project.folder / "baselines/results")
     return project
@@ -46,12 +45,12 @@ def own(tee, tmp_path_factory):
 
 @pytest.fixture
 def own_short(own, tmp_path):
-    """Return a copy of the project with the own mine, in which an episode has 600 steps instead of 6000."""
+    """Return a copy of the project with the own mine, in which an episode has 300 steps instead of 6000."""
     project = own.copy(tmp_path / "mine")
     task = project.folder / "minexplore/task.py"
     text = task.read_text()
     assert "max_steps: int = 6000" in text
-    task.write_text(text.replace("max_steps: int = 6000", "max_steps: int = 600"))
+    task.write_text(text.replace("max_steps: int = 6000", "max_steps: int = 300"))
     return project
 
 

@@ -7,9 +7,10 @@ from typing import Annotated
 from pydantic import Field
 
 from pipeline.params.survey.base import PosesParams
+from pipeline.params.survey.clouds import CloudSurveyParams
 from pipeline.params.survey.generated import ProceduralSurveyParams, VariantSurveyParams
 from pipeline.params.survey.pictures import GridSurveyParams, PlanSurveyParams, StationSurveyParams
-from pipeline.params.survey.surfaces import CloudSurveyParams, SolidSurveyParams
+from pipeline.params.survey.solids import SolidSurveyParams
 from pipeline.params.survey.values import (
     GRADES_NEED,
     BoxPx,

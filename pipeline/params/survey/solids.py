@@ -1,4 +1,4 @@
-"""Surveys of the rock's surface: triangle meshes, and point clouds from scanners in the workings."""
+"""Surveys of the rock's surface, and those that are solids: triangle meshes of the free space."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Literal
 
 from pydantic import Field
 
-from pipeline.params.base import DataFile
 from pipeline.params.survey.base import FileSurveyParams
 from pipeline.params.survey.values import PlaceM, Unit
 
@@ -39,28 +38,4 @@ class SolidSurveyParams(SurfaceSurveyParams):
         gt=0,
         le=0.5,
         description="the mesh is simplified: up to 1 mm all of it moves by no more than this, else four fifths of it",
-    )
-
-
-class CloudSurveyParams(SurfaceSurveyParams):
-    """Points on the rock round the free space of workings: LAS, LAZ, PLY, PCD, XYZ, or the triangles of a mesh."""
-
-    kind: Literal["cloud"] = Field(description="what the survey is read as")
-    trajectory: DataFile | None = Field(
-        default=None, description="where the scanner was, in the file's coordinates: rows `time x y z`; null: not known"
-    )
-    voxel_m: float = Field(
-        default=0.2, ge=0.02, le=2, description="resolution of the surface; gaps of as much between points are bridged"
-    )
-    close_m: float = Field(
-        default=3.0,
-        ge=0,
-        le=50,
-        description="unseen parts of the surface up to this width are listed as holes, wider ones as ends or shadows",
-    )
-    simplify_m: float = Field(
-        default=0.03,
-        gt=0,
-        le=0.5,
-        description="the surface is simplified, and four fifths of it move by no more than this",
     )
