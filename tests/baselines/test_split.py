@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import mannwhitneyu
 
 import minexplore
 from baselines import split
@@ -104,6 +103,8 @@ def test_bounds_of_a_split_lie_beside_its_results(mines, tmp_path):
 
 
 def test_the_probability_of_improvement_is_the_mann_whitney_statistic_of_each_mine():
+    from scipy.stats import mannwhitneyu  # takes half a second to load, in each worker
+
     rng = np.random.default_rng(0)
     ours, theirs = rng.integers(0, 5, 40) / 5, rng.integers(0, 5, 40) / 5
     wanted = np.mean([mannwhitneyu([a], [b]).statistic for a, b in zip(ours, theirs, strict=True)])
