@@ -16,6 +16,7 @@ import hypothesis
 import pytest
 from filelock import FileLock
 
+import pipeline  # noqa: F401  it chooses MuJoCo's OpenGL, before anything imports MuJoCo
 from tests.project import ROOT, Project
 
 if TYPE_CHECKING:  # the process that hands out tests loads this file, too: fixtures import what they use
