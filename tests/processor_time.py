@@ -1,0 +1,57 @@
+"""Processor time of tests, with that of the processes that they start: `python -m pytest -p tests.processor_time`.
+
+The seconds of `--durations` are the wall's: on a busy machine they count what other programs do.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Generator
+
+import pytest
+
+_SHOWN = 40
+_BEGUN = pytest.StashKey[float]()
+_seconds: Counter[str] = Counter()
+
+
+def processor_s() -> float:
+    """Return the processor time of this process and of its ended children, s."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Note when a test begins; its fixtures belong to it, also those that later tests share."""
+    item.stash[_BEGUN] = processor_s()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Add a test's processor time to its last report, which a worker sends to the process that counts."""
+    report = yield
+    if call.when == "teardown":
+        report.user_properties.append(("processor_s", processor_s() - item.stash[_BEGUN]))
+    return report
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Count a test's processor time."""
+    if report.when == "teardown":
+        _seconds[report.nodeid] = dict(report.user_properties)["processor_s"]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """List the dearest files and tests."""
+    files: Counter[str] = Counter()
+    for test, seconds in _seconds.items():
+        files[test.partition("::")[0]] += seconds
+    terminalreporter.section(f"processor time: {_seconds.total():.1f} s")
+    for counted in (files, _seconds):
+        for name, seconds in counted.most_common(_SHOWN):
+            terminalreporter.write_line(f"{seconds:8.2f} s  {name}")
