@@ -100,6 +100,7 @@ class Project:
 
     def copy(self, folder: Path) -> Project:
         """Copy this project, with its artifacts, into `folder`, which does not exist."""
+        folder.parent.mkdir(parents=True, exist_ok=True)
         subprocess.run(["cp", "-a", str(self.folder), str(folder)], check=True)
         return Project.at(folder)
 
