@@ -1,4 +1,4 @@
-"""Processor time of tests, with that of the processes that they start: `python -m pytest -p tests.processor_time`.
+"""Processor time of tests, with that of their processes: `python -m pytest -p benchmarks.speed.processor_time`.
 
 The seconds of `--durations` are the wall's: on a busy machine they count what other programs do.
 """
@@ -6,14 +6,14 @@ The seconds of `--durations` are the wall's: on a busy machine they count what o
 from __future__ import annotations
 
 import os
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Generator
 
 import pytest
 
 _SHOWN = 40
 _BEGUN = pytest.StashKey[float]()
-_seconds: Counter[str] = Counter()
+_seconds: dict[str, float] = {}
 
 
 def processor_s() -> float:
@@ -43,15 +43,17 @@ def pytest_runtest_makereport(
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     """Count a test's processor time."""
     if report.when == "teardown":
-        _seconds[report.nodeid] = dict(report.user_properties)["processor_s"]
+        spent = dict(report.user_properties)["processor_s"]
+        assert isinstance(spent, float)  # pytest's properties are objects of any kind
+        _seconds[report.nodeid] = spent
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """List the dearest files and tests."""
-    files: Counter[str] = Counter()
+    files: defaultdict[str, float] = defaultdict(float)
     for test, seconds in _seconds.items():
         files[test.partition("::")[0]] += seconds
-    terminalreporter.section(f"processor time: {_seconds.total():.1f} s")
+    terminalreporter.section(f"processor time: {sum(_seconds.values()):.1f} s")
     for counted in (files, _seconds):
-        for name, seconds in counted.most_common(_SHOWN):
+        for name, seconds in sorted(counted.items(), key=lambda row: -row[1])[:_SHOWN]:
             terminalreporter.write_line(f"{seconds:8.2f} s  {name}")
