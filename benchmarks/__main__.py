@@ -91,7 +91,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("scans", "setup", "benchmarks.scans.judge", _PARTS + "scans.md"),
     _python("large-scan", "setup", "benchmarks.scans.large", "nothing", "1"),
     _python("round-trips", "setup", "benchmarks.scans.round_trips", _PARTS + "round-trips.md", "1"),
-    _python("drawn-sheets", "setup", "benchmarks.pictures.drawn_sheets", _PARTS + "drawn-sheets.md"),
+    _python("drawings", "setup", "benchmarks.pictures.judge_drawings", _PARTS + "drawings.md"),
     _python("leave-out-sweeps", "setup", "benchmarks.comparisons.leave_out_sweeps", _PARTS + "corrected-plan.md"),
     _python("evidence", "all", "benchmarks.evidence", _PARTS + "evidence-figures.md"),
     _python("claims", "setup", "benchmarks.claims", _PARTS + "claims.md"),

@@ -10,18 +10,18 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
 from filelock import FileLock
 
-from benchmarks.worlds.small_world import build_small_world
-from pipeline.params.config import Config
-from stages.__main__ import STAGES
-from tests.composed import compose
-from tests.mines import RING, TEE, BuiltMine, unreported
+import pipeline  # noqa: F401  it chooses MuJoCo's OpenGL, before anything imports MuJoCo
 from tests.project import ROOT, Project
+
+if TYPE_CHECKING:  # the process that hands out tests loads this file, too: fixtures import what they use
+    from pipeline.params.config import Config
+    from tests.mines import BuiltMine
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     # A shell starts background jobs so. Commands that tests start and interrupt would inherit it.
@@ -74,6 +74,8 @@ def shared_rock() -> Path:
 @pytest.fixture(scope="session")
 def config() -> Config:
     """Return the default configuration, but for the walls of drawn test mines and the size of pictures."""
+    from tests.composed import compose
+
     return compose([*EXACT_WALLS, *SMALL_PICTURES])
 
 
@@ -115,12 +117,17 @@ def share_volume(factory: pytest.TempPathFactory, name: str) -> Path:
 @pytest.fixture(scope="session")
 def tee(config: Config, tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the T-junction as a world; tests must not change its folder."""
+    from tests.mines import TEE, BuiltMine
+
     return share_mine(tmp_path_factory, "tee", lambda folder: BuiltMine(TEE, config, folder / "world"))
 
 
 @pytest.fixture(scope="session")
 def ring(tmp_path_factory: pytest.TempPathFactory) -> BuiltMine:
     """Return the ring drift as a world with a coarse surface; tests must not change its folder."""
+    from tests.composed import compose
+    from tests.mines import RING, BuiltMine
+
     coarse = [f"surface.rough.{spacing}" for spacing in ("spacing_m=0.3", "roof_spacing_m=0.4")]
     config = compose([*EXACT_WALLS, *SMALL_PICTURES, *coarse])
     return share_mine(tmp_path_factory, "ring", lambda folder: BuiltMine(RING, config, folder / "world"))
@@ -131,6 +138,9 @@ def small_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the bundle of a ring with a coarse surface; tests must not change its folder."""
 
     def build(folder: Path) -> None:
+        from benchmarks.worlds.small_world import build_small_world
+        from tests.mines import unreported
+
         with unreported():
             build_small_world(folder / "world")
 
@@ -158,6 +168,8 @@ def over(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def light() -> Config:
     """Return the configuration of worlds without visible rock."""
+    from tests.composed import compose
+
     return compose(["preset=light"])
 
 
@@ -203,6 +215,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return a project with the embedded survey and all six stages built; tests work on copies."""
 
     def build(folder: Path) -> None:
+        from stages.__main__ import STAGES
+
         project = Project(folder, tiny=False)
         fresh = project.run(sys.executable, "-m", "dvc", "--cd", str(ROOT), "status", "--json")
         if fresh.returncode == 0 and fresh.stdout.strip() == "{}":  # `make all` has already built it

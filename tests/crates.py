@@ -1,13 +1,10 @@
-"""The validator of RO-Crates, without a network."""
+"""The validator of RO-Crates, without a network. It takes a third of a second to load, so its users' workers do it."""
 
 from __future__ import annotations
 
 import json
 from importlib.resources import files
 from pathlib import Path
-
-from requests_cache import CachedRequest, CachedResponse, CachedSession
-from rocrate_validator.services import validate
 
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
 
@@ -18,6 +15,8 @@ def cached_context(folder: Path) -> Path:
     The `rocrate` package contains the JSON-LD context of RO-Crate 1.3, which has every term of 1.1. `sha256` is newer
     than 1.1 and is removed.
     """
+    from requests_cache import CachedRequest, CachedResponse, CachedSession
+
     context = json.loads(files("rocrate").joinpath("data/ro-crate.jsonld").read_text())
     del context["@context"]["sha256"]
     path = folder / "http"
@@ -31,5 +30,7 @@ def cached_context(folder: Path) -> Path:
 
 def crate_issues(folder: Path, cache: Path, profile: str, severity: str = "REQUIRED") -> list[str]:
     """Return the validator's messages on a crate."""
+    from rocrate_validator.services import validate
+
     settings = {"rocrate_uri": str(folder), "profile_identifier": profile, "offline": True, "cache_path": cache}
     return [issue.message for issue in validate({**settings, "requirement_severity": severity}).get_issues()]

@@ -7,16 +7,24 @@ import os
 import runpy
 import subprocess
 import sys
+from functools import cache
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from stages.__main__ import STAGES
-
-_PRELOADED = [*(f"stages.{name}" for name in STAGES), "pipeline.compose", "pipeline.__main__", "open3d"]
+_PRELOADED = ["pipeline.compose", "pipeline.__main__", "open3d"]
 _PRELOADED += ["pipeline.survey.vector.dxf", "pipeline.report.page", "scipy.signal"]  # commands load them on demand
 _PRELOADED += ["baselines.evaluate", "baselines.score", "tests.preloaded"]
-_context = multiprocessing.get_context("forkserver")
-_context.set_forkserver_preload(_PRELOADED)
+
+
+@cache
+def _context() -> ForkServerContext:
+    """Return the context whose server has imported what commands need."""
+    from stages.__main__ import STAGES  # takes a second to load; the process that hands out tests needs none of it
+
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([*(f"stages.{name}" for name in STAGES), *_PRELOADED])
+    return context
 
 
 def run_forked(
@@ -28,7 +36,7 @@ def run_forked(
     """
     with TemporaryDirectory() as streams:
         out, err = Path(streams) / "out", Path(streams) / "err"
-        process = _context.Process(target=_run, args=(module, arguments, folder, (out, err), variables or {}))
+        process = _context().Process(target=_run, args=(module, arguments, folder, (out, err), variables or {}))
         process.start()
         process.join()
         assert process.exitcode is not None  # it has ended

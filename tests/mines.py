@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +53,8 @@ PICTURE = Workings(MultiPolygon())  # a survey that is a picture has no polygons
 class BuiltMine:
     """A mine built by stages 2 to 5 in memory; its bundle is written to a folder."""
 
-    def __init__(
-        self, polygon: Polygon, config: Config, folder: Path, px_per_m: float = 8.0, report: bool = True
-    ) -> None:
-        """Run the functions of the stages; without `report`, those of stage 4's report (see `unreported`)."""
+    def __init__(self, polygon: Polygon, config: Config, folder: Path, px_per_m: float = 8.0) -> None:
+        """Run the functions of the stages, but for stage 4's report (see `unreported`)."""
         self.frame = frame_for(polygon, px_per_m)
         inside = polygon.representative_point()
         self.survey = survey_of(self.frame, (inside.x, inside.y))
@@ -65,7 +63,7 @@ class BuiltMine:
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]
         self.bundle = folder
-        with nullcontext() if report else unreported():
+        with unreported():
             self.compiled, self.surface = finish_world(config, self.survey, traced, folder)
 
 
@@ -73,7 +71,7 @@ class BuiltMine:
 def unreported() -> Iterator[None]:
     """Leave out the figures and pictures of stage 4's report: no world holds them, and they take half of its time.
 
-    For mines whose rock another test reports on.
+    Tests that run the stages as commands make the report.
     """
     with pytest.MonkeyPatch.context() as patch:
         figures = "pipeline.report.figures.roughness"

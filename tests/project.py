@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -29,26 +28,37 @@ B,b2,30,30,2.5,2.5
 Run = Callable[..., subprocess.CompletedProcess]
 
 
+def _project_files() -> list[str]:
+    """Return the paths of the project's files, also of those that git does not know yet."""
+    command = ["git", "ls-files", "-co", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    return [name for name in listed if (ROOT / name).is_file()]
+
+
+def _compiled() -> list[str]:
+    """Return the paths of what Python has compiled: each copy would compile 600 modules anew."""
+    packages = ("minexplore", "pipeline", "stages", "baselines", "benchmarks")
+    found = (path for name in packages for path in (ROOT / name).rglob("__pycache__/*.pyc"))
+    return [path.relative_to(ROOT).as_posix() for path in found]
+
+
 class Project:
     """A copy of the project's files, with the embedded survey or a small one."""
 
     def __init__(self, folder: Path, tiny: bool) -> None:
         """Copy the project into `folder` and make it a git repository; `tiny` selects the small survey."""
         self.folder = folder
-        files = subprocess.run(
-            ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout.splitlines()
-        for name in files:
-            if (ROOT / name).is_file():
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / name, folder / name)
+        folder.mkdir(parents=True, exist_ok=True)
+        names = "\0".join([*_project_files(), *_compiled()])
+        command = ["xargs", "-0", "cp", "-a", "--parents", "-t", str(folder)]
+        subprocess.run(command, cwd=ROOT, input=names, text=True, check=True)
         (folder / ".venv").symlink_to(Path(sys.prefix))
         (folder / "dvc.lock").unlink(missing_ok=True)
         if tiny:
             self.use_stations(TINY_STATIONS)
             self.coarsen()
         self.run("git", "init", "-q")
-        self.run("git", "add", "-A")
+        self.run("git", "-c", "core.compression=0", "add", "-A")
         self.run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "start")
         # One file of all objects: a copy of the project has half as many files to copy.
         self.run("git", "-c", "pack.compression=0", "-c", "pack.window=0", "repack", "-adq")
@@ -89,8 +99,9 @@ class Project:
             set_values(self.folder / "conf" / name, values)
 
     def copy(self, folder: Path) -> Project:
-        """Copy this project, with its artifacts, into `folder`."""
-        shutil.copytree(self.folder, folder, symlinks=True)
+        """Copy this project, with its artifacts, into `folder`, which does not exist."""
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        subprocess.run(["cp", "-a", str(self.folder), str(folder)], check=True)
         return Project.at(folder)
 
     @classmethod

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Self
 
-from pipeline.compose import compose
 from pipeline.params.survey import PassageSurveyParams, SolidSurveyParams, VectorSurveyParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.store.codecs import Bundle, decode
@@ -15,6 +14,7 @@ from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.proof.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
+from tests.composed import compose
 
 CONFIG = compose(["preset=light"])
 HEADER = "leg,station,easting_m,northing_m,elevation_m,left_m,right_m,up_m,down_m\n"

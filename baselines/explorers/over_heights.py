@@ -30,7 +30,7 @@ _FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens
 class OverHeights(GraphExplorer):
     """A `GraphExplorer` whose map has layers; it needs height, pitch and roll of the robots beside their poses.
 
-    Places and paths are those of the mine frame, in which a robot that drives from sheet to sheet moves on steadily.
+    Places and paths are those of the mine frame, in which a robot that drives from level to level moves on steadily.
     """
 
     def __init__(self, count: int, task: TaskParams, robot: RobotParams) -> None:

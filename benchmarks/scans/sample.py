@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import manifold3d
 import numpy as np
-import open3d
+
+from pipeline.geometry.ray_scene import ray_scene
 
 _RANGE_M = 40.0
 _ROWS, _COLUMNS = 32, 240
@@ -37,15 +39,12 @@ def _things(person: np.ndarray, vehicle: np.ndarray, along_deg: float) -> manifo
     return _box(_PERSON_M, person, 0.0) + body.rotate([0, 0, along_deg]).translate(vehicle.tolist())
 
 
-def _scene(*solids: manifold3d.Manifold) -> open3d.t.geometry.RaycastingScene:
-    scene = open3d.t.geometry.RaycastingScene()
-    for solid in solids:
-        mesh = solid.to_mesh()
-        scene.add_triangles(
-            open3d.core.Tensor(np.array(mesh.vert_properties, np.float32)[:, :3].copy()),
-            open3d.core.Tensor(np.array(mesh.tri_verts, np.uint32)),
-        )
-    return scene
+def _scene(*solids: manifold3d.Manifold) -> Any:
+    meshes = [solid.to_mesh() for solid in solids]
+    vertices = [np.array(mesh.vert_properties, np.float32)[:, :3] for mesh in meshes]
+    first = np.cumsum([0, *map(len, vertices)])
+    faces = [np.array(mesh.tri_verts) + start for mesh, start in zip(meshes, first, strict=False)]
+    return ray_scene(np.concatenate(vertices), np.concatenate(faces))
 
 
 def scan_of(
@@ -78,7 +77,7 @@ def scan_of(
         a, b = np.meshgrid(turn + rng.uniform(0, 0.1), pitch + rng.uniform(-0.02, 0.02))
         way = np.column_stack([(np.cos(b) * np.cos(a)).ravel(), (np.cos(b) * np.sin(a)).ravel(), np.sin(b).ravel()])
         rays = np.column_stack([np.broadcast_to(place, way.shape), way]).astype(np.float32)
-        far = scene.cast_rays(open3d.core.Tensor(rays))["t_hit"].numpy().astype(float)
+        far = scene.cast_rays(rays)["t_hit"].numpy().astype(float)
         hit = far < _RANGE_M
         far = far[hit] + rng.normal(0, _NOISE_M, hit.sum())
         found.append(place + far[:, None] * way[hit])

@@ -53,7 +53,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--style", choices=list(_SHAPES), default="drift_and_crosscut")
     parser.add_argument("--side", type=float, help="side of the mine, m")
-    parser.add_argument("--turn", type=float, default=0.0, help="turn of the mine on the sheet, deg")
+    parser.add_argument("--turn", type=float, default=0.0, help="turn of the mine on the paper, deg")
     parser.add_argument("--rms", type=float, default=ROUGH["rms_m"], help="standard deviation of the walls, m")
     parser.add_argument("--sharp", action="store_true", help="black and white pixels only")
     given = parser.parse_args()

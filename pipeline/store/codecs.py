@@ -144,7 +144,7 @@ def _decode_workings(collection: dict) -> Workings:
 def _decode_geojson(collection: dict) -> FreeSpace:
     (feature,) = collection["features"]
     polygon, facts = shapely.from_geojson(json.dumps(feature["geometry"])), feature["properties"]
-    if not isinstance(polygon, Polygon | MultiPolygon):  # several are sheets
+    if not isinstance(polygon, Polygon | MultiPolygon):  # several are pieces
         raise ValueError(f"a {polygon.geom_type}, want a Polygon or a MultiPolygon")
     return FreeSpace(
         polygon,

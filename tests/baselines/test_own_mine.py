@@ -1,5 +1,6 @@
 """A user's own mine, registered from artifacts/worlds, in every command of the benchmark."""
 
+import json
 import os
 import shutil
 import signal
@@ -11,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from baselines.pages.split_page import UNVERIFIED_HEADING
-from tests.project import Project
 from tests.sandbox import needs_sandbox
 
+STILL_RESULTS = Path("baselines/results/my-mine-v0/still.Still.jsonl")
 STILL = """
 import numpy as np
 
@@ -36,9 +37,9 @@ class Still:
 
 
 @pytest.fixture(scope="module")
-def own(tee, tmp_path_factory):
+def own(tee, unbuilt, tmp_path_factory):
     """Return a copy of the project with the T-junction as a mine of the user's own."""
-    project = Project(tmp_path_factory.mktemp("own") / "mine", tiny=False)
+    project = unbuilt.copy(tmp_path_factory.mktemp("own") / "mine")
     shutil.copytree(tee.bundle, project.folder / "artifacts/worlds/my-mine/realism/world")
     shutil.rmtree(project.folder / "baselines/results")
     return project
@@ -46,17 +47,32 @@ def own(tee, tmp_path_factory):
 
 @pytest.fixture
 def own_short(own, tmp_path):
-    """Return a copy of the project with the own mine, in which an episode has 600 steps instead of 6000."""
+    """Return a copy of the project with the own mine, in which an episode has 300 steps instead of 6000."""
     project = own.copy(tmp_path / "mine")
     task = project.folder / "minexplore/task.py"
     text = task.read_text()
     assert "max_steps: int = 6000" in text
-    task.write_text(text.replace("max_steps: int = 6000", "max_steps: int = 600"))
+    task.write_text(text.replace("max_steps: int = 6000", "max_steps: int = 300"))
     return project
 
 
-def python(project, *words):
-    done = project.run(sys.executable, "-m", *words)
+# Commands one after another in a process that loads its libraries once.
+COMMANDS = """
+import json, runpy, sys
+
+for words in json.loads(sys.argv[1]):
+    sys.argv = words
+    try:
+        runpy.run_module(words[0], run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        if end.code:
+            raise
+"""
+
+
+def python(project, *commands):
+    """Run commands, each a list of words whose first is a module, and return what they print."""
+    done = project.run(sys.executable, "-c", COMMANDS, json.dumps(commands))
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -64,21 +80,23 @@ def python(project, *words):
 @needs_sandbox
 def test_an_own_mine_is_evaluated_scored_and_listed(own_short):
     own = own_short
-    results = evaluate_still(own)
-    said = python(own, "baselines.score", str(results), "--rerun", "1", "--policy", "still:Still")
+    said = python(
+        own,
+        evaluation_of_still(own),
+        ["baselines.score", str(STILL_RESULTS), "--rerun", "1", "--policy", "still:Still"],
+        ["baselines.leaderboard"],
+    )
     assert "1 of 20 episodes driven again, all figures are equal" in said
     assert "still.Still in MineXplore/my-mine-v0, 20 seeds" in said
-    python(own, "baselines.leaderboard")
     page = (own.folder / "LEADERBOARD.md").read_text()
     assert "## MineXplore/my-mine-v0" in page
     assert "| still.Still | 20 |" in page.split(UNVERIFIED_HEADING)[1]
 
 
-def evaluate_still(own):
-    """Evaluate a policy that stands still, whose episodes are short; return the results file."""
+def evaluation_of_still(own):
+    """Write a policy that stands still, whose episodes are short; return the command that evaluates it."""
     (own.folder / "still.py").write_text(STILL)
-    python(own, "baselines.evaluate", "--policy", "still:Still", "--env", "my-mine", "--jobs", "1")
-    return own.folder / "baselines/results/my-mine-v0/still.Still.jsonl"
+    return ["baselines.evaluate", "--policy", "still:Still", "--env", "my-mine", "--jobs", "1"]
 
 
 def test_an_own_mine_can_be_chosen_for_training(own):
@@ -146,10 +164,9 @@ def eventually(holds, within_s=120):
 
 @pytest.mark.slow
 def test_an_own_mine_gets_a_bound_and_a_tour(own):
-    said = python(own, "baselines.oracle", "--env", "my-mine", "--episodes", "1", "--limit", "5")
+    said = python(own, ["baselines.oracle", "--env", "my-mine", "--episodes", "1", "--limit", "5"])
     assert "MineXplore/my-mine-v0: at 600 s no robot can have seen more than" in said
     assert (own.folder / "docs/oracle-my-mine-v0.png").is_file()
     (own.folder / "baselines/results/my-mine-v0/oracle-tour.jsonl").unlink()  # one episode is no result
-    evaluate_still(own)
-    python(own, "baselines.leaderboard")
+    python(own, evaluation_of_still(own), ["baselines.leaderboard"])
     assert "share of bound at 600 s" in (own.folder / "LEADERBOARD.md").read_text()

@@ -9,7 +9,7 @@ from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError, RejectedError, run_command
 from baselines.base.result_file import RESULTS, Episode, chain, parse_results, read_results
 from baselines.base.statistics import estimate, figures, interquartile_mean, sample_times
-from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all
+from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all, is_current
 from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard, sections_of, with_sections
 from baselines.pages.split_page import UNVERIFIED_HEADING
@@ -157,8 +157,12 @@ def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(
         {"robot": {}},
     ):
         forge(out, _set(**change))
-        evaluate_all([short_id], [0], 1)
-        assert out.read_bytes() == written
+        assert not is_current(out, head)
+        out.write_bytes(written)
+        assert is_current(out, head)
+    forge(out, _set(world_sha256="0" * 64))
+    evaluate_all([short_id], [0], 1)
+    assert out.read_bytes() == written
     out.write_bytes(written[: len(written) // 2])  # what an interrupted copy leaves
     evaluate_all([short_id], [0], 1)
     assert out.read_bytes() == written

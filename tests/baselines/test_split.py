@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import mannwhitneyu
 
 import minexplore
 from baselines import split
@@ -30,7 +29,7 @@ from baselines.split import bound_split, evaluate_split
 WORLDS = "`python -m benchmarks worlds"
 
 
-def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
+def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path, monkeypatch):
     path = tmp_path / "Family-test" / "wall-following.jsonl"
     drives = evaluate_split("wall-following", "test", 1)
     assert [head.env for head, _ in drives] == mines
@@ -41,6 +40,7 @@ def test_a_split_is_driven_once_resumed_and_put_into_a_table(mines, tmp_path):
     assert path.read_bytes() == whole
     assert not path.with_suffix(".part").exists()
     evaluate_split("random", "test", 1)
+    monkeypatch.setattr(split, "_BANDS", 25)  # a hundred take the solver six seconds
     bounds = bound_split("test", 1)
     assert all(bound.found[-1] <= bound.most[-1] <= bound.cells for bound in bounds.values())
     picture = tmp_path / "profiles.png"
@@ -103,6 +103,8 @@ def test_bounds_of_a_split_lie_beside_its_results(mines, tmp_path):
 
 
 def test_the_probability_of_improvement_is_the_mann_whitney_statistic_of_each_mine():
+    from scipy.stats import mannwhitneyu  # takes half a second to load, in each worker
+
     rng = np.random.default_rng(0)
     ours, theirs = rng.integers(0, 5, 40) / 5, rng.integers(0, 5, 40) / 5
     wanted = np.mean([mannwhitneyu([a], [b]).statistic for a, b in zip(ours, theirs, strict=True)])

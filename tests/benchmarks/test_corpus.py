@@ -7,7 +7,6 @@ from datetime import date
 
 import cv2
 import gymnasium
-import mlcroissant
 import numpy as np
 import pytest
 
@@ -47,6 +46,8 @@ def test_a_world_loads_by_the_hash_that_the_card_states(corpus):
 
 def test_croissant_reads_the_table_of_worlds(corpus):
     folder, entries = corpus
+    import mlcroissant  # takes half a second to load, in each worker
+
     dataset = mlcroissant.Dataset(folder / "croissant.json")
     assert not dataset.metadata.ctx.issues.errors
     assert not dataset.metadata.ctx.issues.warnings

@@ -12,8 +12,8 @@ import cv2
 import pytest
 
 from benchmarks.fuzzing.hostile import HOSTILE
-from benchmarks.pictures.draw_sheet import draw_sheet
 from benchmarks.pictures.look_at_report import find_browser, look_at
+from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
@@ -138,11 +138,11 @@ def test_a_refused_mine_leaves_nothing_behind(owned, arguments, message):
     assert state_of(project) == before
 
 
-def test_a_refused_sheet_is_shown_where_asked_and_nothing_else_is_left(owned):
+def test_a_refused_drawing_is_shown_where_asked_and_nothing_else_is_left(owned):
     project, _ = owned
-    sheet = draw_sheet(40)  # of three levels
-    cv2.imwrite(str(project.folder / "levels.png"), sheet.picture)
-    words = ("new", "x", "--from", "levels.png", "--px-per-m", str(sheet.px_per_m))
+    drawing = draw_on_paper(40)  # of three levels
+    cv2.imwrite(str(project.folder / "levels.png"), drawing.picture)
+    words = ("new", "x", "--from", "levels.png", "--px-per-m", str(drawing.px_per_m))
     before, names = state_of(project), {path.name for path in project.folder.iterdir()}
     text = message_of(pipeline(project, *words))
     assert text.endswith("--level N chooses one; --detected FILE.png draws what was found")
@@ -156,7 +156,7 @@ def test_a_refused_sheet_is_shown_where_asked_and_nothing_else_is_left(owned):
     assert text.endswith("--level N chooses one; found.png shows what was found")
     shown = cv2.imread(str(project.folder / "found.png")).astype(int)
     green = shown[..., 1] - shown[..., [0, 2]].max(axis=2) > 30
-    assert all(green[level].mean() > 0.9 for level in sheet.levels)
+    assert all(green[level].mean() > 0.9 for level in drawing.levels)
     assert state_of(project) == before
 
 

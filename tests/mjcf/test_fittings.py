@@ -66,7 +66,7 @@ def fitted_config() -> Config:
 
 @pytest.fixture(scope="module")
 def fitted(fitted_config: Config, tmp_path_factory) -> BuiltMine:
-    return BuiltMine(DRIFT, fitted_config, tmp_path_factory.mktemp("fitted") / "world", report=False)
+    return BuiltMine(DRIFT, fitted_config, tmp_path_factory.mktemp("fitted") / "world")
 
 
 @pytest.fixture(scope="module")

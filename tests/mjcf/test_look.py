@@ -40,13 +40,13 @@ def looking() -> Config:
 
 @pytest.fixture(scope="module")
 def wet(looking: Config, tmp_path_factory) -> BuiltMine:
-    return BuiltMine(DRIFT, looking, tmp_path_factory.mktemp("wet") / "world", report=False)
+    return BuiltMine(DRIFT, looking, tmp_path_factory.mktemp("wet") / "world")
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory) -> BuiltMine:
     config = compose([*COARSE, "look=plain", "surface.texture.size_px=128"])
-    return BuiltMine(DRIFT, config, tmp_path_factory.mktemp("plain") / "world", report=False)
+    return BuiltMine(DRIFT, config, tmp_path_factory.mktemp("plain") / "world")
 
 
 def refusal(files: dict[str, bytes], **fields) -> str:

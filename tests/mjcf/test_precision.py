@@ -40,7 +40,7 @@ def test_a_mine_kilometres_from_its_origin_keeps_its_hundredths_of_a_millimetre(
     far = translate(rotate(shapely.box(0, 0, 40, 6), 21.0), 5123.4567, 7654.3219)
     coarse = [f"surface.rough.{name}=0.5" for name in ("spacing_m", "roof_spacing_m")]
     config = compose([*coarse, "surface.texture.size_px=64", "realism.preview_width_px=64"])
-    mine = BuiltMine(far, config, tmp_path / "world", report=False)
+    mine = BuiltMine(far, config, tmp_path / "world")
     world = open_bundle(mine.bundle)
     assert frame_error_m(world) < 1e-9
     built = np.concatenate(part_vertices(world.model, GeomGroup.COLLISION))

@@ -49,7 +49,7 @@ def config() -> Config:
 
 @pytest.fixture(scope="module")
 def rough(config: Config, tmp_path_factory) -> BuiltMine:
-    return BuiltMine(DRIFT, config, tmp_path_factory.mktemp("rough") / "world", report=False)
+    return BuiltMine(DRIFT, config, tmp_path_factory.mktemp("rough") / "world")
 
 
 @pytest.fixture(scope="module")

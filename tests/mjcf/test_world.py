@@ -154,7 +154,7 @@ def test_the_rendered_world_has_the_same_free_pixels_as_its_polygon(mine, reques
 
 
 def test_the_same_inputs_give_the_same_bytes(tee: BuiltMine, config, tmp_path):
-    again = BuiltMine(TEE, config, tmp_path, report=False)
+    again = BuiltMine(TEE, config, tmp_path)
     assert verify_world(again.bundle) == verify_world(tee.bundle)
 
 

@@ -1,6 +1,5 @@
 import laspy
 import numpy as np
-import open3d
 import pytest
 from scipy.spatial import cKDTree
 
@@ -39,6 +38,8 @@ def write_las(path, points, scale=0.001):
 
 
 def write_open3d(path, points):
+    import open3d  # takes a second to load, in each worker
+
     open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)))
 
 

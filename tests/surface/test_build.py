@@ -135,9 +135,7 @@ def test_a_passage_narrower_than_the_spacing_of_the_lattice_is_refused_with_its_
 def test_the_texture_is_whole_where_a_ring_of_a_coarse_mesh_closes(tmp_path):
     coarse = [f"surface.rough.{name}" for name in ("spacing_m=0.5", "roof_spacing_m=0.5", "kept_share=0.06")]
     config = compose([*coarse, "fittings=none", "surface.texture.size_px=64", "realism.preview_width_px=64"])
-    mine = BuiltMine(
-        shapely.box(0, 0, 34, 26).difference(shapely.box(6, 6, 28, 20)), config, tmp_path / "w", report=False
-    )
+    mine = BuiltMine(shapely.box(0, 0, 34, 26).difference(shapely.box(6, 6, 28, 20)), config, tmp_path / "w")
     require_built(mine.bundle, open_bundle(mine.bundle).record, config.validation)
 
 

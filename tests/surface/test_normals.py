@@ -65,7 +65,7 @@ def shaded(tmp_path_factory):
     """Return the T-junction's world with normals."""
     coarse = [f"surface.rough.{value}" for value in ("spacing_m=0.3", "roof_spacing_m=0.4", "normals=true")]
     config = compose([*coarse, "surface.texture.size_px=64", "realism.preview_width_px=64"])
-    return BuiltMine(TEE, config, tmp_path_factory.mktemp("shaded"), report=False)
+    return BuiltMine(TEE, config, tmp_path_factory.mktemp("shaded"))
 
 
 def test_chunks_of_a_built_world_meet_with_equal_normals(shaded):

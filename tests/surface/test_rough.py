@@ -2,13 +2,13 @@ import dataclasses
 import math
 
 import numpy as np
-import open3d
 import pytest
 import shapely
 import trimesh
 from scipy.spatial import cKDTree
 
 from minexplore import bundle
+from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.planefit import sweep_residuals
 from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.mesh.displacement import Bounds, bound_displacement
@@ -253,12 +253,7 @@ def test_a_simplified_surface_is_closed_across_its_tiles_and_lies_near_the_displ
     rough = rough_of(mine, simplification=THIRD)
     assert check_mesh(*closed_mesh(rough)).watertight
     assert len(rough.mesh.faces) == pytest.approx(0.34 * len(rough.lattice.faces), rel=0.25)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        open3d.core.Tensor(rough.mesh.vertices.astype(np.float32)),
-        open3d.core.Tensor(rough.mesh.faces.astype(np.uint32)),
-    )
-    off = scene.compute_distance(open3d.core.Tensor(rough.vertices.astype(np.float32))).numpy()
+    off = ray_scene(rough.mesh.vertices, rough.mesh.faces).compute_distance(rough.vertices.astype(np.float32)).numpy()
     assert np.sqrt((off**2).mean()) < 0.025  # a quarter of the relief, whose waves are near the spacing
     assert off.max() < 0.15
 

@@ -2,7 +2,7 @@
 
 The power of a return, against that of a perpendicular surface of 10 % reflectivity at the range where the data sheet
 ends, decides whether there is one: P = (rho cos i / 0.1) (r10 / r)^2 exp(-2 a r), with the reflectivity rho, the
-incidence i, the range r, the sheet's range r10, and the extinction a of dust (Beer and Lambert).
+incidence i, the range r, the data sheet's range r10, and the extinction a of dust (Beer and Lambert).
 """
 
 from __future__ import annotations

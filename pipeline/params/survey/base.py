@@ -123,3 +123,9 @@ class DrawnSurveyParams(BaseSurveyParams):
         default=6.0, ge=1, le=100, description="width of the paper around the workings of the drawing"
     )
     drawing_grey: Grey = Field(default=40, description="grey value of the workings of the drawing, 0 (black) to 255")
+
+
+class FileSurveyParams(DrawnSurveyParams):
+    """A survey in metres that is read from a file."""
+
+    file: DataFile = Field(description="the survey's file, below data/")

@@ -7,22 +7,15 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.params.base import DataFile
-from pipeline.params.survey.base import DrawnSurveyParams
-from pipeline.params.survey.values import PlaceM, Unit
+from pipeline.params.survey.solids import SurfaceSurveyParams
 
 
-class CloudSurveyParams(DrawnSurveyParams):
+class CloudSurveyParams(SurfaceSurveyParams):
     """Points on the rock round the free space of workings: LAS, LAZ, PLY, PCD, XYZ, or the triangles of a mesh."""
 
     kind: Literal["cloud"] = Field(description="what the survey is read as")
-    file: DataFile = Field(description="the survey's file, below data/")
     trajectory: DataFile | None = Field(
         default=None, description="where the scanner was, in the file's coordinates: rows `time x y z`; null: not known"
-    )
-    unit: Unit | None = Field(default=None, description="unit of the file's coordinates; null: m")
-    up: Literal["y", "z"] | None = Field(default=None, description="axis of the file that points up; null: z")
-    origin: PlaceM | None = Field(
-        default=None, description="the mine frame's origin in the file's coordinates; null: chosen"
     )
     voxel_m: float = Field(
         default=0.2, ge=0.02, le=2, description="resolution of the surface; gaps of as much between points are bridged"

@@ -8,7 +8,7 @@ from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.made_by import MadeBy
 from pipeline.proof.rebuilt.fittings import require_fittings
-from pipeline.proof.rebuilt.remake import Tracing, read_free_space, require_remade
+from pipeline.proof.rebuilt.remake import read_free_space, require_remade
 from pipeline.proof.rebuilt.same_model import require_same_model
 from pipeline.proof.rebuilt.visible import require_visible
 from pipeline.types import FreeSpace
@@ -36,8 +36,7 @@ def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpac
         With the file, the value and the limit.
     """
     free_space = read_free_space(folder)
-    tracing = Tracing(params.network_cell_m, params.network_min_leg_m, params.network_station_spacing_m)
-    grid = require_remade(folder, record, free_space, tracing, tolerance_of(params))
+    grid = require_remade(folder, record, free_space, params, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)
     if record.has_visible_rock:
         require_visible(folder, record, free_space.polygon, grid)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +31,7 @@ from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.params.made_by import MadeBy
 from pipeline.proof.rebuilt.differences import first_difference
 from pipeline.proof.rebuilt.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
@@ -45,17 +45,8 @@ _MOST_MARGIN_M = 100.0  # of rock round the plan
 _FINER = 4  # times that the network's cells may be halved, and the cells themselves
 
 
-@dataclass(frozen=True)
-class Tracing:
-    """How a network is traced: cell, shortest dead-end leg and distance of stations, m."""
-
-    cell_m: float
-    min_leg_m: float
-    station_spacing_m: float
-
-
 def require_remade(
-    folder: Path, record: WorldRecord, free_space: FreeSpace, tracing: Tracing, tolerance_m: float
+    folder: Path, record: WorldRecord, free_space: FreeSpace, params: MadeBy, tolerance_m: float
 ) -> Occupancy:
     """Make the files and figures of a bundle again from its outline, compare them, and return the grid.
 
@@ -66,7 +57,8 @@ def require_remade(
     record : WorldRecord
     free_space : FreeSpace
         By `read_free_space`.
-    tracing : Tracing
+    params : MadeBy
+        How its network is traced.
     tolerance_m : float
         The largest distance by which simplification may have moved a wall, m.
 
@@ -78,7 +70,7 @@ def require_remade(
     free = free_space.polygon
     _require_figures(folder, record, free_space, tolerance_m)
     _require_box(folder, record, free_space)
-    _require_network(folder, record, free, tracing)
+    _require_network(folder, record, free, params)
     grid = _require_grid(folder, record, free)
     _require_map_and_octree(folder, record, grid)
     _require_spawn(folder, record, grid)
@@ -161,15 +153,15 @@ def _require_box(folder: Path, record: WorldRecord, free_space: FreeSpace) -> No
         )
 
 
-def _require_network(folder: Path, record: WorldRecord, free: Polygon, tracing: Tracing) -> None:
+def _require_network(folder: Path, record: WorldRecord, free: Polygon, params: MadeBy) -> None:
     path = folder / TOPOLOGY
     stated: DriftNetwork = decode(path, DriftNetwork)
     if encode(path, stated) != path.read_bytes():
         raise ArtifactError(f"{path}: holds more than a drift network, or is written in another way")
-    cells = [tracing.cell_m / 2**k for k in range(_FINER)]
+    cells = [params.network_cell_m / 2**k for k in range(_FINER)]
     if not any(math.isclose(stated.cell_m, cell) for cell in cells):
         raise ArtifactError(f"{path}: cell_m = {stated.cell_m}, want one of {cells}")
-    grid = stated.cell_m, tracing.min_leg_m, tracing.station_spacing_m
+    grid = stated.cell_m, params.network_min_leg_m, params.network_station_spacing_m
     try:
         made = trace_network(free, *grid)
     except GeometryError as error:

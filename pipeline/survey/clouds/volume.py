@@ -18,7 +18,7 @@ from pipeline.survey.solids.closing import close_solids
 from pipeline.survey.solids.decimate import decimated
 
 _WELD_M = 1e-6
-_FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four sheets meet in an edge
+_FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four surfaces meet in an edge
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one

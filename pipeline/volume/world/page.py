@@ -1,4 +1,4 @@
-"""What the report shows of a world that is one volume, in place of a plan with sheets."""
+"""What the report shows of a world that is one volume, in place of a plan."""
 
 from __future__ import annotations
 

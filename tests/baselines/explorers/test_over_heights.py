@@ -1,4 +1,4 @@
-"""Explorers and coverage over the sheets of mines with heights."""
+"""Explorers and coverage in mines with heights."""
 
 import numpy as np
 import pytest

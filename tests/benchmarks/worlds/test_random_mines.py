@@ -21,7 +21,7 @@ COARSE = [
 
 def check_mine(seed, drifts, folder, contacts=0):
     config = compose(COARSE)
-    built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder, report=False)
+    built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid
     rendered = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)

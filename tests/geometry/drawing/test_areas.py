@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.pictures.draw_sheet import draw_sheet
+from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.doubts import require_filled
 from pipeline.geometry.drawing.fills import find_filled, find_ink
@@ -19,8 +19,8 @@ def iou(one, other):
 
 
 def shown(seed):
-    sheet = draw_sheet(seed)
-    return (255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture), sheet.levels[0]
+    drawing = draw_on_paper(seed)
+    return (255 - drawing.picture if "light on dark" in drawing.furniture else drawing.picture), drawing.levels[0]
 
 
 def cross(wide):

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.pictures.draw_sheet import draw_sheet
+from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.geometry.drawing import bounded
 from pipeline.geometry.drawing.bounded import read_bounded, share_of
 from pipeline.geometry.drawing.doubts import DrawingError
@@ -11,9 +11,9 @@ from pipeline.geometry.drawing.find import read_drawing
 
 
 def enlarged(seed, factor):
-    sheet = draw_sheet(seed)
-    picture = cv2.resize(sheet.picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-    truth = cv2.resize(sheet.levels[-1].astype(np.uint8), picture.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0
+    drawing = draw_on_paper(seed)
+    picture = cv2.resize(drawing.picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
+    truth = cv2.resize(drawing.levels[-1].astype(np.uint8), picture.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0
     return picture, truth
 
 
@@ -24,7 +24,7 @@ def iou(one, other):
 @pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 13)])
 def test_a_large_drawing_is_searched_at_a_bounded_resolution_and_its_workings_have_its_own_size(monkeypatch, seed):
     picture, truth = enlarged(seed, 2.0)
-    small = read_drawing(draw_sheet(seed).picture, None)
+    small = read_drawing(draw_on_paper(seed).picture, None)
     monkeypatch.setattr(bounded, "MOST_PX", picture.shape[0] * picture.shape[1] / 4)
     assert share_of(picture) == pytest.approx(0.5)
     found = read_bounded(picture, None)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.pictures.draw_sheet import draw_sheet
+from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.wall_lines import DrawnWalls
@@ -30,19 +30,19 @@ def iou(one, other):
     ],
 )
 def test_workings_are_found_among_everything_else_on_a_drawing(seed, walls):
-    sheet = draw_sheet(seed)
-    found = read_drawing(sheet.picture, None)
+    drawing = draw_on_paper(seed)
+    found = read_drawing(drawing.picture, None)
     assert found.walls == walls
-    assert iou(found.mask, sheet.levels[0]) > 0.95
+    assert iou(found.mask, drawing.levels[0]) > 0.95
 
 
 def test_a_drawing_of_several_levels_is_asked_about_and_the_option_settles_it():
-    sheet = draw_sheet(40)
+    drawing = draw_on_paper(40)
     with pytest.raises(GeometryError, match=r"the drawing shows 3 plans .*--level N chooses one"):
-        read_drawing(sheet.picture, None)
-    assert iou(read_drawing(sheet.picture, 3).mask, sheet.levels[2]) > 0.95
+        read_drawing(drawing.picture, None)
+    assert iou(read_drawing(drawing.picture, 3).mask, drawing.levels[2]) > 0.95
     with pytest.raises(GeometryError, match="--level 4: the drawing shows 3 plans"):
-        read_drawing(sheet.picture, 4)
+        read_drawing(drawing.picture, 4)
 
 
 def test_a_drawing_without_workings_is_refused():
@@ -73,10 +73,10 @@ def test_a_scale_bar_in_alternating_pieces_is_found_and_measured():
 
 
 def test_new_reads_a_drawing_as_one_and_shows_what_it_took(tmp_path):
-    sheet = draw_sheet(10)
-    path = tmp_path / "sheet.png"
-    cv2.imwrite(str(path), sheet.picture)
-    found = detect_survey(path, StatedOptions(px_per_m=sheet.px_per_m))
+    drawing = draw_on_paper(10)
+    path = tmp_path / "drawing.png"
+    cv2.imwrite(str(path), drawing.picture)
+    found = detect_survey(path, StatedOptions(px_per_m=drawing.px_per_m))
     assert found.values["workings_only"]
     assert found.picture is not None
-    assert found.picture.shape == sheet.picture.shape
+    assert found.picture.shape == drawing.picture.shape

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.pictures.draw_sheet import draw_sheet
+from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.doubts import require_on_walls
 from pipeline.geometry.drawing.find import read_drawing
@@ -33,11 +33,11 @@ def iou(one, other):
     ],
 )
 def test_walls_are_found_beside_lines_that_are_none(seed):
-    sheet = draw_sheet(seed)
-    picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
+    drawing = draw_on_paper(seed)
+    picture = 255 - drawing.picture if "light on dark" in drawing.furniture else drawing.picture
     found = read_drawing(picture, None)
     assert found.walls == "lines"
-    assert iou(found.mask, sheet.levels[0]) > 0.95
+    assert iou(found.mask, drawing.levels[0]) > 0.95
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
 )
 def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
     with pytest.raises(GeometryError, match=doubt):
-        read_drawing(draw_sheet(seed).picture, None)
+        read_drawing(draw_on_paper(seed).picture, None)
 
 
 def test_a_border_that_leaves_its_walls_is_asked_about():

@@ -32,7 +32,7 @@ def test_the_anchor_is_the_place_with_the_largest_clearance_near_the_entrance():
 
 
 def test_the_anchor_is_not_in_the_last_cells_beside_an_edge():
-    """Beside a seam of two sheets the distance from rock does not fall towards the edge of the sheet."""
+    """Where the distance from rock does not fall towards the edge of the grid."""
     grid = occupancy_grid(STRAIGHT, 0.5, WORLD)
     beside = replace(grid, clearance_m=np.where(grid.free, np.float32(2.0), np.float32(0.0)))
     x, y = entrance_anchor(beside, (50.25, 0.25), 4.0, 0.5).anchor_m

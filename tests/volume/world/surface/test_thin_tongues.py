@@ -8,7 +8,6 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from pipeline.compose import compose
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
@@ -16,6 +15,7 @@ from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
 from pipeline.volume.world.surface.proof import _borders_m
+from tests.composed import compose
 
 SURFACE = compose(["+mine=heights"]).surface
 EAST = 500.0  # m: 32 bits have 0.03 mm there

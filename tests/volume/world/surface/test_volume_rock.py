@@ -12,7 +12,6 @@ from minexplore.bundle import ROCK_TEXTURE, BundleError, surface_geom, world_sha
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import Lidar, facet_meshes, volume_meshes
 from minexplore.world import load_world
-from pipeline.compose import compose
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
@@ -24,6 +23,7 @@ from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.surface.room import room_about
 from pipeline.volume.world.topology import LegNetwork
 from stages.surface import model_surface
+from tests.composed import compose
 from tests.heights import HEADER
 from tests.volume_worlds import VolumeWorld
 from tests.volumes import BOX

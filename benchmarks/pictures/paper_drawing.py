@@ -1,6 +1,6 @@
-"""Draw a mine as a drawing office does: walls or fill on a sheet with title block, legend, grid, labels and more.
+"""Draw a mine as a drawing office does: walls or fill on paper with title block, legend, grid, labels and more.
 
-The truth is known: the workings of a generated mine. Everything on a sheet is chosen at random from its seed.
+The truth is known: the workings of a generated mine. Everything on it is chosen at random from its seed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.types import Frame, Image, Mask
 
 WALLS = ("filled", "outlined fill", "hatched", "double lines", "double lines with gaps")
-FURNITURE = {  # share of the sheets that have it
+FURNITURE = {  # share of the drawings that have it
     "frame": 0.7,
     "title block": 0.7,
     "legend": 0.5,
@@ -35,7 +35,7 @@ FURNITURE = {  # share of the sheets that have it
     "light on dark": 0.1,
     "JPEG": 0.3,
 }
-_LEVELS_SHARE = 0.06  # of sheets that show two or three levels
+_LEVELS_SHARE = 0.06  # of drawings that show two or three levels
 _BARS_M = (10, 20, 25, 50, 100)
 _SHAPE = {"loops": 0.3, "dead_ends": 0.4, "rib_noise_m": 0.15, "pillar_m": 9.0, "spacing_m": 24.0, "wander": 0.5}
 _FONTS = (cv2.FONT_HERSHEY_SIMPLEX, cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_COMPLEX)
@@ -43,7 +43,7 @@ _INK = (0, 0, 0)
 
 
 @dataclass(frozen=True)
-class Sheet:
+class PaperDrawing:
     """A drawing, the workings of each level in it (rows, cols), and what it shows."""
 
     picture: Image
@@ -55,8 +55,8 @@ class Sheet:
     furniture: list[str]
 
 
-def draw_sheet(seed: int) -> Sheet:
-    """Draw the sheet of a seed; styles and kinds of wall take turns."""
+def draw_on_paper(seed: int) -> PaperDrawing:
+    """Draw the mine of a seed on paper; styles and kinds of wall take turns."""
     rng = np.random.default_rng(seed)
     style, walls = STYLES[seed % len(STYLES)], WALLS[seed // len(STYLES) % len(WALLS)]
     shown = [name for name, share in FURNITURE.items() if rng.random() < share]
@@ -84,13 +84,13 @@ def draw_sheet(seed: int) -> Sheet:
     if count > 1:
         pen.caption_levels()
     bar_m = pen.draw_bar() if "scale bar" in shown else None
-    picture = 255 - pen.sheet if "light on dark" in shown else pen.sheet
+    picture = 255 - pen.paper if "light on dark" in shown else pen.paper
     if "JPEG" in shown:
         picture = np.asarray(
             cv2.imdecode(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1], cv2.IMREAD_COLOR)
         )
     levels = [fill_polygon(mine, pen.frame) for mine in pen.mines]
-    return Sheet(picture, levels, per_m, bar_m, style, walls, shown)
+    return PaperDrawing(picture, levels, per_m, bar_m, style, walls, shown)
 
 
 def _mine(style: str, rng: np.random.Generator, side_m: float) -> Polygon:
@@ -101,7 +101,7 @@ def _mine(style: str, rng: np.random.Generator, side_m: float) -> Polygon:
 
 
 class _Pen:
-    """Draws on a sheet: the mines stand side by side; a strip below them and one to their right hold the rest."""
+    """Draws on paper: the mines stand side by side; a strip below them and one to their right hold the rest."""
 
     def __init__(self, rng: np.random.Generator, mines: list[Polygon], per_m: float) -> None:
         self.rng, self.per_m = rng, per_m
@@ -116,7 +116,7 @@ class _Pen:
         width = int(east * per_m) + 2 * self.edge + self.column
         height = int(north * per_m) + 2 * self.edge + self.strip
         self.frame = Frame(per_m, self.edge, height - self.edge - self.strip, max(width, 640), height)
-        self.sheet = np.full((self.frame.height_px, self.frame.width_px, 3), 255, np.uint8)
+        self.paper = np.full((self.frame.height_px, self.frame.width_px, 3), 255, np.uint8)
         self.stroke = int(rng.integers(1, 4))
         self.font = _FONTS[rng.integers(len(_FONTS))]
         self.fill = int(rng.integers(40, 200))
@@ -124,12 +124,12 @@ class _Pen:
     def line(self, points: np.ndarray, colour: tuple = _INK, thick: int = 1, closed: bool = False) -> None:
         """Draw a line through image points, to a sixteenth of a pixel."""
         fixed = np.round((np.asarray(points, float) - 0.5) * 16).astype(np.int32)
-        cv2.polylines(self.sheet, [fixed], closed, colour, thick, cv2.LINE_AA, shift=4)
+        cv2.polylines(self.paper, [fixed], closed, colour, thick, cv2.LINE_AA, shift=4)
 
     def write(self, text: str, at: tuple[float, float], height_px: float, colour: tuple = _INK) -> None:
         """Write text whose lower left corner is at an image point."""
         scale = cv2.getFontScaleFromHeight(self.font, max(7, round(height_px)))
-        cv2.putText(self.sheet, text, (round(at[0]), round(at[1])), self.font, scale, colour, 1, cv2.LINE_AA)
+        cv2.putText(self.paper, text, (round(at[0]), round(at[1])), self.font, scale, colour, 1, cv2.LINE_AA)
 
     def place(self, xy: np.ndarray) -> np.ndarray:
         """Return image points of points in metres."""
@@ -139,7 +139,7 @@ class _Pen:
         """Draw a mine's workings: filled, hatched, or its walls only."""
         inside = fill_polygon(mine, self.frame)
         if walls in ("filled", "outlined fill"):
-            self.sheet[inside] = self.fill if walls == "filled" else (self.fill + 255) // 2
+            self.paper[inside] = self.fill if walls == "filled" else (self.fill + 255) // 2
         if walls == "hatched":
             self._hatch(inside, int(self.rng.integers(5, 9)))
         for ring in (mine.exterior, *mine.interiors):
@@ -152,7 +152,7 @@ class _Pen:
     def _hatch(self, inside: Mask, step: int) -> None:
         rows, cols = np.indices(inside.shape)
         side = 1 if self.rng.random() < 0.5 else -1
-        self.sheet[inside & ((rows + side * cols) % step < 1)] = 60
+        self.paper[inside & ((rows + side * cols) % step < 1)] = 60
 
     def _line_with_gaps(self, points: np.ndarray) -> None:
         """Leave a gap of up to 1 m every 15 m or so."""
@@ -172,7 +172,7 @@ class _Pen:
         """Draw grid lines with their coordinates at the margin."""
         step = float(self.rng.choice([20, 25, 50])) * self.per_m
         grey = (int(self.rng.choice([90, 150, 200])),) * 3
-        rows, cols = self.sheet.shape[:2]
+        rows, cols = self.paper.shape[:2]
         bottom, right = rows - self.strip - 10, cols - self.column - 10
         left, top = self.edge + self.rng.uniform(0.0, 0.9 * step, 2)
         for k, col in enumerate(np.arange(left, right, step)):
@@ -202,7 +202,7 @@ class _Pen:
                 else:
                     self.line(stations, colour)
                 for col, row in stations[::2]:
-                    cv2.circle(self.sheet, (round(col), round(row)), 2, colour, 1, cv2.LINE_AA)
+                    cv2.circle(self.paper, (round(col), round(row)), 2, colour, 1, cv2.LINE_AA)
 
     def _dashes(self, points: np.ndarray) -> None:
         line = shapely.LineString(points)
@@ -232,39 +232,39 @@ class _Pen:
 
     def draw_north(self) -> None:
         """Draw an arrow with the letter N in the right column."""
-        col, row = self.sheet.shape[1] - self.column / 2, 90.0
-        cv2.fillPoly(self.sheet, [np.array([[col, row - 40], [col - 12, row + 20], [col, row + 8]], np.int32)], _INK)
+        col, row = self.paper.shape[1] - self.column / 2, 90.0
+        cv2.fillPoly(self.paper, [np.array([[col, row - 40], [col - 12, row + 20], [col, row + 8]], np.int32)], _INK)
         self.line(np.array([[col, row - 40], [col + 12, row + 20], [col, row + 8]]), closed=True)
-        cv2.circle(self.sheet, (round(col), round(row)), 44, _INK, 1, cv2.LINE_AA)
+        cv2.circle(self.paper, (round(col), round(row)), 44, _INK, 1, cv2.LINE_AA)
         self.write("N", (col - 6, row - 48), 14)
 
     def draw_legend(self, walls: str) -> None:
         """Draw a box with samples and words in the right column."""
-        col, row = self.sheet.shape[1] - self.column + 16, 165
-        cv2.rectangle(self.sheet, (col, row), (col + 150, row + 120), _INK, 1)
+        col, row = self.paper.shape[1] - self.column + 16, 165
+        cv2.rectangle(self.paper, (col, row), (col + 150, row + 120), _INK, 1)
         self.write("LEGEND", (col + 40, row + 18), 10)
         for k, name in enumerate(("workings", "survey leg", "station")):
             top = row + 32 + 28 * k
             box = np.array([[col + 10, top], [col + 40, top], [col + 40, top + 14], [col + 10, top + 14]])
             if k == 0:
-                inside = np.zeros(self.sheet.shape[:2], bool)
+                inside = np.zeros(self.paper.shape[:2], bool)
                 inside[top : top + 14, col + 10 : col + 40] = True
                 if walls in ("filled", "outlined fill"):
-                    self.sheet[inside] = self.fill if walls == "filled" else (self.fill + 255) // 2
+                    self.paper[inside] = self.fill if walls == "filled" else (self.fill + 255) // 2
                 elif walls == "hatched":
                     self._hatch(inside, 6)
                 self.line(box, closed=True)
             elif k == 1:
                 self.line(box[[0, 2]])
             else:
-                cv2.circle(self.sheet, (col + 25, top + 7), 4, _INK, 1, cv2.LINE_AA)
+                cv2.circle(self.paper, (col + 25, top + 7), 4, _INK, 1, cv2.LINE_AA)
             self.write(name, (col + 50, top + 11), 8)
 
     def draw_title(self, logo: bool) -> None:
         """Draw a title block at the lower right: a table of words, with a logo."""
-        rows, cols = self.sheet.shape[:2]
+        rows, cols = self.paper.shape[:2]
         left, top, right, bottom = cols - 330, rows - 128, cols - 16, rows - 16
-        cv2.rectangle(self.sheet, (left, top), (right, bottom), _INK, 2)
+        cv2.rectangle(self.paper, (left, top), (right, bottom), _INK, 2)
         for row in (top + 40, top + 76):
             self.line(np.array([[left, row], [right, row]]))
         self.line(np.array([[left + 130, top + 40], [left + 130, bottom]]))
@@ -272,14 +272,14 @@ class _Pen:
         for k, text in enumerate(("Plan of workings", "Level 240", "Scale 1:500", "Sheet 3 of 7")):
             self.write(text, (left + 10 + 134 * (k % 2), top + 62 + 36 * (k // 2)), 8)
         if logo:
-            cv2.circle(self.sheet, (left + 32, top + 20), 15, (150, 60, 0), -1, cv2.LINE_AA)
-            cv2.rectangle(self.sheet, (left + 24, top + 14), (left + 40, top + 26), (255, 255, 255), -1)
+            cv2.circle(self.paper, (left + 32, top + 20), 15, (150, 60, 0), -1, cv2.LINE_AA)
+            cv2.rectangle(self.paper, (left + 24, top + 14), (left + 40, top + 26), (255, 255, 255), -1)
 
     def draw_frame(self) -> None:
-        """Draw a border of one or two lines round the sheet."""
-        rows, cols = self.sheet.shape[:2]
+        """Draw a border of one or two lines round the drawing."""
+        rows, cols = self.paper.shape[:2]
         for inset, thick in ((6, 2), (11, 1))[: int(self.rng.integers(1, 3))]:
-            cv2.rectangle(self.sheet, (inset, inset), (cols - 1 - inset, rows - 1 - inset), _INK, thick)
+            cv2.rectangle(self.paper, (inset, inset), (cols - 1 - inset, rows - 1 - inset), _INK, thick)
 
     def caption_levels(self) -> None:
         """Write a caption below each level."""
@@ -292,13 +292,13 @@ class _Pen:
         """Draw a scale bar at the lower left, plain or in alternating pieces, with its length beside it."""
         fitting = [m for m in _BARS_M if 60 <= m * self.per_m <= 260] or [20]
         length = int(self.rng.choice(fitting))
-        left, top, wide = 40, self.sheet.shape[0] - 60, round(length * self.per_m)
+        left, top, wide = 40, self.paper.shape[0] - 60, round(length * self.per_m)
         if self.rng.random() < 0.5:
-            self.sheet[top : top + 7, left : left + wide] = 0
+            self.paper[top : top + 7, left : left + wide] = 0
         else:
-            cv2.rectangle(self.sheet, (left, top), (left + wide - 1, top + 6), _INK, 1)
+            cv2.rectangle(self.paper, (left, top), (left + wide - 1, top + 6), _INK, 1)
             for k in range(0, 4, 2):
-                self.sheet[top : top + 7, left + k * wide // 4 : left + (k + 1) * wide // 4] = 0
+                self.paper[top : top + 7, left + k * wide // 4 : left + (k + 1) * wide // 4] = 0
         self.write("0", (left - 4, top - 8), 9)
         self.write(f"{length} m", (left + wide - 12, top - 8), 9)
         return length

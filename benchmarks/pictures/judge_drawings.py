@@ -1,4 +1,4 @@
-"""Find the workings on drawings whose truth is known; writes docs/evidence/parts/drawn-sheets.md and its picture.
+"""Find the workings on drawings whose truth is known; writes docs/evidence/parts/drawings.md and its picture.
 
 The detector was developed on twelve hundred seeds. Two hundred others were never looked at. Results of another detector
 or another generator are made again.
@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.pictures.draw_sheet import FURNITURE, WALLS, draw_sheet
+from benchmarks.pictures.paper_drawing import FURNITURE, WALLS, draw_on_paper
 from benchmarks.resume import resume
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.find import read_drawing
@@ -29,27 +29,27 @@ from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import draw_detected
 from pipeline.types import Image, Mask
 
-RESULTS = Path("artifacts/bench/drawn-sheets.jsonl")
-PAGE, PICTURE = Path("docs/evidence/parts/drawn-sheets.md"), Path("docs/drawn-sheets.jpg")
+RESULTS = Path("artifacts/bench/drawings.jsonl")
+PAGE, PICTURE = Path("docs/evidence/parts/drawings.md"), Path("docs/drawings.jpg")
 DEVELOPED = [seed for first in (8000, 7000, 6000, 5000, 4000, 0) for seed in range(first, first + 200)]
 FRESH = range(9000, 9200)
 RIGHT_IOU = 0.95
-_COLUMNS = ("sheets with", "sheets", "right without a hint", "need a hint", "silently wrong", "median IoU")
+_COLUMNS = ("drawings with", "drawings", "right without a hint", "need a hint", "silently wrong", "median IoU")
 _SHOWN = (25, 8, 12, 38, 14, 3)
 _TILE = (620, 470)
 
 
 def judge(seed: int) -> dict[str, Any]:
-    """Read one sheet without a hint and compare with the truth. A sheet of several levels needs a hint by nature."""
-    sheet = draw_sheet(seed)
-    picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
-    row: dict[str, Any] = {"seed": seed, "style": sheet.style, "walls": sheet.walls, "levels": len(sheet.levels)}
-    row |= {"furniture": sheet.furniture, "bar": _bar_error(picture, sheet.px_per_m, sheet.bar_m)}
+    """Read one drawing without a hint and compare with the truth; one of several levels needs a hint by nature."""
+    drawing = draw_on_paper(seed)
+    picture = 255 - drawing.picture if "light on dark" in drawing.furniture else drawing.picture
+    row: dict[str, Any] = {"seed": seed, "style": drawing.style, "walls": drawing.walls, "levels": len(drawing.levels)}
+    row |= {"furniture": drawing.furniture, "bar": _bar_error(picture, drawing.px_per_m, drawing.bar_m)}
     try:
         found = read_drawing(picture, None)
     except GeometryError as error:
         return row | {"refused": str(error)}
-    return row | {"iou": round(max(_iou(found.mask, level) for level in sheet.levels), 4)}
+    return row | {"iou": round(max(_iou(found.mask, level) for level in drawing.levels), 4)}
 
 
 def _iou(one: Mask, other: Mask) -> float:
@@ -75,7 +75,7 @@ def verdict(row: dict[str, Any]) -> str:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return the results by kind of wall and by what else a sheet shows, as Markdown."""
+    """Return the results by kind of wall and by what else a drawing shows, as Markdown."""
     counted: list[tuple[object, ...]] = []
     groups = [(walls, [r for r in rows if r["walls"] == walls]) for walls in WALLS]
     groups += [(name, [r for r in rows if name in r["furniture"]]) for name in FURNITURE]
@@ -100,12 +100,12 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def draw_examples() -> Image:
-    """Draw several sheets with what was detected."""
+    """Draw several drawings with what was detected."""
     tiles = []
     for seed in _SHOWN:
-        sheet = draw_sheet(seed)
-        picture = 255 - sheet.picture if "light on dark" in sheet.furniture else sheet.picture
-        with suppress(GeometryError):  # a refused sheet is shown as it is
+        drawing = draw_on_paper(seed)
+        picture = 255 - drawing.picture if "light on dark" in drawing.furniture else drawing.picture
+        with suppress(GeometryError):  # a refused drawing is shown as it is
             picture = draw_detected(picture, read_drawing(picture, None).mask, None)
         scale = min(_TILE[0] / picture.shape[1], _TILE[1] / picture.shape[0])
         small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -116,11 +116,11 @@ def draw_examples() -> Image:
 
 
 def tables(rows: list[dict[str, Any]]) -> str:
-    """Return the results of both sets of sheets as Markdown."""
+    """Return the results of both sets of drawings as Markdown."""
     developed, fresh = ([row for row in rows if row["seed"] in seeds] for seeds in (DEVELOPED, FRESH))
     return (
-        f"## {len(fresh)} sheets that the detector had not seen\n\nSeeds {_span(fresh)}.\n\n{table(fresh)}\n"
-        f"## {len(developed)} sheets that the detector was developed on\n\nSeeds {_span(developed)}.\n\n"
+        f"## {len(fresh)} drawings that the detector had not seen\n\nSeeds {_span(fresh)}.\n\n{table(fresh)}\n"
+        f"## {len(developed)} drawings that the detector was developed on\n\nSeeds {_span(developed)}.\n\n"
         + table(developed)
     )
 
@@ -138,15 +138,15 @@ def _span(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> int:
-    """Read the sheets that have no result yet, and write the page; exit code 2 if one is silently wrong."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.pictures.drawn_sheets", description=__doc__)
-    parser.add_argument("--count", type=int, default=1200, help="sheets of each set at most")
+    """Read the drawings that have no result yet, and write the page; exit code 2 if one is silently wrong."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.pictures.judge_drawings", description=__doc__)
+    parser.add_argument("--count", type=int, default=1200, help="drawings of each set at most")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", choices=["developed", "fresh"], help="judge one set; the page is not written")
     given = parser.parse_args()
     root = Path.cwd()
     sources = import_closure(Path(sys.modules[read_drawing.__module__].__file__ or "").resolve(), root)
-    sources = sorted({*sources, *import_closure(root / "benchmarks/pictures/draw_sheet.py", root)})
+    sources = sorted({*sources, *import_closure(root / "benchmarks/pictures/paper_drawing.py", root)})
     code = sha256_named({path.as_posix(): sha256_file(root / path) for path in sources})[:16]
     sets = {"fresh": FRESH, "developed": DEVELOPED}
     seeds = [seed for name, each in sets.items() if given.only in (None, name) for seed in each[: given.count]]
@@ -155,11 +155,11 @@ def main() -> int:
         def judged(seeds: list[int]) -> Iterator[dict[str, Any]]:
             return (row | {"code": code} for row in pool.map(judge, seeds))
 
-        rows = resume(RESULTS, seeds, judged, "sheet", is_valid=lambda row: row.get("code") == code)
+        rows = resume(RESULTS, seeds, judged, "drawing", is_valid=lambda row: row.get("code") == code)
     rows = [row for row in rows if row["seed"] in set(seeds)]
     if given.only is None:
         write_table(PAGE, tables(rows))
-        examples = RESULTS.with_name("drawn-sheets.png")
+        examples = RESULTS.with_name("drawings.png")
         cv2.imwrite(str(examples), draw_examples())
         write_atomically(PICTURE, shrink_picture(examples))
         print(tables(rows))
