@@ -48,14 +48,14 @@ def require_plan(path: Path, content: Shapes) -> None:
     nested = _nested_contours(lines)
     if nested >= _LEAST_CONTOURS:
         raise InputError(
-            f"{path}: {nested} of its closed lines lie within each other{', each at a height of its own' * has_heights}: "
-            "contours of an open pit or of the ground, and no underground workings; --heights FILE reads contours as "
-            f"heights of the floor of a plan; {advice}"
+            f"{path}: {nested} of its closed lines lie within each other"
+            f"{', each at a height of its own' if has_heights else ''}: contours of an open pit or of the ground, no "
+            f"underground workings; --heights FILE reads contours as heights of the floor of a plan; {advice}"
         )
 
 
 def contours_hint(content: Shapes) -> str:
-    """Return what to say of lines that bound nothing, if they look like contours: each level, at a height of its own."""
+    """Return what to say of lines that bound nothing if they look like contours: level, each at a height of its own."""
     step = floor_rules().flat_step_m
     lines = [line for line in _single_lines(content) if line.has_z]
     heights = [shapely.get_coordinates(line, include_z=True)[:, 2] for line in lines]
@@ -63,8 +63,8 @@ def contours_hint(content: Shapes) -> str:
     if len(level) < _LEAST_CONTOURS or len(level) < _OWN_HEIGHTS * len(content.shapes):
         return ""
     return (
-        f"; its lines are level, at {len(level)} heights, as contours of an open pit or of the ground are, which are no "
-        "workings: --heights FILE reads them as heights of the floor of a plan"
+        f"; its lines are level, at {len(level)} heights, as contours of an open pit or of the ground are, and no "
+        "workings; --heights FILE reads them as heights of the floor of a plan"
     )
 
 
