@@ -59,6 +59,7 @@ JUDGEMENTS = {
     "m higher, the limit is": "survey.flat_step_m",
     "a world holds one connected component": "contours.bridge_m",
     "no workings at": "contours.components",
+    "the nearest ends left open are": "--snap",
     "lie in one vertical plane": "--half-width",
     "lie within each other": "--heights",
     "points of {} have elevation 0": "--no-elevation",
