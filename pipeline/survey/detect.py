@@ -32,7 +32,7 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_walls_alone
-from pipeline.survey.vector.plan_doubts import require_plan
+from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import Shapes
 from pipeline.survey.vector_shapes import read_shapes
 from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vector_files
@@ -169,7 +169,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         hand_on(remarks_of[units[0]])
         lines = bool(content.shapes) and all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
         advice = "; --half-width M reads centrelines of drifts" if lines and "--half-width" not in str(problem) else ""
-        raise InputError(f"{problem or f'{path}: has no workings'}{advice}")
+        raise InputError(f"{problem or f'{path}: has no workings'}{advice}{contours_hint(content)}")
     low, high = WIDTHS_M if content.unit is None else _STATED_WIDTHS_M
     keeps_unit = None in tried and (low <= tried[None].width_m <= high or tried[None].georeference.crs is not None)
     unit = None if keeps_unit else _likeliest_unit(content.unit, tried)
@@ -177,6 +177,8 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         _warn_of_unit(path, content.unit, tried, unit)
     hand_on(remarks_of[unit])
     read, place = tried[unit], tried[unit].georeference
+    if not has_levels and read.width_m > WIDTHS_M[1]:
+        warn_of_crossings(path, content)
     values = {
         "kind": "vector",
         "file": path.name,
@@ -234,7 +236,7 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
     if read.walls_m / place.metres_per_unit < _OF_WALLS * sum(distinct.values()):
         raise InputError(
             f"{path}: its lines have elevations, and most of them bound no workings; --half-width M reads them as "
-            "centrelines of drifts, M metres from the line to either wall"
+            "centrelines of drifts, M metres from the line to either wall; --layer NAME chooses those that are walls"
         )
 
 

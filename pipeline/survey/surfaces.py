@@ -80,7 +80,7 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
         )
     low, high = inside[:, 2].min(), inside[:, 2].max()
     warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
-    _require_no_stray_zero(path, inside, "if these are missing, delete them in the file")
+    _require_no_stray_zero(path, inside, "delete them in the file, or write 0.001 if they lie there")
     return _thinned(path, inside, has_lines or suffix in RASTER_DRIVERS)
 
 
@@ -118,7 +118,8 @@ def wall_heights(
     dense = shapely.get_coordinates(shapely.segmentize(walls, _WALL_STEP_M), include_z=True)
     known_points = dense[np.isfinite(dense).all(axis=1)]
     if is_checked:
-        _require_no_stray_zero(path, known_points, "--no-elevation 0 takes heights from the rest of the walls")
+        advice = "--no-elevation 0 takes heights from the rest of the walls, and --no-elevation -9999 keeps 0"
+        _require_no_stray_zero(path, known_points, advice)
     return _thinned(path, known_points, True)
 
 

@@ -59,6 +59,15 @@ JUDGEMENTS = {
     "m higher, the limit is": "survey.flat_step_m",
     "a world holds one connected component": "contours.bridge_m",
     "no workings at": "contours.components",
+    "the nearest ends left open are": "--snap",
+    "lie in one vertical plane": "--half-width",
+    "lie within each other": "--heights",
+    "points of {} have elevation 0": "--no-elevation",
+    "no connected floor": "--narrowest",
+    "free areas could be the workings": "--start",
+    "fills holes up to M metres": "--close",
+    "its triangles enclose no space": "--voxel",
+    "its points enclose no space": "--voxel",
 }
 
 

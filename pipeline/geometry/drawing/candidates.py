@@ -15,6 +15,7 @@ _SHARE = 0.006  # of the drawing that workings cover at least
 _REACHES = 0.2  # of the drawing's side that workings extend over at least
 _MARGIN, _INNER = 0.04, 0.3  # of the drawing's side, and share that lies inside: a frame lies nearer to the edge
 _RIVAL = 0.1  # of the largest drawing's area: a smaller one is a sample or a detail
+_LISTED = 8  # plans that a message names
 _COMPACT = 0.9  # share of its convex hull that a box, a circle or a patch fills
 
 
@@ -57,7 +58,9 @@ def choose_plan(areas: Mask, plans: list[int], level: int | None) -> tuple[Mask,
     if level is not None and not 1 <= level <= len(order):
         raise GeometryError(f"--level {level}: the drawing shows {len(order)} plans")
     if level is None and len(order) > 1:
-        shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in enumerate(boxes, start=1))
+        listed = list(enumerate(boxes, start=1))[:_LISTED]
+        shown = "; ".join(f"{k}: columns {b[0]}-{b[2]}, rows {b[1]}-{b[3]}" for k, b in listed)
+        shown += "; ..." if len(boxes) > _LISTED else ""
         raise LevelsError(
             f"the drawing shows {len(order)} plans ({shown}); --level N chooses one", np.isin(labels, order)
         )

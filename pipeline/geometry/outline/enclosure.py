@@ -149,5 +149,5 @@ def _describe_gap(walls: list[LineString], snap_m: float) -> str:
         return ""
     return (
         f": the nearest ends left open are {gap:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f}); "
-        f"survey.snap_m = {snap_m:g} joins ends nearer than that"
+        f"survey.snap_m = {snap_m:g} joins ends nearer than that, --snap M those nearer than M"
     )

@@ -101,20 +101,29 @@ def nav2_picture(path: Path) -> Path:
 
 
 def _picture_of(path: Path, header: _MapFile) -> Path:
-    named = path.parent / header.image
-    is_inside = named.resolve().is_relative_to(path.parent.resolve())
-    if is_inside and named.is_file():
-        return named
-    # The path may be of another machine, of Windows too, or begin with `$(find package)`.
-    beside = path.parent / PurePosixPath(header.image.replace("\\", "/")).name
-    if beside.is_file() and beside.resolve().is_relative_to(path.parent.resolve()):
-        warn_user(f"{path.name}: the picture {beside.name} beside it is read, as image = {_short(header.image)} is not")
-        return beside
-    image = f"image = {_short(header.image)}"
-    if is_inside and named.exists():
+    """Return the plain file below the map's folder that is the longest end of the named path.
+
+    The path may be of another machine, of Windows too, or begin with `../maps` or `$(find package)`. A copy of the map
+    and its picture in another folder then reads as the original.
+    """
+    stated = PurePosixPath(header.image.replace("\\", "/"))
+    ends = [PurePosixPath(*stated.parts[start:]) for start in range(len(stated.parts))]
+    for end in ends:
+        found = path.parent / end
+        if end.is_absolute() or ".." in end.parts or not found.is_file() or not _is_below(found, path.parent):
+            continue
+        if end != stated:
+            warn_user(f"{path.name}: the picture {end} beside it is read, as image = {_short(header.image)} is not")
+        return found
+    image, is_inside = f"image = {_short(header.image)}", _is_below(path.parent / stated, path.parent)
+    if is_inside and (path.parent / stated).exists():
         raise InputError(f"{path}: {image} is not a plain file")
-    where = "is missing" if is_inside else f"is outside the map's folder, and no plain file {beside.name} is beside it"
+    where = "is missing" if is_inside else f"is outside the map's folder, and no plain file {stated.name} is beside it"
     raise InputError(f"{path}: {image} {where}; put the picture beside the map and write its name there")
+
+
+def _is_below(path: Path, folder: Path) -> bool:
+    return path.resolve().is_relative_to(folder.resolve())
 
 
 def _short(name: str) -> str:

@@ -13,6 +13,7 @@ from pipeline.errors import InputError
 
 _LEAST_M2 = 1e-12  # twice a triangle's area
 _LEAST_M3 = 1e-3  # of a solid: smaller ones are crumbs of a mesh
+_ENCLOSES_NONE = "its triangles enclose no space; --voxel M reads them as a scan, and bridges gaps of M metres"
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def close_solids(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest
     vertices, faces = _welded(vertices, faces, weld_m)
     faces = _two_a_side(faces, len(vertices))
     if not len(faces):
-        raise InputError("its triangles enclose no space")
+        raise InputError(_ENCLOSES_NONE)
     faces, flipped = _turned_alike(faces, len(vertices))
     solids, holes, dropped, dropped_m2, turned = [], [], 0, 0.0, 0
     wide: list[Hole] = []
@@ -83,7 +84,7 @@ def close_solids(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest
         )
     solids = [solid for solid in solids if solid.status() == manifold3d.Error.NoError and not solid.is_empty()]
     if not solids:
-        raise InputError("its triangles enclose no space")
+        raise InputError(_ENCLOSES_NONE)
     union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
     return ClosedSolids(union, len(solids), holes, dropped, dropped_m2, turned, flipped)
 

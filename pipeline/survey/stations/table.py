@@ -219,7 +219,7 @@ def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], i
         others = places[places[:, 2] != 0, 2]
         raise InputError(
             f"{path}:{stations[stray][1]}: elevation_m = 0, but the others lie from {others.min():g} to "
-            f"{others.max():g} m; give this station its elevation, or leave it out"
+            f"{others.max():g} m; give this station its elevation, leave it out, or write 0.001 if it lies there"
         )
 
 

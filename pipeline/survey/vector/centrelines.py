@@ -111,7 +111,9 @@ def _lines(
         lines.append(np.column_stack([shapely.get_coordinates(line), z]))
     far = max(float(np.abs(line[:, 2]).max()) for line in lines)
     if not far <= REACH_M:
-        raise InputError(f"{path}: an elevation of {far:g} m, at most {REACH_M:g} m")
+        raise InputError(
+            f"{path}: an elevation of {far:g} m, at most {REACH_M:g} m; --unit states the unit of the file"
+        )
     return lines, georeference
 
 

@@ -1,4 +1,4 @@
-"""Notice drawings that are no plan of workings: a vertical section, or the contours of a surface."""
+"""Notice drawings that are no plan of walls: a vertical section, contours of a surface, or centrelines of drifts."""
 
 from __future__ import annotations
 
@@ -8,32 +8,37 @@ import numpy as np
 import shapely
 
 from pipeline.errors import InputError
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
+from pipeline.survey.vector.level_fields import listed_fields
 from pipeline.survey.vector.shapes import Shapes
 
 _FLAT = 1e-3  # of a section's length, that its points lie beside its plane
 _LEAST_CONTOURS = 5  # closed lines within each other, each lower or each higher than the last
+_OWN_HEIGHTS = 0.8  # of the lines; a level of a mine has many lines at its height
 
 
 def require_plan(path: Path, content: Shapes) -> None:
     """Refuse walls that lie in one vertical plane, and contours of an open pit or of the ground.
 
-    Contours are closed lines, each at one height, five of which lie within each other and fall or rise all the way.
+    Contours are closed lines, five of which lie within each other. If they have heights, each is at one height, and
+    they fall or rise all the way.
 
     Raises
     ------
     InputError
         The message says what the drawing looks like, and the option that reads it all the same.
     """
-    lines = [shape for shape in content.shapes if shape.has_z and shapely.get_dimensions(shape) == 1]
-    if not lines or len(lines) != len(content.shapes):
+    lines = _single_lines(content)
+    has_heights = bool(lines) and all(line.has_z for line in lines)
+    if not lines or len(lines) != len(content.shapes) or any(line.has_z for line in lines) != has_heights:
         return
-    points = shapely.get_coordinates(lines, include_z=True)
+    points = shapely.get_coordinates(lines, include_z=has_heights)
     if not np.isfinite(points).all():
         return
     advice = f"--layer NAME reads them all the same{_layers(content)}"
     length, across = _extents(points[:, :2])
-    fall = float(np.ptp(points[:, 2]))
+    fall = float(np.ptp(points[:, 2])) if has_heights else 0.0
     if across <= _FLAT * length and fall > _FLAT * length:
         raise InputError(
             f"{path}: its {len(lines)} lines lie in one vertical plane, {length:g} long and {fall:g} high in the unit "
@@ -43,10 +48,42 @@ def require_plan(path: Path, content: Shapes) -> None:
     nested = _nested_contours(lines)
     if nested >= _LEAST_CONTOURS:
         raise InputError(
-            f"{path}: {nested} of its closed lines lie within each other, each at a height of its own: contours of an "
-            f"open pit or of the ground, and no underground workings; --heights FILE reads contours as heights of the "
-            f"floor of a plan; {advice}"
+            f"{path}: {nested} of its closed lines lie within each other"
+            f"{', each at a height of its own' if has_heights else ''}: contours of an open pit or of the ground, no "
+            f"underground workings; --heights FILE reads contours as heights of the floor of a plan; {advice}"
         )
+
+
+def contours_hint(content: Shapes) -> str:
+    """Return what to say of lines that bound nothing if they look like contours: level, each at a height of its own."""
+    step = floor_rules().flat_step_m
+    lines = [line for line in _single_lines(content) if line.has_z]
+    heights = [shapely.get_coordinates(line, include_z=True)[:, 2] for line in lines]
+    level = {round(float(z[0]) / step) for z in heights if np.isfinite(z).all() and np.ptp(z) < step}
+    if len(level) < _LEAST_CONTOURS or len(level) < _OWN_HEIGHTS * len(content.shapes):
+        return ""
+    return (
+        f"; its lines are level, at {len(level)} heights, as contours of an open pit or of the ground are, and no "
+        "workings; --heights FILE reads them as heights of the floor of a plan"
+    )
+
+
+def warn_of_crossings(path: Path, content: Shapes) -> None:
+    """Warn of lines that cross each other and were read as walls: they may be centrelines, of several levels too."""
+    lines = np.array(_single_lines(content), object)
+    if len(lines) != len(content.shapes) or len(lines) < 2:
+        return
+    crossings = shapely.STRtree(lines).query(lines, predicate="crosses").shape[1] // 2
+    if crossings:
+        levels = f"; --level-by FIELD keeps levels apart, {listed_fields(content.fields)}" if content.fields else ""
+        warn_user(
+            f"{path.name}: {crossings} pairs of its lines cross each other, as centrelines do; they are read as walls; "
+            f"--half-width M reads them as centrelines{levels}"
+        )
+
+
+def _single_lines(content: Shapes) -> list[shapely.Geometry]:
+    return [line for line in content.shapes if shapely.get_dimensions(line) == 1]
 
 
 def _layers(content: Shapes) -> str:
@@ -63,14 +100,20 @@ def _extents(places: np.ndarray) -> tuple[float, float]:
 
 
 def _nested_contours(lines: list[shapely.Geometry]) -> int:
-    """Return how many closed lines at one height each lie within each other, falling or rising all the way."""
+    """Return how many closed lines at one height each lie within each other, falling or rising all the way.
+
+    Lines without heights need neither.
+    """
     step = floor_rules().flat_step_m
-    closed = [line for line in lines if line.is_closed and len(line.coords) > 3 and line.coords[0][2] is not None]
-    level = [line for line in closed if np.ptp(shapely.get_coordinates(line, include_z=True)[:, 2]) < step]
+    closed = [line for line in lines if line.is_closed and len(line.coords) > 3]
+    has_heights = all(line.has_z for line in lines)
+    level = [
+        line for line in closed if not has_heights or np.ptp(shapely.get_coordinates(line, include_z=True)[:, 2]) < step
+    ]
     if len(level) < _LEAST_CONTOURS:
         return 0
     areas = np.array([shapely.Polygon(line.coords) for line in level], object)
-    heights = np.array([line.coords[0][2] for line in level])
+    heights = np.array([line.coords[0][2] if has_heights else 0.0 for line in level])
     places = shapely.points([line.coords[0][:2] for line in level])
     outer, inner = shapely.STRtree(places).query(areas, predicate="contains")
     order = np.argsort([area.area for area in areas], kind="stable")
@@ -79,7 +122,8 @@ def _nested_contours(lines: list[shapely.Geometry]) -> int:
         depth = np.ones(len(level), int)
         for number in order.tolist():  # from the innermost outwards
             within = inner[outer == number]
-            within = within[(within != number) & (sign * (heights[within] - heights[number]) > step)]
+            beyond = sign * (heights[within] - heights[number]) > step
+            within = within[(within != number) & (beyond | (not has_heights))]
             depth[number] += depth[within].max(initial=0)
         longest = max(longest, int(depth.max()))
     return longest

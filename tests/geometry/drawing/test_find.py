@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.errors import GeometryError
+from pipeline.geometry.drawing.candidates import choose_plan
 from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.wall_lines import DrawnWalls
 from pipeline.params.stated import StatedOptions
@@ -43,6 +44,17 @@ def test_a_drawing_of_several_levels_is_asked_about_and_the_option_settles_it():
     assert iou(read_drawing(drawing.picture, 3).mask, drawing.levels[2]) > 0.95
     with pytest.raises(GeometryError, match="--level 4: the drawing shows 3 plans"):
         read_drawing(drawing.picture, 4)
+
+
+def test_of_many_plans_the_first_are_listed_so_that_the_message_has_room_for_the_option():
+    areas = np.zeros((400, 400), bool)
+    for k in range(25):
+        row, col = 10 + 75 * (k // 5), 10 + 75 * (k % 5)
+        areas[row : row + 20, col : col + 50] = True
+    with pytest.raises(GeometryError, match=r"25 plans \(1: .*; 8: [^;]*; \.\.\.\); --level N chooses one") as refused:
+        choose_plan(areas, list(range(1, 26)), None)
+    assert len(str(refused.value)) < 500
+    assert choose_plan(areas, list(range(1, 26)), 25)[0].sum() == 1000
 
 
 def test_a_drawing_without_workings_is_refused():

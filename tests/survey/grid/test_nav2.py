@@ -1,3 +1,5 @@
+import shutil
+
 import cv2
 import numpy as np
 import pytest
@@ -110,6 +112,21 @@ def test_the_picture_beside_a_map_is_read_where_its_path_is_of_another_machine(t
     assert read_nav2_map(path).free.tolist() == [[True, False]]
     assert nav2_picture(path) == tmp_path / "map.png"
     assert "map.yaml: the picture map.png beside it is read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("image", ["../maps/map.png", "{folder}/map.png", "../maps/pictures/map.png"])
+def test_a_copy_of_a_map_and_its_picture_in_another_folder_reads_as_the_original(tmp_path, image):
+    image = image.format(folder=tmp_path / "maps")
+    folder = tmp_path / "maps"
+    (folder / "pictures").mkdir(parents=True)
+    (folder / "map.yaml").write_text(f"image: {image}\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    place = folder / ("pictures" if "pictures" in image else "")
+    cv2.imwrite(str(place / "map.png"), np.array([[254, 0]], np.uint8))
+    found = nav2_picture(folder / "map.yaml")
+    assert found.relative_to(folder) == (place / "map.png").relative_to(folder)
+    shutil.copytree(folder, tmp_path / "copy")
+    shutil.rmtree(folder)
+    assert read_nav2_map(tmp_path / "copy" / "map.yaml").free.tolist() == [[True, False]]
 
 
 def test_a_picture_outside_the_folder_is_never_read(tmp_path):

@@ -6,7 +6,8 @@ import shapely
 from shapely import LineString
 
 from pipeline.errors import InputError
-from pipeline.survey.vector.plan_doubts import require_plan
+from pipeline.survey.detect import detect_survey
+from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import Shapes
 
 
@@ -46,3 +47,38 @@ def test_levels_and_pillars_are_no_contours(tmp_path):
     judge(tmp_path, *beside)
     room = [ring(200, 0.0), *(ring(3, 0.0, (20.0 * k, 0.0)) for k in range(9))]
     judge(tmp_path, *room, *(shapely.transform(line, lambda p: p - (0, 0, 40), include_z=True) for line in room))
+
+
+def test_contours_without_heights_are_contours_and_pillars_in_rooms_are_none(tmp_path):
+    pit = [shapely.force_2d(ring(200 - 20 * k, 0.0)) for k in range(5)]
+    with pytest.raises(InputError, match="5 of its closed lines lie within each other: contours of an open pit"):
+        judge(tmp_path, *pit)
+    judge(tmp_path, *pit[:4])
+
+
+def test_open_contours_that_enclose_nothing_are_called_contours(tmp_path):
+    rows = ((f"MULTILINESTRING Z (({x} 0 {9 * x}, {x + 5} 90 {9 * x}, {x} 200 {9 * x}))") for x in range(16, 112, 16))
+    shapes = shapely.union_all([shapely.from_wkt(row) for row in rows])
+    path = tmp_path / "pit.geojson"
+    path.write_text('{"note": "metres", ' + shapely.to_geojson(shapes)[1:])
+    with pytest.raises(
+        InputError, match=r"the walls enclose nothing.*level, at 6 heights, as contours .*--heights FILE"
+    ):
+        detect_survey(path)  # in a process of its own
+
+
+def test_open_walls_of_levels_are_no_contours():
+    walls = [LineString([(x, y, 20.0 * z), (x + 9, y, 20.0 * z)]) for x in range(3) for y in range(3) for z in range(6)]
+    assert contours_hint(Shapes(walls, "m")) == ""
+
+
+def test_lines_that_cross_are_counted_with_the_option_for_centrelines_and_that_for_levels(tmp_path, capsys):
+    grid = [LineString([(0, 20 * k), (60, 20 * k)]) for k in range(1, 3)]
+    grid += [LineString([(20 * k, 0), (20 * k, 60)]) for k in range(1, 3)]
+    warn_of_crossings(tmp_path / "coal.geojson", Shapes(grid, "m", fields=["seam"]))
+    told = capsys.readouterr().err
+    assert "coal.geojson: 4 pairs of its lines cross each other" in told
+    assert "--half-width M reads them as centrelines; --level-by FIELD keeps levels apart, there are seam" in told
+    walls = [LineString(part) for part in ([(0, 0), (9, 0)], [(9, 0), (9, 9)], [(9, 9), (0, 9)], [(0, 9), (0, 0)])]
+    warn_of_crossings(tmp_path / "room.geojson", Shapes(walls, "m"))
+    assert capsys.readouterr().err == ""
