@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from minexplore.bundle import TOPOLOGY
 from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
+from pipeline.params.compile3d import Compile3dParams
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import pieces_of, unite
@@ -76,7 +78,7 @@ def mesh_of(solid: manifold3d.Manifold) -> ClosedMesh:
 
 def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
     """Return the network along the floors of a volume, as stage 3 finds it."""
-    found = json.loads(compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh)[TOPOLOGY])
+    found = json.loads(compile_volume(_params(), NO_LEGS, mesh)[TOPOLOGY])
     stations = {name: np.array(place) for name, place in found["stations_m"].items()}
     floors, heading, half = {}, {}, {}
     for leg in found["legs"]:
@@ -94,6 +96,11 @@ def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
         np.array([half[name] for name in names]),
         counts,
     )
+
+
+@cache
+def _params() -> Compile3dParams:
+    return compose(["preset=light"]).compile3d
 
 
 def _long_ends(found: dict[str, Any]) -> int:

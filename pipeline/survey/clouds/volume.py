@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
-from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, sided
+from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, planes_of, sided
 from pipeline.survey.clouds.surface import surface_of
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
@@ -74,14 +74,15 @@ def volume_of_cloud(
         If the points enclose no space.
     """
     free, walls, others = _flooded(cloud, voxel_m, inside_m)
-    sides = sided(cloud, free.free, voxel_m)
-    things, rows = find_things(cloud, sides, free.free, voxel_m)
+    planes = planes_of(cloud)
+    sides = sided(cloud, planes, free.free, voxel_m)
+    things, rows = find_things(cloud, planes, sides, free.free, voxel_m)
     standing = cloud.points_m[rows]
     if len(rows):
-        cloud = cloud.some(np.setdiff1d(np.arange(len(cloud)), rows))
+        cloud, planes = planes.without(cloud, rows)
         walls = Walls(_occupied(cloud, voxel_m), voxel_m)
         free = walls.flood(cells_of_keys(free.free[~is_in(free.free, walls.thick)][:1]))
-        sides = sided(cloud, free.free, voxel_m)
+        sides = sided(cloud, planes, free.free, voxel_m)
     if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
         raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")
     bounding = cloud.some(sides.rows)

@@ -81,6 +81,13 @@ def test_a_person_is_left_out_and_listed_with_place_and_size(plain):
     assert iou(found, drift()) >= 0.97
 
 
+def test_a_vehicle_near_a_wall_is_left_out(plain):
+    low, size = np.array([5.0, 0.6, 0.35]), [4.2, 1.7, 1.4]
+    found = scanned(np.concatenate([plain, sampled(manifold3d.Manifold.cube(size).translate(low.tolist()), 200)]))
+    assert [thing.middle_m[:2] for thing in found.things] == [pytest.approx((7.1, 1.45), abs=0.2)]
+    assert iou(found, drift()) >= 0.97
+
+
 def test_a_pillar_that_reaches_the_roof_is_rock(plain):
     pillar = manifold3d.Manifold.cube([1.2, 1.2, HIGH_M], center=True).translate([7, 2, HIGH_M / 2])
     found = scanned(noisy(sampled(drift() - pillar)))
