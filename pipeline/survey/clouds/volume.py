@@ -10,10 +10,11 @@ from pipeline.errors import InputError
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
 from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, planes_of, sided
+from pipeline.survey.clouds.sight import seen_from
 from pipeline.survey.clouds.surface import surface_of
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
-from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, grown, is_in, keys_of
+from pipeline.survey.clouds.voxels import cells_at, grown, is_in, keys_of
 from pipeline.survey.solids.closing import close_solids
 from pipeline.survey.solids.decimate import decimated
 
@@ -22,6 +23,7 @@ _FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four she
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one
+_BESIDE_M = 0.5  # from what a scanner saw: shadows and niches; what lies farther behind a hole may be a reflection
 _SEED = 0
 NOWHERE = np.zeros((0, 3))
 
@@ -52,7 +54,7 @@ def volume_of_cloud(
     voxel_m: float,
     tolerance_m: float,
     most_facets: int,
-    inside_m: np.ndarray = NOWHERE,
+    way_m: np.ndarray = NOWHERE,
 ) -> ScannedVolume:
     """Return the free space of a scan.
 
@@ -65,15 +67,15 @@ def volume_of_cloud(
         Of ten points of the surface eight move by less when it is simplified.
     most_facets : int
         Of the simplified surface.
-    inside_m : (n, 3) float64, m
-        Places in the workings, such as those of the scanner; without one the largest space is taken.
+    way_m : (n, 3) float64, m
+        Places of the scanner: what it saw from them is built. Without any the largest space is.
 
     Raises
     ------
     InputError
         If the points enclose no space.
     """
-    free, walls, others = _flooded(cloud, voxel_m, inside_m)
+    free, walls, others = _flooded(cloud, voxel_m, way_m)
     planes = planes_of(cloud)
     sides = sided(cloud, planes, free.free, voxel_m)
     things, rows = find_things(cloud, planes, sides, free.free, voxel_m)
@@ -81,7 +83,7 @@ def volume_of_cloud(
     if len(rows):
         cloud, planes = planes.without(cloud, rows)
         walls = Walls(_occupied(cloud, voxel_m), voxel_m)
-        free = walls.flood(cells_of_keys(free.free[~is_in(free.free, walls.thick)][:1]))
+        free = _seen(walls, way_m) if len(way_m) else walls.flood(free.free[~is_in(free.free, walls.thick)][:1])
         sides = sided(cloud, planes, free.free, voxel_m)
     if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
         raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")
@@ -111,13 +113,19 @@ def _occupied(cloud: ThinnedCloud, voxel_m: float) -> np.ndarray:
     return np.unique(keys_of(cells_at(cloud.points_m, voxel_m)))
 
 
-def _flooded(cloud: ThinnedCloud, voxel_m: float, inside_m: np.ndarray) -> tuple[Flood, Walls, list[Flood]]:
+def _flooded(cloud: ThinnedCloud, voxel_m: float, way_m: np.ndarray) -> tuple[Flood, Walls, list[Flood]]:
     occupied = _occupied(cloud, voxel_m)
     walls = Walls(occupied, voxel_m)
-    if len(inside_m):
-        return walls.flood(cells_at(inside_m, voxel_m)), walls, []
+    if len(way_m):
+        return _seen(walls, way_m), walls, []
     free, others = largest_flood(walls, occupied, np.random.default_rng(_SEED))
     return free, walls, others
+
+
+def _seen(walls: Walls, way_m: np.ndarray) -> Flood:
+    """Return the space on a scanner's rays, and what is enclosed beside it: niches and shadows."""
+    seen = seen_from(way_m, walls)
+    return walls.flood(seen, grown(seen, max(1, round(_BESIDE_M / walls.size_m))))
 
 
 def _closed_surface(
