@@ -40,7 +40,11 @@ def draw_scan(path: Path) -> None:
         read = read_survey(params.model_copy(update={"file": file.as_posix()}))
     frame, solid = read["survey"].frame, read["solid"]
     scan = measure_scan(volume_of_solid(solid, 0.36), solid.scan_m, rng)
-    pictures = (_points(solid.scan_m, frame), read["plan"], draw_deviation(scan.points_m, scan.off_m, frame))
+    pictures = (
+        _points(solid.scan_m, frame),
+        read["plan"],
+        draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, frame, scan.figures),
+    )
     rows = []
     for picture, title in zip(pictures, _TITLES, strict=True):
         cv2.putText(picture, title, (12, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 0, 0), 1, cv2.LINE_AA)
