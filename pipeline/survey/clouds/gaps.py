@@ -14,7 +14,6 @@ _LEAST_M2 = 0.03
 _RIM_M = 0.8  # from a gap to the points that its filling follows
 _ALIKE = 0.7  # of a point's normal with the gap's: a floor's hole follows the floor, not the wall beside it
 _MOST_RIM, _LEAST_RIM = 400, 20
-_MOST_BACK = 0.25  # of a gap's area faces away from its own normal: a plate cannot follow what folds over
 _SMOOTH = 0.1  # of the thin plate: the noise of single points is not followed
 
 
@@ -22,14 +21,13 @@ _SMOOTH = 0.1  # of the thin plate: the noise of single points is not followed
 class Gap:
     """A part of the surface with no points near: its middle, m, its area, m2, and its corners' rows.
 
-    `normal` (3,) is the sum of its facets', m2, and `back_share` that of its area that faces the other way.
+    `normal` (3,) is the sum of its facets', m2.
     """
 
     middle_m: tuple[float, float, float]
     area_m2: float
     corners: np.ndarray
     normal: np.ndarray
-    back_share: float
 
     @property
     def width_m(self) -> float:
@@ -55,22 +53,21 @@ def find_gaps(vertices: np.ndarray, faces: np.ndarray, points_m: np.ndarray, far
         if area[rows].sum() >= _LEAST_M2:
             x, y, z = np.average((a + b + c)[rows] / 3, axis=0, weights=area[rows] + 1e-12).tolist()
             corners = np.unique(bare[rows])
-            whole = normal[rows].sum(axis=0)
-            back = float(area[rows][normal[rows] @ whole < 0].sum() / area[rows].sum())
-            found.append(Gap((x, y, z), float(area[rows].sum()), corners[far[corners]], whole, back))
+            found.append(Gap((x, y, z), float(area[rows].sum()), corners[far[corners]], normal[rows].sum(axis=0)))
     return sorted(found, key=lambda gap: -gap.area_m2)
 
 
-def fill_gaps(vertices: np.ndarray, gaps: list[Gap], points_m: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def fill_gaps(
+    vertices: np.ndarray, gaps: list[Gap], points_m: np.ndarray, normals: np.ndarray, most_m: float
+) -> np.ndarray:
     """Return vertices of which those in gaps lie on a thin plate through the points about each.
 
     `normals` (n, 3) of the points show into the free space. A gap whose points about it face other ways than it does,
-    as at the end of a drift, keeps its vertices, and so does one that folds over.
+    as at the end of a drift, keeps its vertices, and so does one that is more than `most_m` from the plate on
+    average: that is no hole, but something that nobody saw from all sides.
     """
     tree, moved = cKDTree(points_m), vertices.copy()
     for gap in gaps:
-        if gap.back_share > _MOST_BACK:
-            continue
         towards = -gap.normal / max(float(np.linalg.norm(gap.normal)), 1e-12)
         near = np.unique(np.concatenate(tree.query_ball_point(vertices[gap.corners], _RIM_M)).astype(int))
         near = near[normals[near] @ towards > _ALIKE]
@@ -81,5 +78,7 @@ def fill_gaps(vertices: np.ndarray, gaps: list[Gap], points_m: np.ndarray, norma
         middle = rim.mean(axis=0)
         plate = RBFInterpolator((rim - middle) @ aside.T, (rim - middle) @ towards, smoothing=_SMOOTH)
         own = vertices[gap.corners] - middle
-        moved[gap.corners] += np.outer(plate(own @ aside.T) - own @ towards, towards)
+        steps = plate(own @ aside.T) - own @ towards
+        if np.abs(steps).mean() <= most_m:
+            moved[gap.corners] += np.outer(steps, towards)
     return moved

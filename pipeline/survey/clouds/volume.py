@@ -22,6 +22,7 @@ _WELD_M = 1e-6
 _FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four sheets meet in an edge
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
+_FILL_VOXELS = 3  # the flood ends two voxels behind the plane of a hole at most
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one
 _BESIDE_M = 0.5  # from what a scanner saw: shadows and niches; what lies farther behind a hole may be a reflection
 _SEED = 0
@@ -93,7 +94,7 @@ def volume_of_cloud(
     vertices, faces = _closed_surface(free.free, band, voxel_m, bounding, sides)
     spacing = spacing_of(bounding.points_m)
     gaps = find_gaps(vertices, faces, cloud.points_m, max(_BARE_M, 2 * spacing))
-    vertices = fill_gaps(vertices, gaps, bounding.points_m, sides.normals)
+    vertices = fill_gaps(vertices, gaps, bounding.points_m, sides.normals, _FILL_VOXELS * voxel_m)
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
