@@ -8,10 +8,10 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
-from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
-from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, planes_of, sided
+from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
+from pipeline.survey.clouds.normals import SignedDistance, planes_of, sided
 from pipeline.survey.clouds.sight import seen_from
-from pipeline.survey.clouds.surface import surface_of
+from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import cells_at, grown, is_in, keys_of
@@ -91,10 +91,15 @@ def volume_of_cloud(
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on
     band = np.setdiff1d(grown(free.free, _ROOM + 1), beyond)
-    vertices, faces = _closed_surface(free.free, band, voxel_m, bounding, sides)
-    spacing = spacing_of(bounding.points_m)
-    gaps = find_gaps(vertices, faces, cloud.points_m, max(_BARE_M, 2 * spacing))
-    vertices = fill_gaps(vertices, gaps, bounding.points_m, sides.normals, _FILL_VOXELS * voxel_m)
+    signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
+    surface, spacing = BlockSurface(free.free, band, voxel_m, signed), spacing_of(bounding.points_m)
+    far_m, most_m = max(_BARE_M, 2 * spacing), _FILL_VOXELS * voxel_m
+    vertices, faces = _largest(*surface.mesh(), voxel_m)
+    gaps = find_gaps(vertices, faces, cloud.points_m, far_m)
+    surface.close([plate for _, plate in plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m)])
+    vertices, faces = _largest(*surface.mesh(), voxel_m)
+    gaps = find_gaps(vertices, faces, cloud.points_m, far_m)
+    vertices = fill_gaps(vertices, plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m))
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
@@ -129,12 +134,8 @@ def _seen(walls: Walls, way_m: np.ndarray) -> Flood:
     return walls.flood(seen, grown(seen, max(1, round(_BESIDE_M / walls.size_m))))
 
 
-def _closed_surface(
-    free: np.ndarray, band: np.ndarray, voxel_m: float, bounding: ThinnedCloud, sides: SidedPoints
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of the free space, without pieces that it encloses or that lie apart."""
-    signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
-    vertices, faces = surface_of(free, band, voxel_m, signed)
+def _largest(vertices: np.ndarray, faces: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a surface, closed, without pieces that it encloses or that lie apart."""
     closed = close_solids(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
     largest = max(closed.solid.decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()

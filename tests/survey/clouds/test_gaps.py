@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from pipeline.survey.clouds.gaps import fill_gaps, find_gaps
+from pipeline.survey.clouds.gaps import fill_gaps, find_gaps, plates_of
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,8 @@ def bulged(radius_m):
 @pytest.mark.parametrize(("radius_m", "is_filled"), [(0.5, True), (0.95, False)])
 def test_a_bulge_over_a_hole_is_filled_in_the_plane_of_the_floor_unless_it_is_far_from_it(floor, radius_m, is_filled):
     vertices, faces = bulged(radius_m)
-    filled = fill_gaps(vertices, find_gaps(vertices, faces, floor[0], 0.04), *floor, 0.45)
+    gaps = find_gaps(vertices, faces, floor[0], 0.04)
+    filled = fill_gaps(vertices, plates_of(vertices, gaps, *floor, 0.45))
     far = cKDTree(floor[0]).query(vertices)[0] > 0.1
     if is_filled:
         assert np.abs(filled[far & np.isin(np.arange(len(vertices)), faces)][:, 2]).max() < 0.02
