@@ -38,8 +38,9 @@ def floor_points():
 
 
 def colours_at(picture, frame, place):
-    col, row = np.floor(frame.to_image(np.array([place]))[0]).astype(int)
-    return picture[row, col, ::-1].astype(int)
+    """Return a colour of a picture that is twice as large as its frame, below a headline."""
+    col, row = np.floor(2 * frame.to_image(np.array([place]))[0]).astype(int)
+    return picture[row + len(picture) - 2 * frame.height_px, col, ::-1].astype(int)
 
 
 def test_places_in_the_rock_are_red_those_in_the_free_space_blue_and_unseen_ones_yellow(frame):

@@ -18,7 +18,7 @@ _UNSEEN = np.array([235, 190, 40])
 _BANDS = 5  # of colours to either side of none
 _EDGE_M, _MOST_TRIANGLES = 0.5, 150_000  # of the 3D view
 _POINTS = 6  # whose mean colours a triangle
-_SCALE_PX = 12
+_LINE_PX, _LEAST_PX = 24, 800  # of the headline, and of the picture's width
 _WHITE = 255
 _ROOF = 2  # label of facets
 
@@ -50,15 +50,18 @@ def draw_deviation(
     _mark(picture, unseen_m, np.tile(_UNSEEN, (len(unseen_m), 1)), frame)
     order = np.argsort(np.abs(off_m))  # the largest is drawn last
     _mark(picture, points_m[order], colours_of(off_m[order]), frame)
+    times = -(-_LEAST_PX // frame.width_px)  # a small mine is enlarged
+    picture = np.repeat(np.repeat(picture, times, axis=0), times, axis=1)
     shares = ", ".join(f"{100 * figures[f'within_{cm}cm']:.1f} % within {cm} cm" for cm in (5, 10, 30))
     lines = (
         f"red {100 * _MOST_M:.0f} cm in the rock, blue {100 * _MOST_M:.0f} cm in the free space, yellow not seen",
         f"points: {shares}; mean {figures['mean_mm']:+.0f} mm; {100 * figures['seen_share']:.1f} % of the surface seen",
     )
+    head = np.full(((len(lines) + 1) * _LINE_PX, picture.shape[1], 3), _WHITE, np.uint8)
     for k, text in enumerate(lines, start=1):
-        place = (_SCALE_PX, 2 * _SCALE_PX * k)
-        cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
-    return picture
+        place = (_LINE_PX // 2, _LINE_PX * k)
+        cv2.putText(head, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
+    return np.concatenate([head, picture])
 
 
 def _mark(picture: Image, points_m: np.ndarray, colours: np.ndarray, frame: Frame) -> None:
