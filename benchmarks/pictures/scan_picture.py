@@ -29,7 +29,7 @@ _TITLES = ("points, the higher the lighter", "plan: red left out, blue closed", 
 
 
 def draw_scan(path: Path) -> None:
-    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and draw a picture of each step."""
+    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and draw each step."""
     rng = np.random.default_rng(_SEED)
     with tempfile.TemporaryDirectory() as folder:
         network = CASES["tee"].network(Path(folder))
