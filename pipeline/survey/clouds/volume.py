@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
@@ -35,7 +36,8 @@ class ScannedVolume:
 
     `bounding` are the points of it, `things` what stood free and was left out with its points `thing_points_m`,
     `thin_points_m` points with free space on both sides, such as ropes, `beyond_m` points with none, which bound
-    nothing, `gaps` where nobody saw the surface, and `others_m3` the sizes of other free spaces that the points bound.
+    nothing, 30 cm and more behind the surface, `gaps` where nobody saw the surface, and `others_m3` the sizes of other
+    free spaces that the points bound.
     """
 
     vertices: np.ndarray
@@ -100,6 +102,8 @@ def volume_of_cloud(
     vertices, faces = _largest(*surface.mesh(), voxel_m)
     gaps = find_gaps(vertices, faces, cloud.points_m, far_m)
     vertices = fill_gaps(vertices, plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m))
+    behind = cloud.points_m[sides.beyond]  # noise at the walls themselves is not worth a remark
+    far = cKDTree(vertices).query(behind)[0]
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
@@ -109,7 +113,7 @@ def volume_of_cloud(
         things,
         standing,
         cloud.points_m[sides.thin],
-        cloud.points_m[sides.beyond],
+        behind[far > far_m],
         gaps,
         [round(len(other.free) * voxel_m**3, 1) for other in others],
     )

@@ -68,7 +68,7 @@ def test_normals_point_out_of_the_free_space(closed):
 
 
 def test_nothing_is_left_out_of_a_plain_drift(closed):
-    assert (closed.things, closed.gaps, closed.others_m3) == ([], [], [])
+    assert (closed.things, closed.gaps, closed.others_m3, len(closed.beyond_m)) == ([], [], [], 0)
 
 
 def test_a_person_is_left_out_and_listed_with_place_and_size(plain):
@@ -141,7 +141,7 @@ def test_what_a_wet_floor_mirrors_is_not_built_where_the_scanner_was_is_known(pl
     assert solid_of(scanned(points)).volume() > 1.5 * drift().volume()
     found = scanned(points, way_m=way)
     assert iou(found, drift()) >= 0.92  # a cone below the hole was seen
-    assert len(found.beyond_m) > 0.9 * len(thin(iter([mirrored]), VOXEL_M / 2, 10**6))
+    assert len(found.beyond_m) > 0.6 * len(thin(iter([mirrored]), VOXEL_M / 2, 10**6))
 
 
 def test_points_that_enclose_nothing_are_refused():
