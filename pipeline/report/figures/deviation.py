@@ -17,6 +17,7 @@ _GREY, _RED, _BLUE = np.array([200, 200, 200]), np.array([200, 30, 30]), np.arra
 _UNSEEN = np.array([235, 190, 40])
 _BANDS = 5  # of colours to either side of none
 _EDGE_M, _MOST_TRIANGLES = 0.5, 150_000  # of the 3D view
+_DIM = 0.45  # of the colours: the lights of the 3D view are bright
 _POINTS = 6  # whose mean colours a triangle
 _LINE_PX, _LEAST_PX = 24, 800  # of the headline, and of the picture's width
 _WHITE = 255
@@ -100,7 +101,7 @@ def add_deviation(
     band[~found.any(axis=1)] = _BANDS + 1
     is_roof = label[of_facet] == _ROOF
     for k in np.unique(band).tolist():
-        rgb = _UNSEEN if k > _BANDS else colours_of(np.array([k * _MOST_M / _BANDS]))[0]
+        rgb = _DIM * (_UNSEEN if k > _BANDS else colours_of(np.array([k * _MOST_M / _BANDS]))[0])
         for own, name in ((~is_roof, DEVIATION), (is_roof, f"{ROOF}_{DEVIATION}")):
             some = corners[own & (band == k)].reshape(-1, 3)
             if len(some):
