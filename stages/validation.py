@@ -66,7 +66,9 @@ def validate_world(
         if found.scan is not None:
             from pipeline.report.figures.deviation import draw_deviation
 
-            pictures = pictures | {"agreement": draw_deviation(found.scan.points_m, found.scan.off_m, survey.frame)}
+            scan = found.scan
+            picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures)
+            pictures = pictures | {"deviation": picture}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
     validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
     groups = [group for group in MEASURES if is_measured(group, params)]
@@ -99,6 +101,7 @@ def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
     return {
         "certificate": validator.certificate,
         "agreement": draw_agreement(validator.cleaned, validator.world_free),
+        "deviation": NO_PICTURE,
         "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
         **(_NO_ROCK if params.overlay == "none" else _evidence_of_rock(params, validator)),
     }
@@ -129,7 +132,7 @@ _NO_ROCK: dict[str, Any] = {
     "replay": ReplayReport({}),
     "replay_picture": NO_PICTURE,
 }
-_NOTHING_ELSE: dict[str, Any] = {"agreement": NO_PICTURE, "blocked": "", **_NO_ROCK}
+_NOTHING_ELSE: dict[str, Any] = {"agreement": NO_PICTURE, "deviation": NO_PICTURE, "blocked": "", **_NO_ROCK}
 
 
 def _replay(params: ReplayParams, validator: Validator) -> Replay:
@@ -189,6 +192,7 @@ STAGE = Stage(
         "timings": Artifact("validation/timings.json", dict, volatile=True),
         "certificate": Artifact("validation/certificate.json", Certificate),
         "agreement": Artifact("validation/agreement.png", Image),
+        "deviation": Artifact("validation/deviation.png", Image),
         "blocked": Artifact("validation/blocked.csv", str),
         "texture": Artifact("validation/texture.json", TextureReport | None),
         "texture_picture": Artifact("validation/texture.png", Image),

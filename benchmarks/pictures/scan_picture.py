@@ -1,4 +1,4 @@
-"""The picture of a scan as a world: its points, what is left out of them, and how far they are from the world."""
+"""Pictures of a scan as a world: its points, what is left out of them, and how far they are from the world."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ from pipeline.volume.world.solid import volume_of_solid
 
 _PER_M2, _SEED, _QUALITY = 200.0, 7, 85
 _INK = (90, 90, 90)
+_STEPS = ("", "-plan", "-deviation")  # of the pictures' names
 _TITLES = ("points, the higher the lighter", "plan: red left out, blue closed", "")  # the third has its own
 
 
 def draw_scan(path: Path) -> None:
-    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and read the scan."""
+    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and draw each step."""
     rng = np.random.default_rng(_SEED)
     with tempfile.TemporaryDirectory() as folder:
         network = CASES["tee"].network(Path(folder))
@@ -40,14 +41,16 @@ def draw_scan(path: Path) -> None:
         read = read_survey(params.model_copy(update={"file": file.as_posix()}))
     frame, solid = read["survey"].frame, read["solid"]
     scan = measure_scan(volume_of_solid(solid, 0.36), solid.scan_m, rng)
-    pictures = (_points(solid.scan_m, frame), read["plan"], draw_deviation(scan.points_m, scan.off_m, frame))
-    rows = []
-    for picture, title in zip(pictures, _TITLES, strict=True):
+    pictures = (
+        _points(solid.scan_m, frame),
+        read["plan"],
+        draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, frame, scan.figures),
+    )
+    for picture, title, step in zip(pictures, _TITLES, _STEPS, strict=True):
         cv2.putText(picture, title, (12, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 0, 0), 1, cv2.LINE_AA)
-        rows.append(picture)
-    done, data = cv2.imencode(".jpg", np.concatenate(rows), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    assert done
-    write_atomically(path, data.tobytes())
+        done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+        assert done
+        write_atomically(path.with_stem(path.stem + step), data.tobytes())
 
 
 def _write(file: Path, points: np.ndarray) -> None:

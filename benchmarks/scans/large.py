@@ -1,4 +1,7 @@
-"""Write a scan of a drift of 2 km with millions of points as LAS, read it thinned, and print time and memory."""
+"""Write a scan of a long drift with millions of points as LAS, read it thinned, and print time and memory.
+
+With `--volume` the free space is found too, and the time of each step of it is printed.
+"""
 
 from __future__ import annotations
 
@@ -7,57 +10,91 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
 
 from pipeline.params.survey import CloudSurveyParams
+from pipeline.survey.clouds import volume
 from pipeline.survey.clouds.points import ScanFile, read_here
 from pipeline.survey.clouds.read import read_scan
 
-_LENGTH_M, _ROW_M, _ROWS = 2000.0, 20.0, 10  # the drift goes to and fro in rows, 20 m apart
+_WAVE_M, _ASIDE_M, _RISE = 40.0, 10.0, 0.02  # the drift winds and rises
 _WIDE_M, _HIGH_M, _NOISE_M = 5.0, 4.0, 0.02
+_LENGTH_M = 2000.0
 _BLOCK = 1_000_000
+_STEPS = (
+    "_flooded",
+    "planes_of",
+    "sided",
+    "find_things",
+    "BlockSurface",
+    "find_gaps",
+    "plates_of",
+    "_largest",
+    "decimated",
+)
 _THIN_M, _VOXEL_M = 0.1, 0.2  # as the command reads a scan of this size
 
 
-def _points(count: int) -> Iterator[np.ndarray]:
-    """Yield points (n, 3) m on floor, roof and walls of straight drifts, as a scanner that is carried writes them."""
-    rng, of_row = np.random.default_rng(0), count // _ROWS
-    for row in range(_ROWS):
-        for first in range(0, of_row, _BLOCK):
-            n = min(_BLOCK, of_row - first)
-            along = (first + np.sort(rng.uniform(0, n, n))) / of_row * _LENGTH_M / _ROWS
-            across = np.column_stack([rng.uniform(0, _WIDE_M, n), rng.uniform(0, _HIGH_M, n)])
-            side, upright = rng.integers(0, 2, n), rng.uniform(size=n) < _HIGH_M / (_HIGH_M + _WIDE_M)
-            across[upright, 0] = (side * _WIDE_M)[upright]
-            across[~upright, 1] = (side * _HIGH_M)[~upright]
-            points = np.column_stack([along, row * _ROW_M + across[:, 0], across[:, 1]])
-            yield points + rng.normal(0, _NOISE_M, points.shape)
+def _points(count: int, length_m: float) -> Iterator[np.ndarray]:
+    """Yield points (n, 3) m on floor, roof and walls of a drift, as a scanner that is carried writes them."""
+    rng = np.random.default_rng(0)
+    for first in range(0, count, _BLOCK):
+        n = min(_BLOCK, count - first)
+        along = (first + np.sort(rng.uniform(0, n, n))) / count * length_m
+        across = np.column_stack([rng.uniform(0, _WIDE_M, n), rng.uniform(0, _HIGH_M, n)])
+        side, upright = rng.integers(0, 2, n), rng.uniform(size=n) < _HIGH_M / (_HIGH_M + _WIDE_M)
+        across[upright, 0] = (side * _WIDE_M)[upright]
+        across[~upright, 1] = (side * _HIGH_M)[~upright]
+        aside, up = _ASIDE_M * np.sin(along / _WAVE_M), _RISE * along
+        points = np.column_stack([along, aside + across[:, 0], up + across[:, 1]])
+        yield points + rng.normal(0, _NOISE_M, points.shape)
 
 
-def write_scan(path: Path, count: int) -> None:
-    """Write a scan of `count` points block by block."""
+def write_scan(path: Path, count: int, length_m: float = _LENGTH_M) -> None:
+    """Write a scan of `count` points of a drift block by block."""
     header = laspy.LasHeader(point_format=0, version="1.2")
     header.scales = np.full(3, 1e-3)
     with laspy.open(path, "w", header=header) as out:
-        for points in _points(count):
+        for points in _points(count, length_m):
             record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
             record.x, record.y, record.z = points.T
             out.write_points(record)
+
+
+class _StepTimes:
+    """The processor time of the functions that finding a volume calls, s, by name."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def timed(self, name: str, step: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that does the same and notes how long it takes."""
+
+        def call(*values: Any, **more: Any) -> Any:
+            start = time.process_time()
+            try:
+                return step(*values, **more)
+            finally:
+                self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - start
+
+        return call
 
 
 def main() -> int:
     """Print how long reading takes, without the limits of a reading process, and with `--volume` stage 1 as a whole."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks large-scan", description=__doc__)
     parser.add_argument("--millions", type=int, default=20, help="points")
+    parser.add_argument("--metres", type=float, default=_LENGTH_M, help="of the drift")
     parser.add_argument("--volume", action="store_true", help="find the free space, too")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scan.las"
-        write_scan(path, arguments.millions * 1_000_000)
+        write_scan(path, arguments.millions * 1_000_000, arguments.metres)
         size = path.stat().st_size
         start = time.process_time()
         found = read_here(vars(ScanFile(path.as_posix(), 1.0, "z", None, _THIN_M)))
@@ -70,11 +107,15 @@ def main() -> int:
         if arguments.volume:
             params = CloudSurveyParams(kind="cloud", name="large", file="data/x", heights=None, voxel_m=_VOXEL_M)
             start = time.process_time()
+            steps = _StepTimes()
+            for name in _STEPS:
+                setattr(volume, name, steps.timed(name, getattr(volume, name)))
             scan = read_scan(params.model_copy(update={"file": path.as_posix()}))
             seconds = time.process_time() - start
             print(
                 f"the volume, {len(scan.solid):,} facets: {seconds:.0f} s of processor time, peak {_peak_mb():.0f} MB"
             )
+            print(", ".join(f"{name} {of:.1f} s" for name, of in sorted(steps.seconds.items(), key=lambda s: -s[1])))
     return 0
 
 

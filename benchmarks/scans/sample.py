@@ -10,6 +10,8 @@ import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
 
+from pipeline.survey.clouds.voxels import cells_at, keys_of
+
 _RANGE_M = 40.0
 _ROWS, _COLUMNS = 32, 240
 _NOISE_M = 0.02
@@ -91,8 +93,8 @@ def scan_of(
 def _at_most(points: np.ndarray, per_m2: float, rng: np.random.Generator, cell_m: float = 0.5) -> np.ndarray:
     """Return points of which a cell's surface has no more than so many a square metre."""
     points = points[rng.permutation(len(points))]
-    cell = np.unique(np.floor(points / cell_m).astype(int), axis=0, return_inverse=True)[1].reshape(-1)
+    cell = keys_of(cells_at(points, cell_m))
     order = np.argsort(cell, kind="stable")
-    first = np.searchsorted(cell[order], cell[order])
-    rank = np.arange(len(points)) - first
-    return points[order][rank < max(1, per_m2 * cell_m**2)]
+    starts = np.flatnonzero(np.append(True, np.diff(cell[order]) != 0))
+    rank = np.arange(len(points)) - np.repeat(starts, np.diff(np.append(starts, len(points))))
+    return points[order[rank < max(1, per_m2 * cell_m**2)]]

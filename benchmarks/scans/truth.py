@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from minexplore.bundle import TOPOLOGY
 from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
+from pipeline.params.compile3d import Compile3dParams
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import pieces_of, unite
@@ -30,7 +32,7 @@ _SIZE_M, _WIDTH_M, _RIB_M, _PILLAR_M, _SPACING_M = (40.0, 70.0), (4.0, 6.0), 0.1
 _STEP_M = 1.0  # of the scanner between two turns of it
 _OVER_M = 1.3  # of the scanner over the floor
 _VEHICLE_M = 3.5  # from the end of a drift to the middle of a vehicle
-_STUB_M = 6.0  # a shorter way from a junction to a dead end is the corner of a room
+_STUB_M = 3.5  # beyond the half width at a junction: a shorter way from it to a dead end is the corner of a room
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def mesh_of(solid: manifold3d.Manifold) -> ClosedMesh:
 
 def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
     """Return the network along the floors of a volume, as stage 3 finds it."""
-    found = json.loads(compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh)[TOPOLOGY])
+    found = json.loads(compile_volume(_params(), NO_LEGS, mesh)[TOPOLOGY])
     stations = {name: np.array(place) for name, place in found["stations_m"].items()}
     floors, heading, half = {}, {}, {}
     for leg in found["legs"]:
@@ -85,9 +87,9 @@ def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
             floors[name] = stations[name] - [0, 0, down]
             heading[name], half[name] = np.degrees(np.arctan2(along[1], along[0])), min(left, right)
     names = list(floors)
+    counts = _long_ends(found, half), found["loops"], found["components"]
     for end in found["dead_ends"]:  # a vehicle would stand in the last wall
         half |= {name: 0.0 for name in names if np.linalg.norm(stations[name] - stations[end]) < _VEHICLE_M}
-    counts = _long_ends(found), found["loops"], found["components"]
     return FloorNetwork(
         np.array([floors[name] for name in names]),
         np.array([heading[name] for name in names]),
@@ -96,29 +98,34 @@ def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
     )
 
 
-def _long_ends(found: dict[str, Any]) -> int:
+@cache
+def _params() -> Compile3dParams:
+    return compose(["preset=light"]).compile3d
+
+
+def _long_ends(found: dict[str, Any], half: dict[str, float]) -> int:
     """Return how many dead ends remain once shorter stubs are cut off."""
     graph: nx.MultiGraph = nx.MultiGraph()
     for leg in found["legs"]:
         graph.add_edge(leg["start"], leg["end"], length=leg["length_m"])
     while True:
         ends = [node for node, degree in graph.degree() if degree == 1]
-        stubs = [way for way in (_stub(graph, end) for end in ends) if way is not None]
+        stubs = [way for way in (_stub(graph, end, half) for end in ends) if way is not None]
         if not stubs:
             return len(ends)
         graph.remove_nodes_from(min(stubs, key=lambda way: way[0])[1])
 
 
-def _stub(graph: nx.MultiGraph, end: str) -> tuple[float, list[str]] | None:
+def _stub(graph: nx.MultiGraph, end: str, half: dict[str, float]) -> tuple[float, list[str]] | None:
     """Return the length and the nodes of the way from a dead end to a junction, None if it is long or has none."""
     way, length, before = [end], 0.0, ""
-    while length < _STUB_M:
+    while length < _STUB_M + max(half.values()):
         near = [node for node in graph.neighbors(way[-1]) if node != before]
         if not near:
             return None
         length += min(edge["length"] for edge in graph.get_edge_data(way[-1], near[0]).values())
         if graph.degree(near[0]) > 2:
-            return (length, way) if length < _STUB_M else None
+            return (length, way) if length < _STUB_M + half[near[0]] else None
         before = way[-1]
         way.append(near[0])
     return None

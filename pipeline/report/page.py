@@ -34,10 +34,10 @@ _WIDTH, _QUALITY = 1400, 82  # px and JPEG quality of the pictures in the page
 _GLANCE = [
     ("survey/plan.png", "The plan as read."),
     ("contours/contours.png", "Traced contours: outer walls green, islands red, the drift network amber."),
+    ("validation/agreement.png", "World from above against the survey: green where both are free, blue where one is."),
     (
-        "validation/agreement.png",
-        "World from above against the survey: green where both are free, blue where one is; of a scan its points, red "
-        "in the rock, blue in the free space.",
+        "validation/deviation.png",
+        "Points of the scan against the world: red in the rock, blue in the free space, yellow where nobody saw it.",
     ),
     ("validation/views.png", "Views of a robot: along the longest drift, and at the junction where most drifts meet."),
 ]

@@ -5,7 +5,7 @@
   const lamp = new THREE.SpotLight(0xfff1dc, 2.6, 45, 0.85, 0.7, 1.4);
   const dim = new THREE.AmbientLight(0xffffff, 0.07);
   const point = k => new THREE.Vector3(...DRIFT[Math.max(0, Math.min(DRIFT.length - 1, k))]);
-  let at = 0, yaw = 0, pitch = 0, inside = false, above = null;
+  let at = 0, yaw = 0, pitch = 0, inside = false, above = null, deviation = false;
 
   function look() {
     const k = Math.floor(at), place = point(k).lerp(point(k + 1), at - k);
@@ -21,10 +21,18 @@
     render();
   }
 
+  // Meshes with "deviation" in their names are those of the others in other colours.
+  function show() {
+    scene.traverse(o => {
+      if (o.isMesh) o.visible = o.name.includes("deviation") === deviation && (inside || !o.name.startsWith("roof"));
+    });
+    document.getElementById("deviation").textContent = deviation ? "Rock" : "Deviation from the scan";
+  }
+
   function choose(headlamp) {
     if (headlamp && !inside) above = [camera.position.clone(), camera.up.clone(), controls.target.clone(), camera.fov];
     inside = headlamp;
-    scene.traverse(o => { if (o.name.startsWith("roof")) o.visible = inside; });
+    show();
     tracklight.visible = controls.enabled = !inside;
     lamp.visible = dim.visible = inside;
     scene.background.set(inside ? 0x0b0a09 : 0xffffff);
@@ -72,6 +80,10 @@
     });
     document.getElementById("above").onclick = () => choose(false);
     document.getElementById("headlamp").onclick = () => choose(true);
+    let scanned = false;
+    scene.traverse(o => { scanned = scanned || o.name.includes("deviation"); });
+    document.getElementById("deviation").hidden = !scanned;
+    document.getElementById("deviation").onclick = () => { deviation = !deviation; show(); render(); };
     choose(false);
   }
 

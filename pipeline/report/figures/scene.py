@@ -29,7 +29,9 @@ _CONTROLS = """<style>
 #ways { position: absolute; left: 8px; top: 8px; font: 13px sans-serif; color: #888; }
 </style>
 <div id="ways">
-<button id="above">From above</button> <button id="headlamp">Headlamp</button> <span id="how"></span>
+<button id="above">From above</button> <button id="headlamp">Headlamp</button>
+<button id="deviation" title="red: 10 cm in the rock, blue: in the free space, grey: none, yellow: not seen" hidden>
+</button> <span id="how"></span>
 </div>
 <script>
 """

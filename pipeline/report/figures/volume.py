@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from minexplore.bundle import ROOF
+from pipeline.report.figures.deviation import add_deviation
 from pipeline.report.figures.levels import long_axis, times_as_high
 from pipeline.report.figures.scene import add_bands, coloured, look_at
 from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, new_figure
@@ -75,8 +76,16 @@ def draw_section(floors_m: np.ndarray, roofs_m: np.ndarray, datum_m: float) -> F
     return figure
 
 
-def facet_scene(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray) -> trimesh.Scene:
-    """Return the facets of a volume as a scene: floors coloured by elevation, walls, and a roof that can be hidden."""
+def facet_scene(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    label: np.ndarray,
+    scan: tuple[np.ndarray, np.ndarray] | None = None,
+) -> trimesh.Scene:
+    """Return the facets of a volume as a scene: floors coloured by elevation, walls, and a roof that can be hidden.
+
+    With points (n, 3) m of a `scan` and their deviations (n,) m they are there a second time, coloured by these.
+    """
     scene = trimesh.Scene()
     for kind, name in ((_WALL, "walls"), (_ROOF, ROOF)):
         own = vertices[faces[label == kind]].reshape(-1, 3)
@@ -85,5 +94,7 @@ def facet_scene(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray) -> t
             scene.add_geometry(mesh, node_name=name, geom_name=name)
     if (label == 0).any():
         add_bands(scene, vertices[faces[label == 0]])
+    if scan is not None:
+        add_deviation(scene, vertices, faces, label, *scan)
     look_at(scene, *vertices.min(axis=0).tolist(), *vertices.max(axis=0).tolist())
     return scene

@@ -8,13 +8,21 @@ import numpy as np
 from pipeline.survey.clouds.volume import ScannedVolume
 from pipeline.types import Frame, Image
 
-_RED, _ORANGE, _BLUE = (40, 40, 220), (0, 140, 255), (220, 120, 0)  # BGR: things, ropes, unseen places
+# BGR: things, ropes, points behind walls, unseen places
+_RED, _ORANGE, _PURPLE, _BLUE = (40, 40, 220), (0, 140, 255), (160, 60, 140), (220, 120, 0)
 
 
 def mark_left_out(plan: Image, frame: Frame, volume: ScannedVolume) -> Image:
-    """Return a plan with the points of things in red, thin ones in orange, and a blue circle about each gap."""
+    """Return a plan with points that are left out, and a blue circle about each gap.
+
+    Points behind walls are purple, thin ones orange, those of things red.
+    """
     marked = plan.copy()
-    for points, colour in ((volume.thing_points_m, _RED), (volume.thin_points_m, _ORANGE)):
+    for points, colour in (
+        (volume.beyond_m, _PURPLE),
+        (volume.thin_points_m, _ORANGE),
+        (volume.thing_points_m, _RED),
+    ):
         places = np.floor(frame.to_image(points[:, :2])).astype(int) if len(points) else np.zeros((0, 2), int)
         within = ((places >= 0) & (places < [frame.width_px, frame.height_px])).all(axis=1)
         marked[places[within, 1], places[within, 0]] = colour

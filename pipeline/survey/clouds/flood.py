@@ -46,16 +46,17 @@ class Walls:
             count += (before >= 0) & (here - line[np.maximum(before, 0)] <= most)
         return count
 
-    def flood(self, seeds: np.ndarray) -> Flood:
-        """Return what is reached from cells (n, 3) by steps across the sides of voxels."""
+    def flood(self, seeds: np.ndarray, within: np.ndarray | None = None) -> Flood:
+        """Return what is reached from voxels (sorted numbers) by steps across their sides, within a set if given."""
         offsets = offsets_of(SIDES)
-        front = np.unique(keys_of(seeds))
-        front = front[~is_in(front, self.thick)]
+        front = seeds[~is_in(seeds, self.thick)]
         last, reached, ends = np.zeros(0, np.int64), [front], []
         while len(front):
             near = np.unique((front[:, None] + offsets).ravel())
             near = near[~is_in(near, last) & ~is_in(near, front) & ~is_in(near, self.thick)]
             enclosed = self.hits(cells_of_keys(near)) >= _ENCLOSED
+            if within is not None:
+                enclosed &= is_in(near, within)
             ends.append(near[~enclosed])
             last, front = front, near[enclosed]
             reached.append(front)
@@ -90,7 +91,7 @@ def largest_flood(walls: Walls, occupied: np.ndarray, rng: np.random.Generator) 
     for _ in range(_TRIES):
         if not len(places):
             break
-        found.append(walls.flood(places[:1]))
+        found.append(walls.flood(keys_of(places[:1])))
         places = places[~is_in(keys_of(places), found[-1].free)][1 if not len(found[-1].free) else 0 :]
     found.sort(key=lambda flood: -len(flood.free))
     if not found or not len(found[0].free):

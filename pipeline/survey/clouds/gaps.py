@@ -19,7 +19,10 @@ _SMOOTH = 0.1  # of the thin plate: the noise of single points is not followed
 
 @dataclass(frozen=True)
 class Gap:
-    """A part of the surface with no points near: its middle, m, its area, m2, and its corners' rows."""
+    """A part of the surface with no points near: its middle, m, its area, m2, and its corners' rows.
+
+    `normal` (3,) is the sum of its facets', m2.
+    """
 
     middle_m: tuple[float, float, float]
     area_m2: float
@@ -54,13 +57,35 @@ def find_gaps(vertices: np.ndarray, faces: np.ndarray, points_m: np.ndarray, far
     return sorted(found, key=lambda gap: -gap.area_m2)
 
 
-def fill_gaps(vertices: np.ndarray, gaps: list[Gap], points_m: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return vertices of which those in gaps lie on a thin plate through the points about each.
+@dataclass(frozen=True)
+class GapPlate:
+    """A thin plate through the points about a gap: the surface that is likely there.
+
+    `corners_m` (n, 3) are the gap's, m, `towards` (3,) shows into the free space.
+    """
+
+    corners_m: np.ndarray
+    middle_m: np.ndarray
+    towards: np.ndarray
+    aside: np.ndarray
+    plate: RBFInterpolator
+
+    def height_m(self, places: np.ndarray) -> np.ndarray:
+        """Return how far places (n, 3) m are on the free side of the plate, m."""
+        own = places - self.middle_m
+        return np.asarray(own @ self.towards - self.plate(own @ self.aside.T))
+
+
+def plates_of(
+    vertices: np.ndarray, gaps: list[Gap], points_m: np.ndarray, normals: np.ndarray, most_m: float
+) -> list[tuple[Gap, GapPlate]]:
+    """Return the gaps that a thin plate through the points about them can close.
 
     `normals` (n, 3) of the points show into the free space. A gap whose points about it face other ways than it does,
-    as at the end of a drift, keeps its vertices.
+    as at the end of a drift, has none, nor has one that is more than `most_m` from its plate on average: that is no
+    hole, but something that nobody saw from all sides.
     """
-    tree, moved = cKDTree(points_m), vertices.copy()
+    tree, found = cKDTree(points_m), []
     for gap in gaps:
         towards = -gap.normal / max(float(np.linalg.norm(gap.normal)), 1e-12)
         near = np.unique(np.concatenate(tree.query_ball_point(vertices[gap.corners], _RIM_M)).astype(int))
@@ -68,9 +93,17 @@ def fill_gaps(vertices: np.ndarray, gaps: list[Gap], points_m: np.ndarray, norma
         if len(near) < _LEAST_RIM:
             continue
         rim = points_m[near[:: max(1, len(near) // _MOST_RIM)]]
-        aside = np.linalg.svd(towards[None])[2][1:]
-        middle = rim.mean(axis=0)
-        plate = RBFInterpolator((rim - middle) @ aside.T, (rim - middle) @ towards, smoothing=_SMOOTH)
-        own = vertices[gap.corners] - middle
-        moved[gap.corners] += np.outer(plate(own @ aside.T) - own @ towards, towards)
+        aside, middle = np.linalg.svd(towards[None])[2][1:], rim.mean(axis=0)
+        fit = RBFInterpolator((rim - middle) @ aside.T, (rim - middle) @ towards, smoothing=_SMOOTH)
+        plate = GapPlate(vertices[gap.corners], middle, towards, aside, fit)
+        if np.abs(plate.height_m(plate.corners_m)).mean() <= most_m:
+            found.append((gap, plate))
+    return found
+
+
+def fill_gaps(vertices: np.ndarray, plates: list[tuple[Gap, GapPlate]]) -> np.ndarray:
+    """Return vertices of which those in gaps lie on their plates."""
+    moved = vertices.copy()
+    for gap, plate in plates:
+        moved[gap.corners] -= np.outer(plate.height_m(plate.corners_m), plate.towards)
     return moved

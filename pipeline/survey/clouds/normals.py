@@ -30,12 +30,31 @@ class SidedPoints:
     beyond: np.ndarray
 
 
-def sided(cloud: ThinnedCloud, free: np.ndarray, size_m: float) -> SidedPoints:
+@dataclass(frozen=True)
+class PointPlanes:
+    """The normals (n, 3) of the planes through each point's nearest points, and how far, m, the last of these is."""
+
+    normals: np.ndarray
+    reach_m: np.ndarray
+
+    def without(self, cloud: ThinnedCloud, rows: np.ndarray) -> tuple[ThinnedCloud, PointPlanes]:
+        """Return a cloud and its planes without some points: planes to which these belonged are fitted again."""
+        left = np.setdiff1d(np.arange(len(cloud)), rows)
+        rest, reach, normals = cloud.some(left), self.reach_m[left].copy(), self.normals[left].copy()
+        near = cKDTree(cloud.points_m[rows]).query(rest.points_m, distance_upper_bound=float(reach.max(initial=0)))[0]
+        again = np.flatnonzero(near <= reach)
+        normals[again], reach[again] = _planes(cKDTree(rest.points_m), rest.points_m[again])
+        return rest, PointPlanes(normals, reach)
+
+
+def planes_of(cloud: ThinnedCloud) -> PointPlanes:
+    """Return the plane of each point."""
+    return PointPlanes(*_planes(cKDTree(cloud.points_m), cloud.points_m))
+
+
+def sided(cloud: ThinnedCloud, planes: PointPlanes, free: np.ndarray, size_m: float) -> SidedPoints:
     """Return the points beside a set of free voxels of a size, with normals into it."""
-    tree = cKDTree(cloud.points_m)
-    normals = np.concatenate(
-        [_planes(tree, cloud.points_m[k : k + _BLOCK]) for k in range(0, len(cloud), _BLOCK)] or [np.zeros((0, 3))]
-    )
+    normals = planes.normals
     seen = np.zeros((2, len(cloud)), int)
     for k, way in enumerate((1, -1)):
         for look in _LOOK:
@@ -47,11 +66,15 @@ def sided(cloud: ThinnedCloud, free: np.ndarray, size_m: float) -> SidedPoints:
     return SidedPoints(rows, turned, np.flatnonzero(thin), np.flatnonzero(beyond))
 
 
-def _planes(tree: cKDTree, points: np.ndarray) -> np.ndarray:
-    """Return the normals (n, 3) of the planes through the nearest points."""
-    near = tree.data[tree.query(points, min(_PLANE_POINTS, tree.n))[1]]
-    near = near - near.mean(axis=1, keepdims=True)
-    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", near, near))[1][:, :, 0])
+def _planes(tree: cKDTree, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normals (n, 3) of the planes through the nearest points, and how far the last of these are."""
+    normals, reach = np.zeros((len(points), 3)), np.zeros(len(points))
+    for k in range(0, len(points), _BLOCK):
+        far, rows = tree.query(points[k : k + _BLOCK], min(_PLANE_POINTS, tree.n))
+        near = tree.data[rows] - tree.data[rows].mean(axis=1, keepdims=True)
+        normals[k : k + _BLOCK] = np.linalg.eigh(near.transpose(0, 2, 1) @ near)[1][:, :, 0]
+        reach[k : k + _BLOCK] = far[:, -1]
+    return normals, reach
 
 
 class SignedDistance:

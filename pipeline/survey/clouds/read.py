@@ -101,6 +101,8 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     thin = len(found.thin_points_m)
     if thin:
         warn_user(f"{name}: {thin} voxels with points have free space on both sides, as ropes have, and are left out")
+    if len(found.beyond_m):
+        warn_user(f"{name}: {len(found.beyond_m)} voxels with points lie behind the walls, and bound nothing")
     for what, gaps in (
         (
             f"holes of the scan, at most {params.close_m:g} m wide (--close M), are closed",
@@ -118,5 +120,5 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     if others:
         warn_user(
             f"{name}: the largest space that the points enclose is built; {len(others)} others of {sum(others):.0f} m3 "
-            "are not; --trajectory FILE says where the scanner was"
+            "are not; --trajectory FILE says where the scanner was, and what it saw is built"
         )

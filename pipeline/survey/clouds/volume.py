@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
-from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps
-from pipeline.survey.clouds.normals import SidedPoints, SignedDistance, sided
-from pipeline.survey.clouds.surface import surface_of
+from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
+from pipeline.survey.clouds.normals import SignedDistance, planes_of, sided
+from pipeline.survey.clouds.sight import seen_from
+from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
-from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, grown, is_in, keys_of
+from pipeline.survey.clouds.voxels import cells_at, grown, is_in, keys_of
 from pipeline.survey.solids.closing import close_solids
 from pipeline.survey.solids.decimate import decimated
 
@@ -21,7 +23,9 @@ _WELD_M = 1e-6
 _FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four surfaces meet in an edge
 _BARE_M = 0.3  # from a part of the surface to the next point, or twice the points' spacing: nobody saw it
 _LEAST_M3 = 5.0  # of the free space of a scan
+_FILL_VOXELS = 3  # the flood ends two voxels behind the plane of a hole at most
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one
+_BESIDE_M = 0.5  # from what a scanner saw: shadows and niches; what lies farther behind a hole may be a reflection
 _SEED = 0
 NOWHERE = np.zeros((0, 3))
 
@@ -32,7 +36,8 @@ class ScannedVolume:
 
     `bounding` are the points of it, `things` what stood free and was left out with its points `thing_points_m`,
     `thin_points_m` points with free space on both sides, such as ropes, `beyond_m` points with none, which bound
-    nothing, `gaps` where nobody saw the surface, and `others_m3` the sizes of other free spaces that the points bound.
+    nothing, 30 cm and more behind the surface, `gaps` where nobody saw the surface, and `others_m3` the sizes of other
+    free spaces that the points bound.
     """
 
     vertices: np.ndarray
@@ -52,7 +57,7 @@ def volume_of_cloud(
     voxel_m: float,
     tolerance_m: float,
     most_facets: int,
-    inside_m: np.ndarray = NOWHERE,
+    way_m: np.ndarray = NOWHERE,
 ) -> ScannedVolume:
     """Return the free space of a scan.
 
@@ -65,32 +70,40 @@ def volume_of_cloud(
         Of ten points of the surface eight move by less when it is simplified.
     most_facets : int
         Of the simplified surface.
-    inside_m : (n, 3) float64, m
-        Places in the workings, such as those of the scanner; without one the largest space is taken.
+    way_m : (n, 3) float64, m
+        Places of the scanner: what it saw from them is built. Without any the largest space is.
 
     Raises
     ------
     InputError
         If the points enclose no space.
     """
-    free, walls, others = _flooded(cloud, voxel_m, inside_m)
-    sides = sided(cloud, free.free, voxel_m)
-    things, rows = find_things(cloud, sides, free.free, voxel_m)
+    free, walls, others = _flooded(cloud, voxel_m, way_m)
+    planes = planes_of(cloud)
+    sides = sided(cloud, planes, free.free, voxel_m)
+    things, rows = find_things(cloud, planes, sides, free.free, voxel_m)
     standing = cloud.points_m[rows]
     if len(rows):
-        cloud = cloud.some(np.setdiff1d(np.arange(len(cloud)), rows))
+        cloud, planes = planes.without(cloud, rows)
         walls = Walls(_occupied(cloud, voxel_m), voxel_m)
-        free = walls.flood(cells_of_keys(free.free[~is_in(free.free, walls.thick)][:1]))
-        sides = sided(cloud, free.free, voxel_m)
+        free = _seen(walls, way_m) if len(way_m) else walls.flood(free.free[~is_in(free.free, walls.thick)][:1])
+        sides = sided(cloud, planes, free.free, voxel_m)
     if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
         raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on
     band = np.setdiff1d(grown(free.free, _ROOM + 1), beyond)
-    vertices, faces = _closed_surface(free.free, band, voxel_m, bounding, sides)
-    spacing = spacing_of(bounding.points_m)
-    gaps = find_gaps(vertices, faces, cloud.points_m, max(_BARE_M, 2 * spacing))
-    vertices = fill_gaps(vertices, gaps, bounding.points_m, sides.normals)
+    signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
+    surface, spacing = BlockSurface(free.free, band, voxel_m, signed), spacing_of(bounding.points_m)
+    far_m, most_m = max(_BARE_M, 2 * spacing), _FILL_VOXELS * voxel_m
+    vertices, faces = _largest(*surface.mesh(), voxel_m)
+    gaps = find_gaps(vertices, faces, cloud.points_m, far_m)
+    surface.close([plate for _, plate in plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m)])
+    vertices, faces = _largest(*surface.mesh(), voxel_m)
+    gaps = find_gaps(vertices, faces, cloud.points_m, far_m)
+    vertices = fill_gaps(vertices, plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m))
+    behind = cloud.points_m[sides.beyond]  # noise at the walls themselves is not worth a remark
+    far = cKDTree(vertices).query(behind)[0]
     vertices, faces = decimated(vertices, faces, tolerance_m, most_facets)
     return ScannedVolume(
         vertices,
@@ -100,7 +113,7 @@ def volume_of_cloud(
         things,
         standing,
         cloud.points_m[sides.thin],
-        cloud.points_m[sides.beyond],
+        behind[far > far_m],
         gaps,
         [round(len(other.free) * voxel_m**3, 1) for other in others],
     )
@@ -110,21 +123,23 @@ def _occupied(cloud: ThinnedCloud, voxel_m: float) -> np.ndarray:
     return np.unique(keys_of(cells_at(cloud.points_m, voxel_m)))
 
 
-def _flooded(cloud: ThinnedCloud, voxel_m: float, inside_m: np.ndarray) -> tuple[Flood, Walls, list[Flood]]:
+def _flooded(cloud: ThinnedCloud, voxel_m: float, way_m: np.ndarray) -> tuple[Flood, Walls, list[Flood]]:
     occupied = _occupied(cloud, voxel_m)
     walls = Walls(occupied, voxel_m)
-    if len(inside_m):
-        return walls.flood(cells_at(inside_m, voxel_m)), walls, []
+    if len(way_m):
+        return _seen(walls, way_m), walls, []
     free, others = largest_flood(walls, occupied, np.random.default_rng(_SEED))
     return free, walls, others
 
 
-def _closed_surface(
-    free: np.ndarray, band: np.ndarray, voxel_m: float, bounding: ThinnedCloud, sides: SidedPoints
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface of the free space, without pieces that it encloses or that lie apart."""
-    signed = SignedDistance(bounding.points_m, sides.normals, bounding.count, voxel_m / 2)
-    vertices, faces = surface_of(free, band, voxel_m, signed)
+def _seen(walls: Walls, way_m: np.ndarray) -> Flood:
+    """Return the space on a scanner's rays, and what is enclosed beside it: niches and shadows."""
+    seen = seen_from(way_m, walls)
+    return walls.flood(seen, grown(seen, max(1, round(_BESIDE_M / walls.size_m))))
+
+
+def _largest(vertices: np.ndarray, faces: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a surface, closed, without pieces that it encloses or that lie apart."""
     closed = close_solids(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
     largest = max(closed.solid.decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()

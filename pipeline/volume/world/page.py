@@ -16,7 +16,7 @@ from pipeline.report.figures.volume import draw_floors, draw_section, facet_scen
 from pipeline.report.page import WorldView
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
-from pipeline.types import SurveyedLegs, lines_of
+from pipeline.types import ClosedMesh, SurveyedLegs, lines_of
 from pipeline.volume.world.content import Cells, MineVolume
 from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
@@ -48,7 +48,8 @@ def volume_view(root: Path) -> WorldView:
     plan = draw_floors(cells.places_m, cells.cell_m, list(ends), record.spawn.anchor_m, datum_m)
     section = to_svg(draw_section(floors, roofs, datum_m))
     middle = (volume.vertices.min(axis=0) + volume.vertices.max(axis=0)) / 2
-    scene = walked_page(facet_scene(volume.vertices, volume.faces, volume.label), longest_way(legs) - middle)
+    scan = _deviation(volume, decode(root / "survey/solid.npz", ClosedMesh))
+    scene = walked_page(facet_scene(volume.vertices, volume.faces, volume.label, scan), longest_way(legs) - middle)
     return WorldView(
         record=record,
         plan=plan,
@@ -56,6 +57,16 @@ def volume_view(root: Path) -> WorldView:
         limits=read_params(root / "validation/manifest.json", ValidationParams).volume.limits,
         volume=_built_of(record, surveyed) | {"section": section[section.index(b"<svg") :].decode()},
     )
+
+
+def _deviation(volume: MineVolume, solid: ClosedMesh) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return points (n, 3) m of the scan that a volume was made from, and how far they are from it (n,) m."""
+    if not len(solid.scan_m):
+        return None
+    from pipeline.volume.world.proof.scan import measure_scan  # open3d takes a second to load
+
+    found = measure_scan(volume.measured(), solid.scan_m, np.random.default_rng(0))
+    return found.points_m, found.off_m
 
 
 def _built_of(record: VolumeRecord, surveyed: SurveyedLegs) -> dict[str, Any]:

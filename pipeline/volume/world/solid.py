@@ -131,6 +131,7 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
 def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
     """Return the network of each connected floor of some spans, seen from above."""
     own = own[np.lexsort((cells.column[own], cells.row[own]))]
+    own = own[~_meets_itself(cells, own)]
     column, row = cells.column[own], cells.row[own]
     starts = np.flatnonzero(np.append(True, (np.diff(row) != 0) | (np.diff(column) != 1)))  # of cells side by side
     ends = np.append(starts[1:], len(own)) - 1
@@ -139,6 +140,24 @@ def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
     boxes = shapely.box(*(low - _JOIN_M).T, *(high + _JOIN_M).T)
     outlines = [part for part in shapely.get_parts(shapely.union_all(boxes)) if part.area >= _LEAST_M2]
     return [trace_network(_without_gaps(part), cells.cell_m / 2, _SHORTEST_M, _SPACING_M) for part in outlines]
+
+
+def _meets_itself(cells: Cells, own: np.ndarray) -> np.ndarray:
+    """Return which spans (n,) of a storey, by row and column, are beside one of it that lies over or under rock.
+
+    A helix is cut into storeys where it would lie over itself, and its cut ends are beside each other in plan.
+    """
+    wide = int(cells.column[own].max(initial=0)) + 2
+    key = cells.row[own].astype(np.int64) * wide + cells.column[own]
+    floor, roof = cells.floor_m[own], cells.floor_m[own] + cells.headroom_m[own]
+    found = np.zeros(len(own), bool)
+    for step in (1, wide - 1, wide, wide + 1):
+        at = np.minimum(np.searchsorted(key, key + step), len(own) - 1)
+        here = np.flatnonzero(key[at] == key + step)
+        there = at[here]
+        apart = (floor[here] >= roof[there]) | (floor[there] >= roof[here])
+        found[here[apart]] = found[there[apart]] = True
+    return found
 
 
 def _without_gaps(outline: Polygon) -> Polygon:

@@ -61,10 +61,11 @@ def test_the_table_has_the_worst_figures_of_each_kind():
     assert "| all | 2 | 1 | 1.0 | 2.0 | 0.990 | 1 of 2 | 2 of 4 |" in table_of(rows)
 
 
-def test_corners_of_rooms_are_no_dead_ends():
-    legs = [("a", "j", 20.0), ("b", "j", 15.0), ("j", "c", 2.0)]
+@pytest.mark.parametrize(("half_m", "stub_m", "ends"), [(2.0, 2.0, 2), (2.0, 8.0, 3), (8.0, 8.0, 2), (8.0, 14.0, 3)])
+def test_corners_of_rooms_are_no_dead_ends_and_drifts_are(half_m, stub_m, ends):
+    legs = [("a", "j", 30.0), ("b", "j", 25.0), ("j", "c", stub_m)]
     found = {"legs": [{"start": one, "end": two, "length_m": length} for one, two, length in legs]}
-    assert _long_ends(found) == 2
+    assert _long_ends(found, dict.fromkeys("abc", 1.0) | {"j": half_m}) == ends
 
 
 def test_mines_take_turns_between_level_and_with_heights():

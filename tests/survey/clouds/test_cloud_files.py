@@ -121,6 +121,18 @@ def test_a_hole_of_the_scan_is_listed_with_place_and_width(tmp_path, points):
     assert "1 holes of the scan, at most 3 m wide (--close M), are closed" in " ".join(remark.what for remark in said)
 
 
+def test_points_behind_walls_are_listed_and_purple_on_the_plan(tmp_path, points):
+    far = np.random.default_rng(3).uniform([3, 4.7, 0], [5, 5.2, 3], (300, 3))
+    path = write(tmp_path / "a.las", np.concatenate([points, far]))
+    with collect_remarks() as said:
+        read_of = _read(PARAMS.model_copy(update={"file": path.as_posix()}))
+    assert re.search(r"\d+ voxels with points lie behind the walls", " ".join(remark.what for remark in said))
+    plan, frame = read_of.plan, read_of.survey.frame
+    purple = np.argwhere((plan == (160, 60, 140)).all(axis=2))[:, ::-1]
+    x, y = frame.to_mine(purple).T
+    assert ((x > 2.9) & (x < 5.1) & (y > 4.6)).sum() > 50
+
+
 def test_a_trajectory_has_rows_of_time_and_place(tmp_path):
     path = tmp_path / "way.txt"
     path.write_text("# time x y z\n0.0 1 2 3 0 0 0 1\n1.0, 4, 5, 6\n")

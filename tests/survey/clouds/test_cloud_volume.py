@@ -68,7 +68,7 @@ def test_normals_point_out_of_the_free_space(closed):
 
 
 def test_nothing_is_left_out_of_a_plain_drift(closed):
-    assert (closed.things, closed.gaps, closed.others_m3) == ([], [], [])
+    assert (closed.things, closed.gaps, closed.others_m3, len(closed.beyond_m)) == ([], [], [], 0)
 
 
 def test_a_person_is_left_out_and_listed_with_place_and_size(plain):
@@ -78,6 +78,13 @@ def test_a_person_is_left_out_and_listed_with_place_and_size(plain):
     assert len(found.things) == 1
     assert found.things[0].middle_m[:2] == pytest.approx((x, y), abs=0.2)
     assert found.things[0].size_m[2] == pytest.approx(size[2], abs=0.3)
+    assert iou(found, drift()) >= 0.97
+
+
+def test_a_vehicle_near_a_wall_is_left_out(plain):
+    low, size = np.array([5.0, 0.6, 0.35]), [4.2, 1.7, 1.4]
+    found = scanned(np.concatenate([plain, sampled(manifold3d.Manifold.cube(size).translate(low.tolist()), 200)]))
+    assert [thing.middle_m[:2] for thing in found.things] == [pytest.approx((7.1, 1.45), abs=0.2)]
     assert iou(found, drift()) >= 0.97
 
 
@@ -122,8 +129,19 @@ def test_a_place_of_the_scanner_chooses_the_space_that_is_built(plain):
     other = manifold3d.Manifold.cube([6, 3, 3]).translate([0, 10, 0])
     points = np.concatenate([plain, noisy(sampled(other))])
     assert solid_of(scanned(points)).volume() == pytest.approx(drift().volume(), rel=0.03)
-    found = scanned(points, inside_m=np.array([[3.0, 11.5, 1.5]]))
+    found = scanned(points, way_m=np.array([[3.0, 11.5, 1.5]]))
     assert solid_of(found).volume() == pytest.approx(other.volume(), rel=0.04)
+
+
+def test_what_a_wet_floor_mirrors_is_not_built_where_the_scanner_was_is_known(plain):
+    hole = np.linalg.norm(plain[:, :2] - [7, 2], axis=1) < 0.6
+    mirrored = plain * [1, 1, -1] - [0, 0, 0.3]
+    points = np.concatenate([plain, mirrored])[np.concatenate([~(hole & (plain[:, 2] < 0.1))] * 2)]
+    way = np.column_stack([np.arange(1, 14), np.full(13, 2.0), np.full(13, 1.3)])
+    assert solid_of(scanned(points)).volume() > 1.5 * drift().volume()
+    found = scanned(points, way_m=way)
+    assert iou(found, drift()) >= 0.92  # a cone below the hole was seen
+    assert len(found.beyond_m) > 0.6 * len(thin(iter([mirrored]), VOXEL_M / 2, 10**6))
 
 
 def test_points_that_enclose_nothing_are_refused():

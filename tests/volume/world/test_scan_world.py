@@ -56,13 +56,3 @@ def test_the_sign_of_the_deviation_is_positive_in_the_rock(world):
 def test_legs_are_those_of_the_crossing(world):
     network = json.loads((world.bundle / TOPOLOGY).read_bytes())
     assert (len(network["dead_ends"]), network["loops"], network["components"]) == (4, 0, 1)
-
-
-def test_a_picture_shows_each_point_of_the_scan(world, found):
-    from pipeline.report.figures.deviation import draw_deviation
-
-    frame = world.survey.frame
-    far = np.array([[frame.extent_m[0] + 2, frame.extent_m[1] + 2, 0.0]])
-    rock, free = (draw_deviation(far, np.array([off]), frame) for off in (0.2, -0.2))
-    assert (rock[:, :, 2].astype(int) - rock[:, :, 0] > 100).any()
-    assert (free[:, :, 0].astype(int) - free[:, :, 2] > 100).any()

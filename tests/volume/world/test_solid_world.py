@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
+from itertools import pairwise
 
 import manifold3d
 import numpy as np
@@ -65,6 +66,26 @@ def test_legs_follow_the_middles_of_the_floors(tmp_path):
     built = json.loads(files[BUILT])
     assert built["built_m"] == pytest.approx(built["surveyed_m"])
     assert built["datum_m"] == 100.0
+
+
+def helix(turns=2.2, radius_m=8.0, rise_m=6.0, steps=24):
+    """A decline 3 m wide and 3 m high that turns over itself."""
+    frames = []
+    for k in range(round(turns * steps) + 1):
+        angle = 2 * np.pi * k / steps
+        way = np.array([np.cos(angle), np.sin(angle), 0.0])
+        foot = np.array([0, 0, rise_m * k / steps])
+        frames.append([r * way + foot + [0, 0, z] for r in (radius_m - 1.5, radius_m + 1.5) for z in (0, 3)])
+    parts = [manifold3d.Manifold.hull_points(np.array(a + b)) for a, b in pairwise(frames)]
+    return manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+
+
+def test_a_helix_has_no_leg_through_the_rock_between_its_turns(tmp_path):
+    network = json.loads(compiled(helix(), tmp_path)[TOPOLOGY])
+    assert (network["loops"], network["components"]) == (0, 1)
+    stations = network["stations_m"]
+    rises = [abs(stations[leg["end"]][2] - stations[leg["start"]][2]) for leg in network["legs"]]
+    assert max(rises) < 1.0
 
 
 def test_floors_over_each_other_have_legs_of_their_own_that_a_ramp_joins(tmp_path):

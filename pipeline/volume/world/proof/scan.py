@@ -16,10 +16,14 @@ _SEEN_M = 0.3  # from a place of the surface to the next point
 
 @dataclass(frozen=True)
 class ScanDeviation:
-    """Points (n, 3) m of a scan, how far each is from the surface (n,) m, positive in the rock, and a summary."""
+    """Points (n, 3) m of a scan, how far each is from the surface (n,) m, positive in the rock, and a summary.
+
+    `unseen_m` (k, 3) are places on the surface without a point within 30 cm.
+    """
 
     points_m: np.ndarray
     off_m: np.ndarray
+    unseen_m: np.ndarray
     figures: dict[str, float]
 
 
@@ -40,4 +44,4 @@ def measure_scan(volume: Volume, points_m: np.ndarray, rng: np.random.Generator)
         "rms_mm": round(1e3 * float(np.sqrt((off**2).mean())), 3),
         "seen_share": round(float(seen.mean()), 6),
     }
-    return ScanDeviation(chosen, off, figures)
+    return ScanDeviation(chosen, off, places[~seen], figures)
