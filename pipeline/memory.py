@@ -10,7 +10,7 @@ from typing import Any
 _OBJECTS = 50_000  # new objects between two searches for circles of objects
 # Numbers of glibc's mallopt.
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-_KEPT_BYTES = 1 << 28  # at the end of the heap; an array of a million numbers has 8 MB
+_KEPT_BYTES = 1 << 27  # at the end of the heap; an array of a million numbers has 8 MB
 _MAPPED_BYTES = 1 << 26
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pipeline.geometry.sorting import stable_order
+from pipeline.geometry.cells import Cells, cells_of
 
 _CELL_M = 0.5
 # A search in the tree takes 2 us, a comparison with one edge 0.05 us. Each cell takes two searches.
@@ -20,14 +20,6 @@ class NearestEdges:
 
     edge: np.ndarray
     distance_m: np.ndarray
-
-
-@dataclass(frozen=True)
-class _Cells:
-    """Square cells that hold places: their centres (k, 2), m, and for each place (n,) the index of its cell."""
-
-    centre: np.ndarray
-    of_place: np.ndarray
 
 
 def nearest_edges(edges: np.ndarray, places: np.ndarray) -> NearestEdges:
@@ -48,23 +40,11 @@ def nearest_edges(edges: np.ndarray, places: np.ndarray) -> NearestEdges:
         Of edges that are equally near, any.
     """
     tree = shapely.STRtree(shapely.linestrings(edges))
-    cells = _cells_of(places)
-    if len(places) < _DENSE * len(cells.centre):
+    cells = cells_of(places, _CELL_M)
+    if len(places) < _DENSE * len(cells.at):
         return _search(tree, places)
     cell, edge = _candidates(tree, cells)
     return _compare(edges, places, cells, edge[np.lexsort((edge, cell))], np.bincount(cell))
-
-
-def _cells_of(places: np.ndarray) -> _Cells:
-    x, y = np.floor(places.T / _CELL_M).astype(np.int64)
-    west, south = x.min(initial=0), y.min(initial=0)
-    number = (x - west) * (y.max(initial=0) - south + 1) + y - south
-    order = stable_order(number)
-    is_first = np.diff(number[order], prepend=-1) != 0
-    of_place = np.empty(len(places), dtype=np.int64)
-    of_place[order] = np.cumsum(is_first) - 1
-    first = order[is_first]
-    return _Cells((np.column_stack([x[first], y[first]]) + 0.5) * _CELL_M, of_place)
 
 
 def _search(tree: shapely.STRtree, places: np.ndarray) -> NearestEdges:
@@ -74,19 +54,20 @@ def _search(tree: shapely.STRtree, places: np.ndarray) -> NearestEdges:
     return NearestEdges(edge, distance_m)
 
 
-def _candidates(tree: shapely.STRtree, cells: _Cells) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(tree: shapely.STRtree, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of cells and the edges that may be nearest to a place in them.
 
     A place is at most half a diagonal from the centre. So its nearest edge is at most a diagonal farther from the
     centre than the centre's nearest edge.
     """
-    reach_m = _search(tree, cells.centre).distance_m + 1.0001 * np.sqrt(2) * _CELL_M  # and for rounding
-    cell, edge = tree.query(shapely.points(cells.centre), predicate="dwithin", distance=reach_m)
+    centre = (cells.at + 0.5) * _CELL_M
+    reach_m = _search(tree, centre).distance_m + 1.0001 * np.sqrt(2) * _CELL_M  # and for rounding
+    cell, edge = tree.query(shapely.points(centre), predicate="dwithin", distance=reach_m)
     return cell, edge
 
 
 def _compare(
-    edges: np.ndarray, places: np.ndarray, cells: _Cells, candidates: np.ndarray, count: np.ndarray
+    edges: np.ndarray, places: np.ndarray, cells: Cells, candidates: np.ndarray, count: np.ndarray
 ) -> NearestEdges:
     """Return the nearest of the `count` (k,) candidates of each place's cell, which stand one after another."""
     first, many = (np.cumsum(count) - count)[cells.of_place], count[cells.of_place]
