@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pipeline.geometry.cells import Cells, cells_of
+from pipeline.geometry.cells import PlanCells, cells_of
 
 _CELL_M = 0.5
 # A search in the tree takes 2 us, a comparison with one edge 0.05 us. Each cell takes two searches.
@@ -54,7 +54,7 @@ def _search(tree: shapely.STRtree, places: np.ndarray) -> NearestEdges:
     return NearestEdges(edge, distance_m)
 
 
-def _candidates(tree: shapely.STRtree, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(tree: shapely.STRtree, cells: PlanCells) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of cells and the edges that may be nearest to a place in them.
 
     A place is at most half a diagonal from the centre. So its nearest edge is at most a diagonal farther from the
@@ -67,7 +67,7 @@ def _candidates(tree: shapely.STRtree, cells: Cells) -> tuple[np.ndarray, np.nda
 
 
 def _compare(
-    edges: np.ndarray, places: np.ndarray, cells: Cells, candidates: np.ndarray, count: np.ndarray
+    edges: np.ndarray, places: np.ndarray, cells: PlanCells, candidates: np.ndarray, count: np.ndarray
 ) -> NearestEdges:
     """Return the nearest of the `count` (k,) candidates of each place's cell, which stand one after another."""
     first, many = (np.cumsum(count) - count)[cells.of_place], count[cells.of_place]
