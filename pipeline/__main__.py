@@ -7,6 +7,7 @@ import sys
 
 from pipeline.commands import exports, maintenance, new, proofs, worlds
 from pipeline.errors import run_command
+from pipeline.memory import keep_memory
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -31,6 +32,7 @@ def parse(words: list[str]) -> argparse.Namespace:
 
 def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
+    keep_memory()
     arguments = parse(sys.argv[1:])
     return run_command(arguments.command, lambda: arguments.run(arguments))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
+from pipeline.memory import keep_memory
 from pipeline.params.reading.composed import ROOT_PARAMS, composed_section, root_overrides
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
@@ -177,5 +178,6 @@ def _encoded(stage: Stage, key: str, value: Any) -> dict[str, bytes]:
 
 def main(stage: Stage) -> int:
     """Run a stage from the command line; arguments are Hydra overrides. Bad input gives one message and exit code 2."""
+    keep_memory()
     kept = "; earlier artifacts are kept" if (ARTIFACTS / stage.name).is_dir() else ""
     return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:]), f"interrupted{kept}")

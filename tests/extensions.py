@@ -165,14 +165,14 @@ def test_the_world_has_the_zone():
 import numpy as np
 
 from pipeline.compose import compose
-from pipeline.metrics.rock.texture import RockPoints, measure_axes, strict_score
+from pipeline.metrics.rock.texture import RockPoints, measure_axes, strict_score, sweep_walls
 from pipeline.proof.texture import TextureReport
 from pipeline.report.results import ROWS
 
 
 def test_the_axis_is_measured_scored_listed_and_limited():
     points = np.random.default_rng(0).uniform(0, 3.5, (2000, 3))
-    figures = measure_axes(RockPoints(points, [], points, None))
+    figures = measure_axes(RockPoints(points, sweep_walls(points), points, None))
     assert strict_score(figures).axes["mean_height_m"] > 0.99
     assert "- mean height, strict" in [row.title for row in ROWS]
     assert compose([]).validation.limits["texture.published.mean_height_m"].min == 0.5

@@ -101,7 +101,7 @@ class TestDrift:
         on_wall = share == 0
         return {
             "axes": axes,
-            "sweep": sweep,
+            "sweep": sweep.residuals,
             "wall_rms_m": float(displacement[on_wall].std()),
             "roof_rms_m": float(displacement[share > 0.5].std()),
             "gap_p95_m": float(np.percentile(np.abs(displacement[on_wall]), 95)),

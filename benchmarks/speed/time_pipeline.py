@@ -1,4 +1,4 @@
-"""Time `dvc repro` on a clean copy of the project and again without changes, and each stage alone, and their memory."""
+"""Time `dvc repro` on a clean copy of the project and again without changes, each stage alone, and `pipeline new`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import shapely
+
 from baselines.base.markdown import markdown_table, write_table
 from pipeline.compose import compose
 from pipeline.report.results import read_metrics
@@ -18,6 +20,8 @@ from stages.__main__ import STAGES
 
 TABLE = Path("docs/evidence/parts/timings.md")
 _LIMITS = {"compile3d": 5.0, "surface": 25.0, "validation": 90.0}
+_DRIFT_M = (100.0, 4.6)  # the simplest mine
+_NEW_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ def main() -> int:
         for stage in STAGES:
             run = _run(folder, sys.executable, "-m", f"stages.{stage}")
             timed.append((f"stage {stage}", run.seconds, run, _LIMITS.get(stage)))
+        new = _new(folder)
+        timed.append(("new, a drift of 100 m with rock, processor time", new.processor_s, new, _NEW_S))
     text = markdown_table(("run", "seconds", "processor s", "peak MB", "limit, s"), map(_row, timed))
     write_table(TABLE, f"Measured on {os.cpu_count()} cores.\n\n{text}")
     print(text, end="")
@@ -62,6 +68,13 @@ def main() -> int:
     if slow:
         print(f"bench-pipeline: over the limit: {', '.join(slow)}", file=sys.stderr)
     return 2 if slow else 0
+
+
+def _new(folder: str) -> StageRun:
+    """Make the simplest mine from a drawing, with visible rock and all checks."""
+    source = Path(folder) / "drift.geojson"
+    source.write_text(shapely.to_geojson(shapely.box(0, 0, *_DRIFT_M)))
+    return _run(folder, sys.executable, "-m", "pipeline", "new", "drift", "--from", source.name, "--unit", "m")
 
 
 def _row(timed: tuple[str, float, StageRun | None, float | None]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import shapely
 from jaxtyping import Float64
 from shapely.geometry.base import BaseGeometry
 
+from pipeline.geometry.nearest_edges import nearest_edges
 from pipeline.geometry.polyline import points_along
 from pipeline.types import Points2
 
@@ -32,9 +33,7 @@ def distances_to_walls(walls: BaseGeometry, places: np.ndarray) -> Float64[np.nd
     lines = walls if shapely.get_dimensions(walls) == 1 else walls.boundary
     rings = [shapely.get_coordinates(line) for line in shapely.get_parts(lines)]
     edges = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
-    tree = shapely.STRtree(shapely.linestrings(edges))
-    _, distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
-    return np.asarray(distance)
+    return nearest_edges(edges, places).distance_m
 
 
 def points_on_walls(workings: BaseGeometry) -> Points2:

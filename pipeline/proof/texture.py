@@ -37,7 +37,7 @@ from pipeline.params.validation import TextureReportParams
 from pipeline.proof.surface import between, split_long, stretch_centres
 from pipeline.types import DriftNetwork
 
-_HEAT_M, _HEAT_POINTS, _SIGMA_POINTS = 0.5, 12, 30
+_HEAT_M, _HEAT_POINTS = 0.5, 12
 _WALL_POINTS = 400_000
 _ON_WALLS_M = 2.0  # of wall that a stretch in the middle of a room holds at least
 
@@ -214,11 +214,11 @@ def _measure_draw(
         )
     )
     sweep = sweep_walls(wall)
-    sigma = fit_voxel_planes(wall, _HEAT_M, _SIGMA_POINTS).sigma
+    sigma = sweep.bumps.sigma
     return Draw(
         measure_axes(RockPoints(noisy_wall, sweep_walls(noisy_wall), noisy_roof, wavelengths_m[0])),
         measure_axes(RockPoints(wall, sweep, roof, wavelengths_m[1])),
-        sweep,
+        sweep.residuals,
         roof_unevenness_m(roof),
         float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
     )

@@ -92,3 +92,14 @@ def test_volumes_read_scans_and_prove_themselves_without_loading_open3d_or_a_web
         "assert not {'open3d', 'dash'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
+
+
+def test_importing_a_mine_loads_no_pandas():
+    """Pyogrio loads it, and only GeoPackages and Shapefiles are read by pyogrio."""
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys, pipeline.import_mine; print({'pandas', 'pyogrio'} & set(sys.modules))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "set()"

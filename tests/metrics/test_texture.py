@@ -8,6 +8,7 @@ from pipeline.metrics.rock.planefit import fit_voxel_planes, normal_scatter_deg,
 from pipeline.metrics.rock.texture import (
     AXES,
     REAL,
+    WINDOWS_M,
     Axis,
     RockPoints,
     axis_ratios,
@@ -155,7 +156,7 @@ def test_a_folded_wall_has_the_jaggedness_of_its_folds():
 
 
 def test_a_slanting_wall_is_not_jagged():
-    assert wall_jaggedness_deg(wall(lambda x, z: 0.3 * x)) < 0.1
+    assert wall_jaggedness_deg(fit_voxel_planes(wall(lambda x, z: 0.3 * x), 0.30, 30)) < 0.1
 
 
 def test_jaggedness_does_not_depend_on_the_signs_of_normals():
@@ -188,8 +189,9 @@ def test_bump_rq_of_a_wall_along_the_axes_does_not_depend_on_its_place():
     """Without the rotation, a border between voxels cuts the bumps into halves that are each too smooth."""
     rough = wall(lambda x, z: 0.05 * np.sin(2 * np.pi * x / 0.31) * np.sin(2 * np.pi * z / 0.37))
     border, middle = (rough + np.array([0, y, 0]) for y in (2.5, 2.75))
-    assert bump_rq_m(border) < 0.8 * bump_rq_m(middle)
-    on_border, inside = bump_rq_m(rotate_about_z(border)), bump_rq_m(rotate_about_z(middle))
+    bump_m = [bump_rq_m(fit_voxel_planes(points, 0.50, 30)) for points in (border, middle)]
+    assert bump_m[0] < 0.8 * bump_m[1]
+    on_border, inside = (bump_rq_m(fit_voxel_planes(rotate_about_z(points), 0.50, 30)) for points in (border, middle))
     assert on_border == pytest.approx(inside, rel=0.03)
 
 
@@ -197,4 +199,26 @@ def test_the_integral_of_a_constant_roughness_is_its_area():
     rng = np.random.default_rng(6)
     points = wall(lambda x, z: 0.01 * rng.standard_normal(len(x)), n=500_000, length=8.0)
     points[:, 1] += 0.05
-    assert roughness_integral_m2(sweep_walls(points)) == pytest.approx(1.9 * 0.01 * math.sqrt(2 / math.pi), rel=0.08)
+    assert roughness_integral_m2(sweep_walls(points).residuals) == pytest.approx(
+        1.9 * 0.01 * math.sqrt(2 / math.pi), rel=0.08
+    )
+
+
+def test_planes_of_full_voxels_are_those_fitted_to_them_alone():
+    rng = np.random.default_rng(7)
+    points = wall(lambda x, z: 0.15 + 0.02 * rng.standard_normal(len(x)), n=40_000)
+    kept, fitted = fit_voxel_planes(points, 0.30, 20).holding(35), fit_voxel_planes(points, 0.30, 35)
+    assert 10 < len(fitted.count) < len(fit_voxel_planes(points, 0.30, 20).count)
+    for name, values in vars(fitted).items():
+        np.testing.assert_array_equal(vars(kept)[name], values)
+
+
+def test_planes_are_fitted_once_for_each_size_of_voxels(monkeypatch):
+    sizes = []
+    monkeypatch.setattr(
+        "pipeline.metrics.rock.texture.fit_voxel_planes",
+        lambda points, size, least: sizes.append(size) or fit_voxel_planes(points, size, least),
+    )
+    plane = wall(lambda x, z: np.zeros_like(x))
+    measure_axes(RockPoints(plane, sweep_walls(plane), plane, None))
+    assert [size for size in sizes if np.isscalar(size)] == list(WINDOWS_M)

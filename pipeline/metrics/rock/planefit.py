@@ -28,6 +28,20 @@ class VoxelPlanes:
     start: np.ndarray
     count: np.ndarray
 
+    def holding(self, min_points: int) -> VoxelPlanes:
+        """Return the planes of the voxels that hold at least so many points."""
+        kept = self.count >= min_points
+        count = self.count[kept]
+        return VoxelPlanes(
+            self.cell[kept],
+            self.centre[kept],
+            self.normal[kept],
+            self.sigma[kept],
+            self.residual[np.repeat(kept, self.count)],
+            np.cumsum(count) - count,
+            count,
+        )
+
 
 @dataclass(frozen=True)
 class Residuals:
@@ -94,24 +108,24 @@ def _in_order(cells: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 def sweep_residuals(points: np.ndarray, windows_m: tuple[float, ...], min_points: int) -> list[Residuals]:
     """Return the residuals for each voxel size; sizes at which no voxel has enough points are left out."""
-    swept = []
-    for window in windows_m:
-        planes = fit_voxel_planes(points, window, min_points)
-        if not len(planes.count):
-            continue
-        size = np.abs(planes.residual)
-        peak = np.maximum.reduceat(planes.residual, planes.start) - np.minimum.reduceat(planes.residual, planes.start)
-        swept.append(
-            Residuals(
-                window,
-                float(size.mean()),
-                float(np.sqrt((size**2).mean())),
-                float(peak.mean()),
-                float(np.percentile(size, 95)),
-                len(planes.count),
-            )
-        )
-    return swept
+    fitted = (residuals_of(fit_voxel_planes(points, window, min_points), window) for window in windows_m)
+    return [found for found in fitted if found is not None]
+
+
+def residuals_of(planes: VoxelPlanes, window_m: float) -> Residuals | None:
+    """Return the residuals to the planes of voxels of one size; None without a plane."""
+    if not len(planes.count):
+        return None
+    size = np.abs(planes.residual)
+    peak = np.maximum.reduceat(planes.residual, planes.start) - np.minimum.reduceat(planes.residual, planes.start)
+    return Residuals(
+        window_m,
+        float(size.mean()),
+        float(np.sqrt((size**2).mean())),
+        float(peak.mean()),
+        float(np.percentile(size, 95)),
+        len(planes.count),
+    )
 
 
 def normal_scatter_deg(planes: VoxelPlanes) -> np.ndarray:

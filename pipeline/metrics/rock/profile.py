@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from shapely import LinearRing
 
+from pipeline.geometry.nearest_edges import nearest_edges
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.planefit import fit_voxel_planes
@@ -208,15 +208,12 @@ def project_on_rings(rings: list[LinearRing], places: np.ndarray) -> tuple[np.nd
         ring.append(np.full(len(size), k))
         before.append(np.concatenate([[0.0], np.cumsum(size)[:-1]]))
     a, b, number, passed = (np.concatenate(v) for v in (starts, ends, ring, before))
-    tree = shapely.STRtree(shapely.linestrings(np.stack([a, b], axis=1)))
-    (point, piece), distance = tree.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
-    nearest = np.empty(len(places), dtype=int)
-    nearest[point] = piece
+    found = nearest_edges(np.stack([a, b], axis=1), places)
+    nearest = found.edge
     step = b[nearest] - a[nearest]
     share = ((places - a[nearest]) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-30)
-    from_ring = np.empty(len(places))
-    from_ring[point] = distance
-    return number[nearest], passed[nearest] + np.clip(share, 0, 1) * np.linalg.norm(step, axis=1), from_ring
+    on_piece = np.clip(share, 0, 1) * np.linalg.norm(step, axis=1)
+    return number[nearest], passed[nearest] + on_piece, found.distance_m
 
 
 def arc_windows(along: np.ndarray, offset: np.ndarray, step_m: float, window_m: float) -> list[np.ndarray]:

@@ -13,12 +13,20 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from pipeline.geometry.cells import cells_of
 from pipeline.geometry.polyline import rings_of
 from pipeline.geometry.sorting import stable_order
-from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes, normal_scatter_deg, sweep_residuals
+from pipeline.metrics.rock.planefit import (
+    Residuals,
+    VoxelPlanes,
+    fit_voxel_planes,
+    normal_scatter_deg,
+    residuals_of,
+)
 from pipeline.metrics.rock.profile import arc_windows, project_on_rings, tapered
 
 WINDOWS_M = (0.10, 0.15, 0.20, 0.30, 0.50, 1.00, 2.00)
+_JAG_M, _BUMP_M = 0.30, 0.50  # the paper's
 _MIN_POINTS = 30
 _SWEEP_MIN_POINTS = 20  # 0.10 m voxels hold about 30 of the sample's points
 _SLAB_M, _SLAB_POINTS, _RESAMPLED = 0.05, 400, 1024
@@ -35,11 +43,20 @@ TextureAxes = dict[str, float | None]
 
 
 @dataclass(frozen=True)
+class WallSweep:
+    """Residuals of walls to the planes of voxels of 0.10 to 2.00 m, and the planes of two sizes that axes read."""
+
+    residuals: list[Residuals]
+    jags: VoxelPlanes
+    bumps: VoxelPlanes
+
+
+@dataclass(frozen=True)
 class RockPoints:
-    """What an axis is measured on: points (n, 3) m of walls and roof, the walls' residuals, the dominant wavelength."""
+    """What an axis is measured on: points (n, 3) m of walls and roof, the walls' planes, the dominant wavelength."""
 
     walls: np.ndarray
-    sweep: list[Residuals]
+    sweep: WallSweep
     roof: np.ndarray
     wavelength_m: float | None
 
@@ -79,23 +96,27 @@ def rotate_about_z(points: np.ndarray) -> np.ndarray:
     return points @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def wall_jaggedness_deg(walls: np.ndarray) -> float | None:
+def wall_jaggedness_deg(planes: VoxelPlanes) -> float | None:
     """Return the mean angle between normals of 0.30 m voxels and the mean normals around them; None without."""
-    planes = fit_voxel_planes(walls, 0.30, _MIN_POINTS)
     angles = normal_scatter_deg(planes) if len(planes.count) > 1 else np.zeros(0)
     return float(angles.mean()) if len(angles) else None
 
 
-def bump_rq_m(walls: np.ndarray) -> float | None:
+def bump_rq_m(planes: VoxelPlanes) -> float | None:
     """Return the mean RMS plane residual of 0.50 m voxels with a residual from 0.1 mm to 0.5 m; None without."""
-    sigma = fit_voxel_planes(walls, 0.50, _MIN_POINTS).sigma
-    kept = sigma[(sigma > 1e-4) & (sigma < 0.5)]
+    kept = planes.sigma[(planes.sigma > 1e-4) & (planes.sigma < 0.5)]
     return float(kept.mean()) if len(kept) else None
 
 
-def sweep_walls(walls: np.ndarray) -> list[Residuals]:
-    """Return the plane residuals of walls for voxels of 0.10 to 2.00 m."""
-    return sweep_residuals(walls, WINDOWS_M, _SWEEP_MIN_POINTS)
+def sweep_walls(walls: np.ndarray) -> WallSweep:
+    """Fit planes to walls in voxels of 0.10 to 2.00 m, of each size once."""
+    residuals, kept = [], {}
+    for window in WINDOWS_M:
+        planes = fit_voxel_planes(walls, window, _SWEEP_MIN_POINTS)
+        residuals.append(residuals_of(planes, window))
+        if window in (_JAG_M, _BUMP_M):
+            kept[window] = planes.holding(_MIN_POINTS)
+    return WallSweep([found for found in residuals if found is not None], kept[_JAG_M], kept[_BUMP_M])
 
 
 def roughness_integral_m2(sweep: list[Residuals]) -> float | None:
@@ -125,10 +146,9 @@ def roof_irregularity_m(roof: np.ndarray) -> float | None:
 
 def roof_unevenness_m(roof: np.ndarray) -> float:
     """Return the alternative reading of the roof axis: the RMS of the cells' mean heights about one quadratic."""
-    cell, index, count = np.unique(
-        np.floor(roof[:, :2] / _ROOF_CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
-    )
-    index = index.ravel()
+    cells = cells_of(roof[:, :2], _ROOF_CELL_M)
+    cell, index = cells.at, cells.of_place
+    count = np.bincount(index)
     keep = count >= _ROOF_POINTS
     if keep.sum() < 7:
         return 0.0
@@ -195,11 +215,11 @@ def _slabs(walls: np.ndarray) -> list[np.ndarray]:
 # returns.
 AXES: dict[str, Axis] = {
     "wall_jaggedness_deg": Axis(
-        "wall jaggedness", lambda rock: wall_jaggedness_deg(rock.walls), 37.477, 26.246, 0.9758
+        "wall jaggedness", lambda rock: wall_jaggedness_deg(rock.sweep.jags), 37.477, 26.246, 0.9758
     ),
-    "bump_rq_m": Axis("bump Rq", lambda rock: bump_rq_m(rock.walls), 0.055162, 0.019943, 0.8189),
+    "bump_rq_m": Axis("bump Rq", lambda rock: bump_rq_m(rock.sweep.bumps), 0.055162, 0.019943, 0.8189),
     "roughness_integral_m2": Axis(
-        "roughness integral", lambda rock: roughness_integral_m2(rock.sweep), 0.149121, 0.050549, 0.7978
+        "roughness integral", lambda rock: roughness_integral_m2(rock.sweep.residuals), 0.149121, 0.050549, 0.7978
     ),
     "dominant_wavelength_m": Axis("dominant wavelength", lambda rock: rock.wavelength_m, 1.75749, 1.463839, 0.9936),
     "roof_irregularity_m": Axis(

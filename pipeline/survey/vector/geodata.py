@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pyogrio
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -20,10 +19,6 @@ from pipeline.survey.vector.level_fields import require_field, text_of
 from pipeline.survey.vector.other_kinds import MULTIPATCH, NO_GEOMETRY
 from pipeline.survey.vector.shapes import Shapes, require_size
 
-_READ_ERRORS = tuple(
-    getattr(pyogrio.errors, name)
-    for name in ("DataSourceError", "DataLayerError", "FeatureError", "GeometryError", "FieldError", "CRSError")
-)
 # GDAL chooses a driver by the content, and some drivers open other files that the content names. So check the content.
 _MAGIC = {".gpkg": b"SQLite format 3\x00", ".shp": b"\x00\x00\x27\x0a"}
 _NOT_SUPPORTED = "Geometry type is not supported"  # pyogrio, of a layer declared as TIN or polyhedral surface
@@ -73,7 +68,7 @@ def read_geodata(path: Path, layers: list[str] | None, level_by: str | None = No
             warnings.simplefilter("ignore", UserWarning)  # of measures; they are counted
             found = _read_layers(path, source, layers, level_by)
     # pyogrio raises UnboundLocalError on a broken .prj
-    except (*_READ_ERRORS, shapely.GEOSException, ValueError, UnboundLocalError) as error:
+    except (*_read_errors(), shapely.GEOSException, ValueError, UnboundLocalError) as error:
         raise InputError(f"{path}: {_reason(path, str(error))}") from error
     if len(found.systems) > 1:
         raise InputError(
@@ -85,6 +80,13 @@ def read_geodata(path: Path, layers: list[str] | None, level_by: str | None = No
     warn_of_kinds(path, found.kinds)
     others = {kind: count for kind, count in found.kinds.items() if kind not in (CURVE, MEASURED)}
     return Shapes(found.shapes, None, next(iter(found.systems), None), found.layer_of, others, found.fields)
+
+
+def _read_errors() -> tuple[type[Exception], ...]:
+    from pyogrio import errors
+
+    names = ("DataSourceError", "DataLayerError", "FeatureError", "GeometryError", "FieldError", "CRSError")
+    return tuple(getattr(errors, name) for name in names)
 
 
 def _reason(path: Path, message: str) -> str:
@@ -102,6 +104,8 @@ def _reason(path: Path, message: str) -> str:
 
 def _read_layers(path: Path, source: Path | bytes, layers: list[str] | None, level_by: str | None) -> _Found:
     """Return the shapes of layers with the names of their layers, or their levels by a property."""
+    import pyogrio  # loads pandas, and few surveys are GeoPackages or Shapefiles
+
     found = _Found()
     existing = [str(name) for name in pyogrio.list_layers(source)[:, 0]]
     unknown = sorted(set(layers or []) - set(existing))

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
-from pyogrio.errors import DataLayerError, DataSourceError
 
 from pipeline.guard.reading_process import warn_user
 
@@ -66,6 +64,9 @@ def stored_kinds(source: Path | bytes, layer: str, count: int) -> Counter[str]:
 
 def _first_column(source: bytes, sql: str) -> list[Any]:
     """Return the first column of what a query of a GeoPackage gives; nothing if it fails, as of an unusual view."""
+    import pyogrio
+    from pyogrio.errors import DataLayerError, DataSourceError
+
     try:
         return list(pyogrio.raw.read(source, sql=sql)[3][0].tolist())
     except (DataSourceError, DataLayerError):
