@@ -9,7 +9,6 @@ import manifold3d
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-
 from pipeline.survey.clouds.voxels import cells_at, keys_of
 
 _RANGE_M = 40.0

@@ -161,8 +161,7 @@ def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
     shape = (len(places), len(far), _RING)
     free = Inside(volume).distance_m(beside).reshape(shape) > 0
     rise = np.abs(np.diff(drop(volume.vertices, volume.faces, beside)[1].reshape(shape), axis=1))
-    found: np.ndarray = (~(free[:, 1:] & free[:, :-1]) | (rise <= STEEPEST * _STEP_M)).all(axis=(1, 2))
-    return found
+    return np.asarray((~(free[:, 1:] & free[:, :-1]) | (rise <= STEEPEST * _STEP_M)).all(axis=(1, 2)))
 
 
 def run_for(model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
