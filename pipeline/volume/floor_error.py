@@ -23,6 +23,7 @@ _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
 _OVER_M = 0.3  # over an edge, where it is free for a robot
 ON_WALL_M = 0.005  # in rock: stations may be on a wall, which is where it was within 4 mm
 _ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
+_ROUNDING = 1e-6  # of a slope: a leg may be as steep as the steepest that is driven on
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
 
@@ -81,7 +82,7 @@ def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> Floo
     hit, height = drop(volume.vertices, volume.faces, start)
     off = height - places[:, 2]
     on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(off) < _STEP_MOST_M)
-    other = _other_working(union, places, owner)
+    other = _other_working(union, network, places, owner)
     listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
     error = np.abs(off)[on_floor & ~listed]
     ledges, steps = _steps(volume, network, places)
@@ -110,13 +111,17 @@ def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     return float(weight[inside].sum() / weight.sum())
 
 
-def _other_working(union: Volume, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """Return the leg (n,) in whose working each place lies, -1 for its own."""
+def _other_working(union: Volume, network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """Return the leg (n,) in whose working each place lies, -1 for its own.
+
+    A prism on a station is the working of the legs near it.
+    """
     hit, height = drop(union.vertices, union.faces, places + np.array([0, 0, _ABOVE_M]))
     piece = union.source[hit]
     leg = np.array([one.shot for one in union.pieces])[piece]
-    is_leg = np.array([len(one.sections) > 1 for one in union.pieces])[piece]  # others are on a station
-    found: np.ndarray = np.where((hit >= 0) & is_leg & (leg != owner) & (places[:, 2] - height > _OFF_M), leg, -1)
+    is_leg = np.array([len(one.sections) > 1 for one in union.pieces])[piece]
+    is_other = np.where(is_leg, leg != owner, ~network.near_legs(NEAR_M).has(leg, owner))
+    found: np.ndarray = np.where((hit >= 0) & is_other & (places[:, 2] - height > _OFF_M), leg, -1)
     return found
 
 
@@ -138,9 +143,13 @@ def _steps(
     """Return the steps of more than 1 cm, and the largest, m, on the ways, where two legs meet, and elsewhere.
 
     A step is from a floor's facet down or up to another floor 5 cm beyond its edge, the least between their planes on
-    the way: floors that meet in a kink have none. Legs meet that are within 5 m of each other along the survey.
+    the way: floors that meet in a kink have none. Both facets are flat enough to drive on: where a ledge begins, the
+    floor about its end is steeper, and no robot comes there. Legs meet that are within 5 m of each other along the
+    survey.
     """
     floor = volume.label == Label.FLOOR
+    east, north, down = volume.normals.T
+    drivable = np.hypot(east, north) <= -(STEEPEST + _ROUNDING) * down
     beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}
     edges = np.array(
         [(a, b, k) for (a, b), k in beside.items() if floor[k] and not floor[beside.get((b, a), k)]]
@@ -156,7 +165,7 @@ def _steps(
     hit, step = _across(volume, floor, edges[:, 2], middle, out)
     for share in _ENDS:  # what is a wall at an end is the end of a wall
         step = np.maximum(step, _across(volume, floor, edges[:, 2], a + share * (b - a), out)[1])
-    good = (hit >= 0) & (step < _STEP_MOST_M) & _open(volume, middle, out)
+    good = (hit >= 0) & (step < _STEP_MOST_M) & drivable[edges[:, 2]] & drivable[hit] & _open(volume, middle, out)
     shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
     pairs = np.column_stack([shot[edges[good, 2]], shot[hit[good]]])
     step, length = step[good], length[good]

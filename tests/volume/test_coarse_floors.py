@@ -55,6 +55,12 @@ def test_a_mesh_without_the_vertices_that_it_does_not_need_is_closed_and_does_no
     assert {tuple(place) for place in after.vertices.tolist()} <= {tuple(place) for place in before.vertices.tolist()}
 
 
+def test_a_floor_keeps_7_mm_to_the_survey_all_along_its_legs_as_vertices_go(tmp_path):
+    network, rough, before, after, _ = solved(GateCase("mine 14", table_of("mine", 14)), tmp_path)
+    assert measure_floor(before, network, rough).error_m < 0.007
+    assert measure_floor(after, network, rough).error_m < 0.0071
+
+
 def test_a_floor_from_which_a_wall_goes_down_keeps_its_step(tmp_path):
     network, rough, before, after, _ = solved(GateCase("mine 4", table_of("mine", 4)), tmp_path)
     step = measure_floor(before, network, rough).step_m

@@ -57,6 +57,12 @@ def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_
     assert not certify("", {}, limits).holds
 
 
+def test_a_certificate_for_which_no_ball_was_pushed_does_not_hold():
+    limits = applying_limits(proof(), {"balls": {}})
+    held = [certify("", {"balls.throws": throws, "balls.escapes": 0}, limits).holds for throws in (0, 1)]
+    assert held == [False, True]
+
+
 def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
     mutant = with_parts(opened, lambda k, corners: None if k == 0 else corners)
     found = validated(mutant, ramp.legs)

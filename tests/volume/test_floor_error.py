@@ -1,0 +1,40 @@
+"""Which differences and steps of floors are measured against a survey."""
+
+from benchmarks.comparisons.volume.cases import GateCase
+from benchmarks.comparisons.volume.random_volumes import table_of
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.floors import solve_floors
+from pipeline.volume.union import pieces_of, unite
+from tests.heights import HEADER
+
+# A level drift, and a ramp that falls by 4 m in 15 m and parts from it by 25 deg.
+PARTING = "A,0,-10,0,2,2,0,3,0\nA,1,0,0,2,2,0,3,0\nA,2,15,0,2,2,0,3,0\nB,1,0,0,2,2,0,3,0\nB,3,13.6,6.34,2,2,-4,3,0\n"
+# Three legs that rise from a station, whose prism is level, and a drift 5 cm over it that leaves from elsewhere.
+OVER_A_STATION = (
+    "A,j,0,0,4,4,0,3,0\nA,a,20,0,4,4,6,3,0\nB,j,0,0,4,4,0,3,0\nB,b,-10,17.3,4,4,6,3,0\n"
+    "C,j,0,0,4,4,0,3,0\nC,c,-10,-17.3,4,4,6,3,0\n"
+    "D,a,20,0,2,2,6,3,0\nD,e,30,-25,2,2,3,3,0\nD,f,0.5,-25,2,2,0.05,3,0\nD,g,0.5,9,2,2,0.05,3,0\n"
+)
+
+
+def built(table, folder):
+    network = GateCase("test", table).network(folder)
+    return network, unite(network, pieces_of(network))
+
+
+def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
+    network, rough = built(HEADER + PARTING, tmp_path)
+    assert measure_floor(rough, network, rough).step_m > 0.4
+    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
+
+
+def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_path):
+    network, rough = built(table_of("cave", 15), tmp_path)
+    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
+
+
+def test_a_leg_over_the_deeper_prism_of_a_station_elsewhere_lies_in_that_working(tmp_path):
+    network, rough = built(HEADER + OVER_A_STATION, tmp_path)
+    found = measure_floor(rough, network, rough)
+    over_prism = sum(place.share for place in found.elsewhere if place.leg == "f to g")
+    assert over_prism > 0.15  # 8 m of 34 m
