@@ -70,6 +70,13 @@ class LimitError(MineError):
     """A measured value breaches its limit in `conf/validation`."""
 
 
+def describe_missing(error: ModuleNotFoundError) -> str:
+    """Return which package is not installed and the way on; nothing if a module of this project is missing."""
+    if error.name is None or error.name.partition(".")[0] in _OURS:
+        return ""
+    return f"{error.name} is not installed for {sys.executable}; run `make setup`"
+
+
 def run_command(name: str, command: Callable[[], object], interrupted: str = "interrupted") -> int:
     """Run a command; return its exit code: 2 after an expected error, 130 after Ctrl-C or SIGTERM.
 
@@ -94,9 +101,10 @@ def run_command(name: str, command: Callable[[], object], interrupted: str = "in
         print(f"{name}: {describe_os_error(error)}", file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in _OURS:
+        missing = describe_missing(error)
+        if not missing:
             raise
-        print(f"{name}: {error.name} is not installed for {sys.executable}; run `make setup`", file=sys.stderr)
+        print(f"{name}: {missing}", file=sys.stderr)
         return 2
     except BaseException as error:
         # Interrupted while it is imported, a library raises an error of its own.

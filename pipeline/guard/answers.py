@@ -17,6 +17,7 @@ from pipeline.errors import (
     MineError,
     ParamsError,
     UnexpectedError,
+    describe_missing,
     describe_os_error,
 )
 from pipeline.guard.process_limits import resolve
@@ -87,6 +88,10 @@ def _answer_to(task: str, arguments: dict[str, Any]) -> Answer:
         return Answer(Header(error="MemoryError"))
     except (PermissionError, FileNotFoundError) as error:  # another user's file, or it vanished
         return Answer(Header(error="InputError", message=f"{describe_os_error(error)}; it cannot be read"))
+    except ModuleNotFoundError as error:
+        missing = describe_missing(error)
+        kind = "InputError" if missing else "UnexpectedError"
+        return Answer(Header(error=kind, message=missing or f"{type(error).__name__}: {error}"[:1000]))
     except Exception as error:  # a library's exception that the reader does not name
         no_memory = "bad_alloc" in str(error) or "Insufficient memory" in str(error)  # C++ libraries
         kind = "MemoryError" if no_memory else "UnexpectedError"
