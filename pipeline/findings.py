@@ -29,10 +29,10 @@ _WIDTH_OPTIONS = {
 }
 
 
-def findings_of(detected: Detection, conf: Path) -> list[Remark]:
-    """Return a remark for each value that was detected; `conf` is the survey section that states it."""
+def findings_of(detected: Detection, conf: Path | None) -> list[Remark]:
+    """Return a remark for each value that was detected; `conf` is the survey section that states it, if it is kept."""
     return [
-        Remark(f"read as {_KINDS[detected.values['kind']]}", option=str(conf)),
+        Remark(f"read as {_KINDS[detected.values['kind']]}", option=str(conf or "")),
         *_of_picture(detected),
         *_of_scale(detected),
         *_of_width(detected),

@@ -80,10 +80,10 @@ def require_name(name: str) -> None:
         raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
 
 
-def draft_import(name: str, source: Path, stated: StatedOptions) -> ImportDraft:
+def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
     """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
-    `warn_user` lists what is guessed, with the option that overrules it.
+    `warn_user` lists what is guessed, with the option that overrules it: the survey section only where it `is_kept`.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions) -> ImportDraft:
         detected.values["trajectory"] = copies[stated.trajectory].as_posix()
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
-    for remark in findings_of(detected, conf):
+    for remark in findings_of(detected, conf if is_kept else None):
         warn_user(remark)
     return ImportDraft(name, section, copies, detected.picture)
 

@@ -48,7 +48,7 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
     MineError
         As `new`, as far as stage 2 finds the workings.
     """
-    draft = draft_import(name, source, stated)
+    draft = draft_import(name, source, stated, is_kept=False)
     if draft.section is None:
         return DryRun([], _read(compose([f"survey={name}", *overrides])))
     copies = {file.absolute(): target for file, target in draft.copies.items()}

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 _PR_SET_PDEATHSIG, _M_ARENA_MAX = 1, -8
@@ -40,6 +41,14 @@ def die_with_parent(parent: int) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # the parent ended before the request
         os._exit(1)
+
+
+def processor_s(pid: int) -> float:
+    """Return the processor time of a process, and of its children that have ended, s; 0 if it is gone."""
+    with suppress(OSError):
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()  # a name in front may have spaces
+        return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+    return 0.0
 
 
 def restrict(memory_bytes: int, seconds: float, file_bytes: int = 0) -> None:

@@ -23,11 +23,13 @@ import cv2
 
 from pipeline.errors import InputError
 from pipeline.guard.answers import HEADER_BYTES, Payload, answer_to, decode, one_line
-from pipeline.guard.process_limits import die_with_parent, has_limits, restrict
+from pipeline.guard.process_limits import die_with_parent, has_limits, processor_s, restrict
 from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
 from pipeline.remarks import warn_user
 
 _CHUNK = 1 << 20
+_LOOK_S = 0.1  # between two looks at the processor time of a reader
+_CLOCK = 5.0  # the limit by the clock, in limits of processor time: a busy machine leaves a reader a part of a core
 _UNBOUNDED = (
     "this system limits no process: what reads this file is bounded in neither memory nor time; "
     "read only files that you trust"
@@ -60,7 +62,7 @@ def run_limited(
     subject : str
         The file; every message names it.
     extra_s : float
-        Time in addition to the limit.
+        Processor time in addition to the limit, s. By the clock, five times the limit may pass.
     fresh : bool
     scratch_bytes : int
         How large the temporary files are that the task may write; 0: it writes none. They lie in a folder that this
@@ -83,7 +85,7 @@ def run_limited(
             folder = stack.enter_context(kept)
         pid, answer = begin(task, arguments, seconds, folder, scratch_bytes)
         try:
-            data = _receive(answer, subject, limits, start, seconds)
+            data = _receive(pid, answer, subject, limits, start, seconds)
         except BaseException:
             _kill(pid)
             raise
@@ -172,20 +174,20 @@ def serve(
             file.write(part)
 
 
-def _receive(answer: int, subject: str, limits: ReaderLimits, start: float, seconds: float) -> bytearray:
-    """Return all bytes that the child writes before it ends."""
+def _receive(pid: int, answer: int, subject: str, limits: ReaderLimits, start: float, seconds: float) -> bytearray:
+    """Return all bytes that the child writes before it ends; `seconds` limits its processor time."""
     data = bytearray()
     poll = select.poll()
     poll.register(answer, select.POLLIN | select.POLLHUP)
     notice = start + limits.notice_s
     while True:
         now = time.monotonic()
-        if now - start > seconds:
-            raise InputError(f"{subject}: not read within {seconds:.0f} s, the limit (time_s in {FILE})")
+        _require_in_time(pid, subject, now - start, seconds)
         if now >= notice:
-            print(f"{subject}: still reading after {now - start:.0f} s, the limit is {seconds:.0f} s", file=sys.stderr)
+            limit = f"the limit is {seconds:.0f} s of processor time"
+            print(f"{subject}: still reading after {now - start:.0f} s, {limit}", file=sys.stderr)
             notice += 2 * limits.notice_s
-        if not poll.poll(1000 * max(0.01, min(notice, start + seconds + 0.05) - now)):
+        if not poll.poll(1000 * _LOOK_S):
             continue
         chunk = os.read(answer, _CHUNK)
         if not chunk:
@@ -196,6 +198,20 @@ def _receive(answer: int, subject: str, limits: ReaderLimits, start: float, seco
                 f"{subject}: reading it gives more than {limits.output_bytes:,} bytes, the limit "
                 f"(output_bytes in {FILE})"
             )
+
+
+def _require_in_time(pid: int, subject: str, elapsed_s: float, seconds: float) -> None:
+    """Refuse a reader that computes for longer than its limit, or sleeps for several times as long."""
+    if elapsed_s <= seconds:  # several cores may have given more, which is no reason to end it
+        return
+    used_s = processor_s(pid)
+    if used_s > seconds:
+        raise InputError(f"{subject}: not read within {seconds:.0f} s of processor time, the limit (time_s in {FILE})")
+    if elapsed_s > _CLOCK * seconds:
+        raise InputError(
+            f"{subject}: not read within {_CLOCK * seconds:.0f} s by the clock, {_CLOCK:g} times the limit (time_s in "
+            f"{FILE}), of which it computed for {used_s:.0f} s; try again when the machine does less"
+        )
 
 
 def _raise_ended(subject: str, status: int, limits: ReaderLimits) -> NoReturn:

@@ -143,7 +143,7 @@ def test_work_without_end_is_ended_by_the_limit_on_time(tmp_path, monkeypatch):
     (tmp_path / "data").mkdir()
     path = tmp_path / "data" / "mine.gpkg"
     path.write_bytes(HOSTILE["geopackage"]["view that counts without end"]()["mine.gpkg"])
-    with pytest.raises(MineError, match=r"mine\.gpkg: not read within 1 s, the limit \(time_s in"):
+    with pytest.raises(MineError, match=r"mine\.gpkg: not read within 1 s of processor time, the limit \(time_s in"):
         READERS["geopackage"](path)
     assert [p.name for p in path.parent.iterdir()] == ["mine.gpkg"]
 

@@ -55,7 +55,9 @@ def test_the_plan_of_a_survey_is_drawn_where_asked(project, capsys):
     (project / "own.csv").write_text(TINY_STATIONS)
     before = files(project)
     assert dry_run("--from", "own.csv", "--detected", "seen.png", "compile3d.height_m=2.8") == 0
-    assert "read as a station survey" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "read as a station survey" in err
+    assert "conf/survey/" not in err  # no section is written
     assert (cv2.imread("seen.png") < 128).mean() > 0.02  # the drifts
     assert set(files(project)) == {*before, "seen.png"}
 

@@ -35,6 +35,12 @@ def doubt():
 
 def sleep(seconds):
     time.sleep(seconds)
+    return Payload(seconds)
+
+
+def compute(seconds):
+    while time.process_time() < seconds:
+        pass
 
 
 def allocate(size):
@@ -76,6 +82,7 @@ def tasks(monkeypatch):
         give_back,
         doubt,
         sleep,
+        compute,
         allocate,
         return_zeros,
         die,
@@ -105,14 +112,21 @@ def children_of_this_process():
     return {pid for task in Path("/proc/self/task").iterdir() for pid in (task / "children").read_text().split()}
 
 
-def test_a_reader_that_takes_too_long_is_ended_and_progress_is_shown(monkeypatch, capsys):
-    set_limits(monkeypatch, time_s=0.6, notice_s=0.2)
+def test_a_reader_that_sleeps_is_ended_by_the_clock_and_progress_is_shown(monkeypatch, capsys):
+    set_limits(monkeypatch, time_s=0.2, notice_s=0.2)
     before, start = children_of_this_process(), time.monotonic()
-    with pytest.raises(InputError, match=r"mine\.dxf: not read within 1 s, the limit \(time_s in conf/reader_limits"):
+    with pytest.raises(InputError, match=r"mine\.dxf: not read within 1 s by the clock, 5 times the limit \(time_s in"):
         run_limited("sleep", {"seconds": 30}, "mine.dxf")
     assert time.monotonic() - start < 5
-    assert "mine.dxf: still reading after 0 s, the limit is 1 s" in capsys.readouterr().err
+    assert "mine.dxf: still reading after 0 s, the limit is 0 s of processor time" in capsys.readouterr().err
     assert children_of_this_process() == before  # the reader has ended
+
+
+def test_a_reader_is_ended_by_its_own_processor_time_and_not_by_what_other_programs_take(monkeypatch):
+    set_limits(monkeypatch, time_s=0.5)
+    assert run_limited("sleep", {"seconds": 0.8}, "mine.dxf").values == 0.8  # other programs have the processor
+    with pytest.raises(InputError, match=r"mine\.dxf: not read within 0 s of processor time, the limit \(time_s in"):
+        run_limited("compute", {"seconds": 30}, "mine.dxf")
 
 
 @pytest.mark.parametrize("size", [4_500_000_000, 10**15])

@@ -44,6 +44,21 @@ class LevelsError(DrawingError):
     """A drawing shows several levels, and none is stated."""
 
 
+class BesideError(DrawingError):
+    """Workings without any other doubt have another drawing, or a title in large letters, beside them."""
+
+
+def more_helpful(doubt: GeometryError | None, error: GeometryError) -> GeometryError:
+    """Return which of the doubts about two readings is shown: the first, unless it says less of the way on.
+
+    A reading beside which something lies is right after a crop, and has passed all other checks. A doubt that shows
+    what was found says more than one that does not.
+    """
+    if doubt is None or (isinstance(error, DrawingError) and not isinstance(doubt, DrawingError)):
+        return error
+    return error if isinstance(error, BesideError) and not isinstance(doubt, LevelsError) else doubt
+
+
 def require_agreement(mask: Mask, other: Mask) -> None:
     """Refuse workings that another reading gives otherwise."""
     iou = float((mask & other).sum() / max(1, (mask | other).sum()))
@@ -194,7 +209,7 @@ def require_taken(lines: Mask, mask: Mask, width: float, reach_px: float) -> Non
 
 
 def require_alone(lines: Mask, mask: Mask, join_px: float = 0.0) -> None:
-    """Refuse workings beside another large drawing: lines as extended as the workings that are no box and no ruler.
+    """Refuse workings beside a large drawing or title: lines as extended as the workings that are no box and no ruler.
 
     Lines within twice `join_px` of each other count as one: walls have gaps.
     """
@@ -208,8 +223,8 @@ def require_alone(lines: Mask, mask: Mask, join_px: float = 0.0) -> None:
         piece = labels[top : top + height, left : left + width] == k
         border = [piece[:4].any(axis=0), piece[-4:].any(axis=0), piece[:, :4].any(axis=1), piece[:, -4:].any(axis=1)]
         if np.mean(np.concatenate(border)) < _BOX and not _is_circle(piece):
-            raise DrawingError(
-                f"another drawing of {width} x {height} px lies beside the workings, at ({left}, {top}); "
+            raise BesideError(
+                f"another drawing of {width} x {height} px, or a title, lies beside the workings, at ({left}, {top}); "
                 "--crop COL0,ROW0,COL1,ROW1 leaves it out",
                 mask,
             )

@@ -13,8 +13,8 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.candidates import Box, choose_plan, find_plans, largest_area, largest_part, part
 from pipeline.geometry.drawing.centre_lines import drop_centre_lines
 from pipeline.geometry.drawing.doubts import (
-    DrawingError,
     LevelsError,
+    more_helpful,
     require_agreement,
     require_alone,
     require_explained,
@@ -121,8 +121,8 @@ def read_drawing(picture: Image, level: int | None) -> DrawingReading:
         return _read_lines(picture, ink, level)
     try:
         return _read_lines(picture, ink, level)
-    except GeometryError:
-        raise doubt from None
+    except GeometryError as error:
+        raise more_helpful(doubt, error) from None
 
 
 def _ink_of(picture: Image) -> _Ink:
@@ -147,7 +147,7 @@ def _read_area(picture: Image, ink: _Ink, level: int | None) -> DrawingReading |
             try:
                 return _area_reading(picture, ink.mask, areas, level, "hatched")
             except GeometryError as error:
-                doubt = doubt or error
+                doubt = more_helpful(doubt, error)
     if doubt is not None:
         raise doubt
     return None
@@ -194,8 +194,8 @@ def _read_lines(picture: Image, ink: _Ink, level: int | None) -> DrawingReading:
     except GeometryError as doubt:
         try:
             return _first_reading(black, filled, level)
-        except GeometryError:
-            raise doubt from None
+        except GeometryError as error:
+            raise more_helpful(doubt, error) from None
     other: DrawingReading | None = None
     with suppress(GeometryError):
         other = _first_reading(black, filled, level)
@@ -218,8 +218,7 @@ def _first_reading(lines: Mask, filled: Mask, level: int | None) -> DrawingReadi
                     require_no_filling(filled, found.mask)
                     return found
             except GeometryError as error:
-                if not isinstance(doubt, DrawingError):  # one that shows something is more helpful
-                    doubt = error if doubt is None or isinstance(error, DrawingError) else doubt
+                doubt = more_helpful(doubt, error)
     raise doubt or GeometryError("no lines")
 
 

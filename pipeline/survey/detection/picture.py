@@ -178,7 +178,7 @@ def _detect_scale(
     if box is None:
         raise InputError(
             f"{path}: no scale bar found; state --px-per-m, --scale 1:N of the paper, or --bar-box COL0,ROW0,COL1,ROW1 "
-            "and --bar-length"
+            "round a bar, or a line with ticks at its ends, and --bar-length"
         )
     return {**scale, "bar_box_px": [int(v) for v in box]}, {}, []
 

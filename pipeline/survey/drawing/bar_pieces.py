@@ -10,6 +10,7 @@ _PIECE_PX = 48  # greatest height of a light piece of a bar
 _LEAST_PX = 4  # height of a piece of a bar; dashes of lines are thinner
 _EQUAL, _EQUAL_PX = 0.1, 2  # difference of a light piece from a dark one beside it, of its length and px
 _MOST_PIECES = 12  # dark ones of a bar; a dashed line has more
+_TICK, _LINE = 0.85, 0.4  # dark share of a column of a tick, and of a line between ticks
 _HALF = (0.3, 0.7)  # dark share of a column of a bar in two rows
 _COLUMNS = 0.9  # of such a bar are half dark
 
@@ -56,6 +57,22 @@ def is_piece_beside(piece: np.ndarray, bar: np.ndarray) -> bool:
     """Return whether a region is a piece of a bar, by their boxes and areas (5,) px; digits beside a bar are none."""
     is_full = piece[4] >= FILLED * piece[2] * piece[3]
     return bool(is_full and _is_in_row(piece, bar))
+
+
+def tick_distance_px(part: np.ndarray) -> float:
+    """Return the distance of the middles of the ticks of a line between two ticks, px; 0 if it is none.
+
+    Parameters
+    ----------
+    part : (rows, cols) bool
+        A dark region in its box.
+    """
+    share = part.mean(axis=0)
+    line = np.flatnonzero(share < _TICK)  # the columns between the ticks
+    if not len(line) or len(line) != line[-1] - line[0] + 1 or share[line].max() > _LINE or not share[line].all():
+        return 0.0
+    left, right = int(line[0]), len(share) - 1 - int(line[-1])
+    return len(share) - (left + right) / 2 if 0 < left <= part.shape[0] and 0 < right <= part.shape[0] else 0.0
 
 
 def _is_in_row(one: np.ndarray, other: np.ndarray) -> bool:

@@ -9,7 +9,13 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
-from pipeline.survey.drawing.bar_pieces import FILLED, is_piece_beside, with_pieces_joined, without_holes
+from pipeline.survey.drawing.bar_pieces import (
+    FILLED,
+    is_piece_beside,
+    tick_distance_px,
+    with_pieces_joined,
+    without_holes,
+)
 from pipeline.types import Image
 
 _MIN_BAR_PX = 20
@@ -68,8 +74,8 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     Parameters
     ----------
     picture : (rows, cols, 3) uint8
-        The bar, dark on light, with light pixels around it. It may be in dark and light pieces; digits may stand at its
-        ends.
+        The bar, dark on light, with light pixels around it. It may be in dark and light pieces, or a line between two
+        ticks, whose middles are its ends; digits may stand at its ends.
     bar_length_m : float
         The length that the bar represents.
     name : str
@@ -112,6 +118,10 @@ def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
         raise InputError(
             f"{name}: the scale bar is broken into {len(other_pieces) + 1} pieces (longest {width} px){_ADVICE}"
         )
+    if area < FILLED * width * height and width >= _MIN_BAR_PX:
+        apart = tick_distance_px(labels[top : top + height, left : left + width] == bar)
+        if apart:
+            return apart / bar_length_m
     if area < FILLED * width * height:
         raise InputError(
             f"{name}: the dark region of {width} x {height} px is not a straight bar (it fills "

@@ -29,7 +29,8 @@ from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
-from pipeline.survey.vector.dxf_blocks import count_kinds, mend_blocks, shown
+from pipeline.survey.vector.dxf_blocks import absent_drawings, count_kinds, mend_blocks, shown
+from pipeline.survey.vector.other_kinds import XREF
 from pipeline.survey.vector.shapes import Shapes, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
@@ -207,6 +208,8 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
         warn_user(f"{path.name}: {wide} polylines have a width, which is not read; {way}")
     read = {id(entity) for entity, _ in pieces}
     others = count_kinds([e for e in chosen if id(e) not in read]) | annotations
+    if not pieces:  # what is missing is then the plan
+        others |= {f"{XREF} {name}": 1 for name in absent_drawings(drawing)}
     return _Content(_flattened(path, [(piece, str(entity.dxf.layer)) for entity, piece in pieces]), others)
 
 

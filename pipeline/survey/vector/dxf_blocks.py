@@ -49,7 +49,7 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
             f"{path.name}: {len(clipped)} block references are clipped, and are read whole; the first is "
             f"{_name(clipped[0])} at ({x:.1f}, {y:.1f}); explode and trim them in CAD, or choose layers by --layer"
         )
-    absent = sorted({_name(insert) for insert in references if _is_external(drawing, insert)})
+    absent = absent_drawings(drawing)
     if absent:
         more = ", ..." if len(absent) > _NAMED else ""
         warn_user(
@@ -57,6 +57,11 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
             f"{', '.join(absent[:_NAMED])}{more}; bind the external references in CAD"
         )
     return _without_annotations(drawing)
+
+
+def absent_drawings(drawing: Drawing) -> list[str]:
+    """Return the names of the external references whose drawings are not in the file."""
+    return sorted({_name(insert) for insert in _references(drawing) if _is_external(drawing, insert)})
 
 
 def shown(path: Path, drawing: Drawing, entities: list[DXFEntity]) -> list[DXFEntity]:

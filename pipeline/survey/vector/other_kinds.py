@@ -9,6 +9,7 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.vector.shapes import Shapes
 
 MULTIPATCH, NO_GEOMETRY, POINT = "multipatch (TIN, polyhedral surface)", "shapes without geometry", "points"
+XREF = "external reference"  # before its name
 _NAMED = 8  # kinds that a message names
 _SURFACES = ("3DFACE", "MESH", "polyface mesh", "polygon mesh", MULTIPATCH)
 _SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "PLANESURFACE", "SWEPTSURFACE")
@@ -24,6 +25,7 @@ _WAYS = (
     (_FILLS, "areas that are only filled are not read: draw their boundaries (HATCHGENERATEBOUNDARY)"),
     (_PICTURES, "a picture or a PDF on a drawing is not read: give that file to --from"),
     (("ACAD_PROXY_ENTITY",), "objects of a CAD program's extension are not read: explode them there, and save again"),
+    ((XREF,), "the drawings that it refers to are not in the file: bind the external references (XREF) in CAD"),
     ((POINT, "POINT"), "points are no walls: --heights FILE reads them as heights of another plan's floor"),
 )
 
@@ -41,7 +43,8 @@ def warn_of_others(path: Path, content: Shapes) -> None:
             warn_user(f"{path.name}: not read, as they are no lines or areas: {_listed(content.others)}")
         return
     if content.others:
-        ways = (way for kinds, way in _WAYS if set(kinds) & set(content.others))
+        found = {XREF if kind.startswith(XREF) else kind for kind in content.others}
+        ways = (way for kinds, way in _WAYS if found & set(kinds))
         way = next(ways, "draw the walls as lines or polygons")
         raise InputError(f"{path}: holds no polygons and no lines, only {_listed(content.others)}; {way}")
     if path.suffix.lower() == ".dxf":

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.errors import GeometryError
-from pipeline.geometry.drawing.doubts import require_on_walls
+from pipeline.geometry.drawing.doubts import BesideError, DrawingError, LevelsError, more_helpful, require_on_walls
 from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.measures import drop_measures
 from pipeline.geometry.drawing.tables import drop_tables
@@ -49,6 +49,41 @@ def test_walls_are_found_beside_lines_that_are_none(seed):
 def test_what_lines_do_not_settle_is_asked_about(seed, doubt):
     with pytest.raises(GeometryError, match=doubt):
         read_drawing(draw_on_paper(seed).picture, None)
+
+
+def test_a_large_title_beside_clean_workings_is_named_and_a_crop_leaves_it_out():
+    workings = np.zeros((630, 980), np.uint8)
+    drifts = [
+        (105, 420, 490, 420),
+        (483, 420, 532, 294),
+        (525, 294, 875, 294),
+        (280, 420, 280, 532),
+        (700, 294, 721, 434),
+    ]
+    for col0, row0, col1, row1 in drifts:
+        cv2.line(workings, (col0, row0), (col1, row1), 1, 30)
+    contours, _ = cv2.findContours(workings, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    picture = cv2.drawContours(np.full((*workings.shape, 3), 255, np.uint8), contours, -1, (0, 0, 0), 2)
+    cv2.putText(picture, "GROTTE", (30, 110), cv2.FONT_HERSHEY_DUPLEX, 2.1, (0, 0, 0), 10, cv2.LINE_AA)
+    with pytest.raises(
+        GeometryError, match=r"\d+ x 67 px, or a title, lies beside the workings, at \(26, 55\); --crop"
+    ):
+        read_drawing(picture, None)
+    assert iou(read_drawing(picture[150:], None).mask, workings[150:] > 0) > 0.95
+
+
+def test_of_several_doubts_the_one_that_a_crop_settles_is_shown_unless_levels_are_asked_about():
+    found = np.zeros((2, 2), bool)
+    nothing, border = GeometryError("nothing"), DrawingError("border", found)
+    levels, beside = LevelsError("levels", found), BesideError("beside", found)
+    assert [more_helpful(None, nothing), more_helpful(nothing, border), more_helpful(border, nothing)] == [
+        nothing,
+        border,
+        border,
+    ]
+    assert more_helpful(border, beside) is beside
+    assert more_helpful(beside, border) is beside
+    assert more_helpful(levels, beside) is levels
 
 
 def test_a_border_that_leaves_its_walls_is_asked_about():

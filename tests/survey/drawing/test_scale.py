@@ -123,3 +123,14 @@ def test_dashes_of_a_line_and_blocks_with_other_gaps_are_no_bar(long_px, apart_p
         picture[30 : 30 + high_px, left : left + long_px] = 0
     picture[60:85, 20:300] = 40
     assert find_bar(picture) is None
+
+
+def test_a_line_with_ticks_at_its_ends_is_measured_between_their_middles():
+    picture = np.full((60, 340, 3), 255, np.uint8)
+    picture[30:32, 60:262] = picture[22:40, 60:62] = picture[22:40, 260:262] = 0
+    for text, col in (("0", 54), ("10m", 250)):
+        cv2.putText(picture, text, (col, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
+    assert measure_bar(picture, 10.0, "bar") == 20.0
+    picture[22:40, 260:262] = 255  # with one tick it is none
+    with pytest.raises(InputError, match="not a straight bar"):
+        measure_bar(picture, 10.0, "bar")

@@ -8,6 +8,7 @@ from ezdxf.xclip import XClip
 
 from pipeline.errors import InputError
 from pipeline.survey.vector.dxf import read_dxf, read_dxf_labels
+from pipeline.survey.vector_shapes import read_shapes
 
 RELEASE_9 = """  0
 SECTION
@@ -74,6 +75,15 @@ def test_an_external_reference_is_named_as_its_drawing_is_not_in_the_file(tmp_pa
     assert "1 drawings that it refers to are not in the file, and are not read: level-850; bind" in (
         capsys.readouterr().err
     )
+
+
+def test_a_drawing_of_nothing_but_external_references_is_refused_with_their_names_and_the_way_on(tmp_path):
+    drawing = ezdxf.new()
+    drawing.add_xref_def("levels/850.dxf", "level-850")
+    drawing.modelspace().add_blockref("level-850", (0, 0))
+    drawing.saveas(tmp_path / "a.dxf")
+    with pytest.raises(InputError, match=r"a\.dxf: holds .* no lines, only 1 external reference level-850; .* bind"):
+        read_shapes(tmp_path / "a.dxf", None)
 
 
 @pytest.mark.parametrize("hide", ["off", "freeze"])
