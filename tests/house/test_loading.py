@@ -103,3 +103,8 @@ def test_importing_a_mine_loads_no_pandas():
         check=True,
     )
     assert done.stdout.strip() == "set()"
+
+
+def test_importing_a_mine_loads_no_reader_of_pdf():
+    code = "import sys, pipeline.import_mine, stages.survey; assert 'pypdfium2' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -10,7 +10,7 @@ from pipeline.errors import ParamsError
 from pipeline.store.codecs import decode
 from pipeline.store.palette_png import encode_palette_png
 from pipeline.surface.texture.coordinates import relax_texture
-from pipeline.surface.texture.layers import Layers, make_rock_texture
+from pipeline.surface.texture.layers import Layers, _Canvas, make_rock_texture, reduce_colours
 from pipeline.types import Image
 from tests.composed import compose
 
@@ -36,6 +36,42 @@ def test_a_texture_has_no_more_colours_than_asked_and_repeats_without_a_seam():
 def test_the_same_seed_gives_the_same_texture_and_another_seed_another():
     assert (texture(DRY) == texture(DRY)).all()
     assert (texture(DRY) != texture(DRY, seed=2)).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("shortest_m", "longest_m", "across"), [(0.15, 1.5, 1.0), (0.08, 0.8, 0.15), (0.004, 3.0, 1.0)]
+)
+def test_noise_has_the_digits_of_transforms_of_all_columns(shortest_m, longest_m, across):
+    size, step_m = 128, 3.0 / 128
+    frequency = np.hypot(np.fft.fftfreq(size, step_m)[:, None] / across, np.fft.rfftfreq(size, step_m)[None, :])
+    frequency[0, 0] = np.inf
+    kept = (frequency >= 1 / longest_m) & (frequency <= 1 / max(shortest_m, 2.2 * step_m))
+    white = np.fft.rfft2(np.random.default_rng(3).standard_normal((size, size)))
+    field = np.fft.irfft2(np.where(kept, white * frequency**-1.3, 0.0), s=(size, size))
+    made = _Canvas(size, 3.0, np.random.default_rng(3)).noise(shortest_m, longest_m, 1.3, across)
+    assert made.tobytes() == (field / field.std()).tobytes()
+
+
+def test_classes_of_colours_are_those_of_a_sort_of_wide_numbers():
+    picture = np.random.default_rng(5).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    pixels = picture.reshape(-1, 3).astype(int)
+    bright, warm = pixels @ [2, 5, 1], pixels[:, 0] - pixels[:, 2]
+    wanted = np.zeros_like(pixels)
+    for members in np.array_split(np.lexsort((warm, bright)), 8):
+        for part in np.array_split(members[np.argsort(warm[members], kind="stable")], 4):
+            wanted[part] = np.round(pixels[part].mean(axis=0))
+    assert (reduce_colours(picture, 32).reshape(-1, 3) == wanted).all()
+
+
+def test_a_palette_holds_256_colours_in_order_and_no_more(tmp_path):
+    colours = np.sort(np.random.default_rng(6).choice(1 << 24, 257, replace=False))[:, None] >> [0, 8, 16] & 255
+    picture = colours[np.random.default_rng(7).permutation(np.arange(512) % 256)].reshape(16, 32, 3).astype(np.uint8)
+    data = encode_palette_png(picture)
+    (tmp_path / "t.png").write_bytes(data)
+    assert (decode(tmp_path / "t.png", Image) == picture).all()
+    assert colours[:256, ::-1].astype(np.uint8).tobytes() in data
+    picture = np.concatenate([picture, np.tile(colours[256], (1, 32, 1)).astype(np.uint8)])
+    assert encode_palette_png(picture) is None
 
 
 def test_wet_streaks_are_dark_and_longer_down_the_wall_than_along_it():

@@ -43,13 +43,17 @@ class _Canvas:
         With `across` below 1 structures are that many times longer along the first axis of the array.
         """
         step_m = self.repeat_m / self.size_px
-        rows = np.fft.fftfreq(self.size_px, step_m)[:, None] / across
-        frequency = np.hypot(rows, np.fft.rfftfreq(self.size_px, step_m)[None, :])
-        frequency[0, 0] = np.inf
         shortest_m = max(shortest_m, 2.2 * step_m)  # what the pixels can hold
+        rows, columns = np.fft.fftfreq(self.size_px, step_m) / across, np.fft.rfftfreq(self.size_px, step_m)
+        columns = columns[columns <= 1 / shortest_m]  # the others would be set to 0
+        frequency = np.hypot(rows[:, None], columns[None, :])
+        frequency[0, 0] = np.inf
         kept = (frequency >= 1 / min(longest_m, self.repeat_m)) & (frequency <= 1 / shortest_m)
-        white = np.fft.rfft2(self.rng.standard_normal((self.size_px, self.size_px)))
-        field = np.fft.irfft2(np.where(kept, white * frequency**-slope, 0.0), s=(self.size_px, self.size_px))
+        along = np.fft.rfft(self.rng.standard_normal((self.size_px, self.size_px)))[:, : len(columns)]
+        white = np.fft.fft(along, axis=0)
+        shaped = np.zeros_like(white)
+        shaped[kept] = white[kept] * frequency[kept] ** -slope
+        field = np.fft.irfft(np.fft.ifft(shaped, axis=0), self.size_px)
         return field / max(float(field.std()), 1e-12)
 
 
@@ -120,6 +124,7 @@ def reduce_colours(picture: np.ndarray, most: int) -> np.ndarray:
     """
     pixels = picture.reshape(-1, 3).astype(np.int64)
     bright, warm = pixels @ [2, 5, 1], pixels[:, 0] - pixels[:, 2]
+    bright, warm = bright.astype(np.int16), warm.astype(np.int16)  # NumPy sorts these by counting
     classes = np.zeros(len(pixels), dtype=np.int64)
     levels = max(1, most // _HUES)
     order = np.lexsort((warm, bright))

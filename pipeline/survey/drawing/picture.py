@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import pypdfium2
 
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.bounded import read_bounded
@@ -23,6 +23,9 @@ from pipeline.survey.drawing.image import read_image, require_workings_drawn
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.survey.drawing.reduction import reduce_picture, size_read
 from pipeline.types import Image
+
+if TYPE_CHECKING:
+    import pypdfium2
 
 USUAL_DPI, _LEAST_DPI = 200.0, 36.0  # of a page if none is stated, and the least that may be
 _FITTING_PX = 40e6  # of a page: reading takes about 25 bytes a pixel beside libraries, 1 GB in all
@@ -101,6 +104,8 @@ def page_text(path: Path, page: int) -> str:
 @contextmanager
 def _open_page(path: Path, page: int) -> Iterator[tuple[pypdfium2.PdfPage, int]]:
     """Open a page of a PDF; yield it and the number of pages."""
+    import pypdfium2  # takes 0.1 s to load, and few plans are PDFs
+
     try:
         document = pypdfium2.PdfDocument(read_text_bytes(path))
         try:
