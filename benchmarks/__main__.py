@@ -98,7 +98,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     # Comparisons
     _python("compare-paper", "setup", "benchmarks.comparisons.compare_paper", _PARTS + "compare-paper.md"),
     _python("compare-rock", "all", "benchmarks.comparisons.compare_rock", _PARTS + "rock.md"),
-    _python("rock-directions", "setup", "benchmarks.comparisons.rock_directions", _PARTS + "rock-directions.md"),
+    _python("rock-directions", "setup", "benchmarks.comparisons.rock_directions", _PARTS + "rock-directions.md", "4"),
     _python("compare-collision", "setup", "benchmarks.comparisons.compare_collision", _PARTS + "compare-collision.md"),
     _python("search-texture", "setup", "benchmarks.comparisons.search_texture", _PARTS + "texture-search.md"),
     _python(
