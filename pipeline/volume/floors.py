@@ -14,7 +14,7 @@ from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.folded.leg_lines import along_legs, with_leg_lines
 from pipeline.volume.folded.steps import DEEPEST_M, MIDDLE, Steps, are_steps, walls_on_floors
 from pipeline.volume.keyed import near_facets, simplified
-from pipeline.volume.ledges import FoldedLedges, fold_ledges, ledges_of
+from pipeline.volume.ledges import FoldedLedges, fold_ledges
 from pipeline.volume.network import NearLegs, SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
@@ -52,7 +52,7 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
     near_legs = network.near_legs(NEAR_M)
     fine = with_leg_lines(fine, network, along_legs(fine, network, near_legs, fine.label == Label.FLOOR))
-    is_ledge, steps = ledges_of(fine, near_legs), Steps(fine, near_legs)
+    is_ledge, steps = np.zeros(len(fine.faces), bool), Steps(fine, near_legs)
     stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
     for n in range(_ROUNDS):
         folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays, steps)
