@@ -26,6 +26,7 @@ _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same where a wall goes down from a floor
 _KEEP = 1e6  # the same where facets would cross: a floor that does not move crosses nothing
 _DROP_M = 0.01  # of a wall that goes down from a floor, on average
+_FALLS = 0.7  # of such a wall's normal, at most: what is flatter may be the floor of a leg too steep to drive on
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
 _ROUNDS = 12  # of floors: each folds the walls that the one before turned over, and holds floors where facets cross
@@ -134,7 +135,10 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork, near: NearLegs, held: n
 
 
 def _over_drops(folded: FoldedLedges) -> np.ndarray:
-    """Return the corners (n,) of floors from which a wall goes down: another working breaks through there."""
+    """Return the corners (n,) of floors from which a wall goes down: another working breaks through there.
+
+    From where a leg becomes too steep to drive on its own floor goes down, which is no wall.
+    """
     volume, first = folded.volume, folded.first
     faces = first[volume.faces]
     edges = np.concatenate([faces[:, k] for k in ([0, 1], [1, 2], [2, 0])])
@@ -143,6 +147,8 @@ def _over_drops(folded: FoldedLedges) -> np.ndarray:
     edges = edges[real]
     height = volume.vertices[:, 2]
     hangs = height[volume.faces].mean(axis=1)[facet] < height[edges].mean(axis=1) - _DROP_M
+    normal = volume.normals
+    hangs &= (normal[:, 2] > -_FALLS * np.linalg.norm(normal, axis=1))[facet]
     code = np.sort(edges, axis=1) @ [len(height), 1]
     floors = np.unique(code[folded.is_floor[facet]])
     found: np.ndarray = np.unique(edges[hangs & ~folded.is_floor[facet] & np.isin(code, floors)])

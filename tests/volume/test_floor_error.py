@@ -1,5 +1,7 @@
 """Which differences and steps of floors are measured against a survey."""
 
+import pytest
+
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
 from pipeline.volume.crossings import crossing_facets
@@ -35,6 +37,12 @@ def test_the_top_of_a_deep_wall_is_no_ledge_and_the_floor_over_it_keeps_the_surv
     volume = solve_floors(rough, network)
     assert measure_floor(volume, network, rough).error_m < 0.01
     assert len(crossing_facets(volume.vertices, volume.faces, 1e-6)) == 0
+
+
+@pytest.mark.slow
+def test_a_floor_from_which_a_leg_goes_down_that_is_too_steep_to_drive_on_has_no_step(tmp_path):
+    network, rough = built(table_of("cave", 5), tmp_path)
+    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
 
 
 def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_path):
