@@ -14,7 +14,7 @@ from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.folded.leg_lines import along_legs, with_leg_lines
 from pipeline.volume.folded.steps import DEEPEST_M, MIDDLE, Steps, are_steps, walls_on_floors
 from pipeline.volume.keyed import near_facets, simplified
-from pipeline.volume.ledges import FoldedLedges, fold_ledges
+from pipeline.volume.ledges import FoldedLedges, fold_ledges, ledges_of
 from pipeline.volume.network import NearLegs, SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
@@ -26,7 +26,6 @@ _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same where a wall goes down from a floor
 _KEEP = 1e6  # the same where facets would cross: a floor that does not move crosses nothing
 _DROP_M = 0.01  # of a wall that goes down from a floor, on average
-_FALLS = 0.7  # of such a wall's normal, at most: what is flatter may be the floor of a leg too steep to drive on
 _PULL = 1e-7  # weight of the union's own height, which decides where no leg passes
 _HALVINGS = 6  # of rises at facets that would cross
 _ROUNDS = 12  # of floors: each folds the walls that the one before turned over, and holds floors where facets cross
@@ -53,7 +52,7 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     fine = label_facets(volume.solid.refine_to_length(EDGE_M), volume.pieces, volume.numbers)
     near_legs = network.near_legs(NEAR_M)
     fine = with_leg_lines(fine, network, along_legs(fine, network, near_legs, fine.label == Label.FLOOR))
-    is_ledge, steps = np.zeros(len(fine.faces), bool), Steps(fine, near_legs)
+    is_ledge, steps = ledges_of(fine, near_legs), Steps(fine, near_legs)
     stays, held = np.zeros(len(is_ledge), bool), np.zeros(len(fine.vertices), bool)
     for n in range(_ROUNDS):
         folded = fold_ledges(fine, is_ledge | (fine.label == Label.FLOOR), is_ledge, stays, steps)
@@ -135,10 +134,7 @@ def _solve(folded: FoldedLedges, network: SurveyNetwork, near: NearLegs, held: n
 
 
 def _over_drops(folded: FoldedLedges) -> np.ndarray:
-    """Return the corners (n,) of floors from which a wall goes down: another working breaks through there.
-
-    From where a leg becomes too steep to drive on its own floor goes down, which is no wall.
-    """
+    """Return the corners (n,) of floors from which a wall goes down: another working breaks through there."""
     volume, first = folded.volume, folded.first
     faces = first[volume.faces]
     edges = np.concatenate([faces[:, k] for k in ([0, 1], [1, 2], [2, 0])])
@@ -147,8 +143,6 @@ def _over_drops(folded: FoldedLedges) -> np.ndarray:
     edges = edges[real]
     height = volume.vertices[:, 2]
     hangs = height[volume.faces].mean(axis=1)[facet] < height[edges].mean(axis=1) - _DROP_M
-    normal = volume.normals
-    hangs &= (normal[:, 2] > -_FALLS * np.linalg.norm(normal, axis=1))[facet]
     code = np.sort(edges, axis=1) @ [len(height), 1]
     floors = np.unique(code[folded.is_floor[facet]])
     found: np.ndarray = np.unique(edges[hangs & ~folded.is_floor[facet] & np.isin(code, floors)])

@@ -1,21 +1,17 @@
 """Floors with few facets keep their shape, their rim and the survey's heights."""
 
-import dataclasses
-
-import manifold3d
 import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
 from pipeline.volume import floors
-from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.folded.leg_lines import drop
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import Label, Volume, pieces_of, unite
+from pipeline.volume.union import Label, pieces_of, unite
 
 
 def solved(case, folder):
@@ -65,35 +61,11 @@ def test_a_floor_keeps_7_mm_to_the_survey_all_along_its_legs_as_vertices_go(tmp_
     assert measure_floor(after, network, rough).error_m < 0.0071
 
 
-def test_a_corner_over_which_two_floors_meet_has_no_step(tmp_path):
+def test_a_floor_from_which_a_wall_goes_down_keeps_its_step(tmp_path):
     network, rough, before, after, _ = solved(GateCase("mine 4", table_of("mine", 4)), tmp_path)
-    assert measure_floor(after, network, rough).step_m < 0.005
-    assert (after.label == Label.FLOOR).sum() < (before.label == Label.FLOOR).sum() / 2
-
-
-def terrace(rise_m):
-    """Return a room whose floor falls by 1 m along x = 4 m; every other corner of its upper edge is higher by so much.
-
-    Floors have corners up to 0.5 m apart.
-    """
-    outline = manifold3d.CrossSection([[(0, 0), (4, 0), (4, -1), (8, -1), (8, 3), (0, 3)]])
-    mesh = outline.extrude(6.0).rotate([90.0, 0, 0]).refine_to_length(0.5).to_mesh64()
-    vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
-    edge = np.flatnonzero((np.abs(vertices[:, 0] - 4) < 1e-9) & (np.abs(vertices[:, 2]) < 1e-9))
-    edge = edge[np.argsort(vertices[edge, 1])]
-    vertices[edge[1:-1:2], 2] += rise_m
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
-    rough = Volume(solid, vertices, faces, np.zeros(len(faces), int), np.zeros(len(faces), int), [], {})
-    up = rough.normals[:, 2] / np.linalg.norm(rough.normals, axis=1)
-    label = np.select([up < -0.9, up > 0.9], [Label.FLOOR, Label.ROOF], Label.WALL)
-    return dataclasses.replace(rough, label=label), vertices[edge]
-
-
-def test_a_floor_from_which_a_wall_goes_down_keeps_its_height_at_all_corners_along_that_wall():
-    before, edge = terrace(0.006)
-    after = coarse_floors(before, np.zeros(0, int), np.zeros((0, 3)), np.zeros(0))
-    assert len(edge) > 10
-    assert {tuple(place) for place in edge.tolist()} <= {tuple(place) for place in after.vertices.tolist()}
+    step = measure_floor(before, network, rough).step_m
+    assert 0.005 < step < 0.01
+    assert measure_floor(after, network, rough).step_m < step + 1e-6
     assert (after.label == Label.FLOOR).sum() < (before.label == Label.FLOOR).sum() / 2
 
 

@@ -7,6 +7,7 @@ from benchmarks.comparisons.volume.cases import CASES
 from pipeline.volume.floors import EDGE_M, NEAR_M
 from pipeline.volume.folded.cuts import cut_ledges
 from pipeline.volume.folded.steps import ALL_PLACES, MIDDLE, Steps, are_steps, walls_on_floors
+from pipeline.volume.ledges import ledges_of
 from pipeline.volume.union import Label, label_facets, pieces_of, unite
 
 
@@ -15,12 +16,6 @@ def fine(tmp_path_factory):
     network = CASES["tee"].network(tmp_path_factory.mktemp("tee"))
     rough = unite(network, pieces_of(network))
     return label_facets(rough.solid.refine_to_length(EDGE_M), rough.pieces, rough.numbers), network.near_legs(NEAR_M)
-
-
-def ledges_of(volume, near):
-    floor = volume.label == Label.FLOOR
-    some = walls_on_floors(volume, floor, np.zeros(len(floor), bool))
-    return are_steps(volume, floor, some, ALL_PLACES, near)
 
 
 @pytest.mark.parametrize("places", [MIDDLE, ALL_PLACES])
