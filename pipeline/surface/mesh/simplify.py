@@ -116,14 +116,17 @@ class Mesher(Generic[_F]):
         piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
         return SurfaceMesh(points, faces, piece, source)
 
-    def refine(self, places: np.ndarray) -> None:
-        """Double the share of faces that is kept in the tiles at places (k, 3) m."""
+    def refine(self, places: np.ndarray) -> bool:
+        """Double the share of faces that is kept in the tiles at places (k, 3) m; return whether one was below 1."""
+        refined = False
         if self.simplification:
             nearest = cKDTree(self.lattice.vertices).query(places)[1]
             point = np.zeros(len(self.lattice.vertices), bool)
             point[nearest] = True
             near = [bool(point[self.lattice.faces[tile]].any()) for tile in self._tiles]
+            refined = bool((self._share[near] < 1).any())
             self._share[near] = np.minimum(1.0, 2 * self._share[near])
+        return refined
 
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:
         """Join the tiles at their borders, whose points are the lattice's own."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,11 +14,11 @@ from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.world.surface.fine import FineRock
 
-_ROUNDS = 9
 _RADIUS_M, _FACTOR = 0.6, 0.5  # about a crossing, as the rough surface of a level mine has it
 _FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision walls, within
 _FLAT_M = 0.3
-_WIDER_AFTER = 7  # rounds: then within twice as much in each, up to 1.2 m, which no displacement crosses
+_WIDER_AFTER = 7  # rounds: then within twice as much in each, up to
+_WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a facet at a crossing has no relief then
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
@@ -52,14 +53,15 @@ def displace_rock(
 
     Each point gets a `share` (n,) of what its bounds leave. Floors stay, and the rock over them within `foot_m` moves
     the less the nearer it is. Where the mesh crosses itself or four faces share an edge, the displacement is halved,
-    and after some rounds taken back in growing circles, where the mesh is not simplified either. What then still
-    crosses does so in the volume itself. So it is where the simplified mesh reaches farther into the `free` space than
-    the walls' bound. Points have 32 bits, as in the files of meshes.
+    and after some rounds taken back in growing circles, where the mesh is simplified less and less. So it is where the
+    simplified mesh reaches farther into the `free` space than the walls' bound. Rounds end when nothing crosses, or
+    when all rock about the crossings is the volume's own facets: what then still crosses does so in the volume itself.
+    Each round before takes relief back or simplifies less. Points have 32 bits, as in the files of meshes.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
     moved, mended = np.ones(len(given), bool), np.zeros((0, 3))
-    for repair in range(_ROUNDS + 1):
+    for repair in count():
         vertices = _in_32_bits(fine.vertices + given[:, None] * fine.direction)
         points, faces, changed = mesher.mesh(vertices, moved)
         points, kept = _in_32_bits(points), _have_three_corners(faces)
@@ -68,22 +70,23 @@ def displace_rock(
         if not len(wrong) and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
         beyond = _beyond(points, faces[changed], free, bounds.wall_m + _BEYOND_M)
-        if not len(wrong) + len(beyond) or repair == _ROUNDS:
-            mesh = mesher.surface(vertices)
-            mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
-            return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
-        mended = np.concatenate([mended, wrong, beyond])
-        wrong = np.concatenate([wrong, beyond])
-        flat_m = _FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1)
-        near, _ = cKDTree(wrong).query(vertices, distance_upper_bound=max(_RADIUS_M, 2 * flat_m))
+        places = np.concatenate([wrong, beyond])
+        if not len(places):
+            break
+        flat_m = min(_FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1), _WIDEST_M)
+        near, _ = cKDTree(places).query(vertices, distance_upper_bound=max(_RADIUS_M, 2 * flat_m))
         moved = np.isfinite(near)
-        if repair >= _REFINE_AFTER:
-            mesher.refine(wrong if repair < _FLAT_AFTER else fine.vertices[moved])
+        refined = repair >= _REFINE_AFTER and mesher.refine(places if repair < _FLAT_AFTER else fine.vertices[moved])
+        if flat_m == _WIDEST_M and not refined and not given[near <= flat_m].any():
+            break
+        mended = np.concatenate([mended, places])
         if repair < _FLAT_AFTER:
             given = damp(given, near, _RADIUS_M, _FACTOR)
         else:
             given = damp(given, np.maximum(near - flat_m, 0.0), flat_m, 0.0)
-    raise AssertionError("unreachable")
+    mesh = mesher.surface(vertices)
+    mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
+    return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
 
 
 def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) -> np.ndarray:

@@ -8,11 +8,16 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
+from pipeline.surface.mesh.simplify import Simplification
+from pipeline.surface.relief_source import bounds_of
+from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Label
 from pipeline.volume.world.content import MineVolume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
+from pipeline.volume.world.surface.displace import displace_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
 from pipeline.volume.world.surface.proof import _borders_m
 from tests.composed import compose
@@ -70,3 +75,41 @@ def test_rock_about_a_thin_tongue_crosses_itself_nowhere_in_its_files_and_meets_
     assert len(find_crossings(vertices, faces)) == 0
     assert len(find_shared_edges(vertices, faces)) == 0
     assert _borders_m(vertices, faces, volume.vertices, volume.faces[volume.label == Label.FLOOR]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("simplification", [None, Simplification(0.3, 5.0)], ids=["whole", "simplified"])
+def test_relief_that_fits_nowhere_is_taken_back_until_the_rock_crosses_itself_nowhere(simplification):
+    wall = [(EAST, 303.51), (EAST + 8, 303.51), (EAST + 8, 303.49), (EAST, 303.49)]  # 2 cm thick, free at one end
+    volume = room([(EAST, 300), (EAST + 12, 300), (EAST + 12, 307), (EAST, 307), *wall])
+    fine = refine(volume, 0.2)
+    far_m = np.full(len(fine.vertices), 100.0)
+    no_bound = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
+    bounds = dataclasses.replace(bounds_of(SURFACE.rough), wall_m=1.5, median_m=1.5)
+    wanted_m = np.random.default_rng(0).normal(0.0, 1.5, len(far_m))
+    rock = displace_rock(fine, wanted_m, no_bound, bounds, 0.3, simplification, Inside(volume.measured()))
+    assert len(rock.crossings) == len(find_crossings(rock.mesh.vertices, rock.mesh.faces)) == 0
+    assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
+    assert np.std(rock.given_m) > 0.1  # it is rough elsewhere
+
+
+def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossings_are_returned():
+    one = room([(EAST, 300), (EAST + 6, 300), (EAST + 6, 306), (EAST, 306)])
+    count = len(one.vertices)
+    volume = dataclasses.replace(
+        one,
+        vertices=np.concatenate([one.vertices, one.vertices + np.array([5.0, 4.0, 1.0])]),
+        faces=np.concatenate([one.faces, one.faces + np.int32(count)]),
+        label=np.tile(one.label, 2),
+        leg=np.tile(one.leg, 2),
+    )
+    fine = refine(volume, 0.3)
+    far_m = np.full(len(fine.vertices), 100.0)
+    room_m = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
+    wanted_m = np.random.default_rng(0).normal(0.0, 0.2, len(far_m))
+    free = Inside(volume.measured())
+    rock = displace_rock(fine, wanted_m, room_m, bounds_of(SURFACE.rough), 0.3, None, free)
+    assert len(rock.crossings) > 0
+    near = cKDTree(rock.crossings).query(fine.vertices)[0] < 1.0
+    assert near.any()
+    assert not rock.given_m[near].any()
+    assert np.std(rock.given_m) > 0.03
