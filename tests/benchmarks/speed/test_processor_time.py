@@ -21,6 +21,7 @@ def test_that_does_nothing():
 def test_the_dearest_test_comes_first_also_if_a_child_takes_its_time(tmp_path, monkeypatch, capsys):
     (tmp_path / "test_cases.py").write_text(CASES)
     monkeypatch.setattr(processor_time, "_seconds", {})
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     pytest.main(["-q", "-c", os.devnull, "-p", "no:cacheprovider", str(tmp_path)], plugins=[processor_time])
     lines = [line for line in capsys.readouterr().out.splitlines() if "::" in line]
     assert lines[0].endswith("::test_that_counts_in_a_child")
