@@ -43,7 +43,7 @@ ELSEWHERE = {
     r"make data .*": "tests/survey/test_fetch.py, from a mirror",
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
     r"python -m benchmarks files .*": "tests/benchmarks/test_files.py, with a small folder",
-    r"python -m benchmarks survey-programs .*": "tests/benchmarks/comparisons/test_survey_programs.py, with small files",
+    r"python -m benchmarks survey-programs .*": "tests/benchmarks/comparisons: with small files",
     r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
     r"python -m baselines.split .*": "tests/baselines/test_split.py; it needs the mines of a split",
     r"python -m pipeline export .* --to usd": "tests/export/test_formats.py; it needs the extra `export`",
