@@ -1,4 +1,4 @@
-"""Draw docs/robots.jpg: this package's robots, what they see, and three of Gymnasium's that were placed."""
+"""Draw docs/robots.jpg: the robots of this package, the readings of their sensors, and three robots of Gymnasium."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ class PlanCells:
     of_place: np.ndarray
 
 
-def cells_of(places: np.ndarray, size_m: float) -> PlanCells:
+def plan_cells(places: np.ndarray, size_m: float) -> PlanCells:
     """Return the cells, squares of a size from the origin, that places (n, 2), m, lie in."""
     col, row = np.floor(places.T / size_m).astype(np.int64)
     west, south = col.min(initial=0), row.min(initial=0)

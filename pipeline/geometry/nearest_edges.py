@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pipeline.geometry.cells import PlanCells, cells_of
+from pipeline.geometry.cells import PlanCells, plan_cells
 
 _CELL_M = 0.5
 # A search in the tree takes 2 us, a comparison with one edge 0.05 us. Each cell takes two searches.
@@ -40,7 +40,7 @@ def nearest_edges(edges: np.ndarray, places: np.ndarray) -> NearestEdges:
         Of edges that are equally near, any.
     """
     tree = shapely.STRtree(shapely.linestrings(edges))
-    cells = cells_of(places, _CELL_M)
+    cells = plan_cells(places, _CELL_M)
     if len(places) < _DENSE * len(cells.at):
         return _search(tree, places)
     cell, edge = _candidates(tree, cells)

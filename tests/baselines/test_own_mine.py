@@ -71,7 +71,7 @@ for words in json.loads(sys.argv[1]):
 
 
 def python(project, *commands):
-    """Run commands, each a list of words whose first is a module, and return what they print."""
+    """Run commands and return their output. The first word of each command is a module."""
     done = project.run(sys.executable, "-c", COMMANDS, json.dumps(commands))
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.geometry.cells import cells_of
+from pipeline.geometry.cells import plan_cells
 from pipeline.geometry.polyline import rings_of
 from pipeline.geometry.sorting import stable_order
 from pipeline.metrics.rock.planefit import (
@@ -146,7 +146,7 @@ def roof_irregularity_m(roof: np.ndarray) -> float | None:
 
 def roof_unevenness_m(roof: np.ndarray) -> float:
     """Return the alternative reading of the roof axis: the RMS of the cells' mean heights about one quadratic."""
-    cells = cells_of(roof[:, :2], _ROOF_CELL_M)
+    cells = plan_cells(roof[:, :2], _ROOF_CELL_M)
     cell, index = cells.at, cells.of_place
     count = np.bincount(index)
     keep = count >= _ROOF_POINTS

@@ -120,5 +120,5 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     if others:
         warn_user(
             f"{name}: the largest space that the points enclose is built; {len(others)} others of {sum(others):.0f} m3 "
-            "are not; --trajectory FILE says where the scanner was, and what it saw is built"
+            "are not; --trajectory FILE says where the scanner was; the space that it saw is then built"
         )

@@ -71,7 +71,7 @@ def volume_of_cloud(
     most_facets : int
         Of the simplified surface.
     way_m : (n, 3) float64, m
-        Places of the scanner: what it saw from them is built. Without any the largest space is.
+        Places of the scanner. The space that it saw from them is built; without places, the largest space.
 
     Raises
     ------
