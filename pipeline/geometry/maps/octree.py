@@ -128,19 +128,22 @@ def _require_range(columns: Columns, cell_m: float) -> None:
 
 def _blocks(columns: Columns) -> Iterator[tuple[int, int, Columns]]:
     """Return east and north of each block that holds free space or its rock, and the columns in and beside it."""
-    number = [
-        (columns.east + i >> _BLOCK) << _DEPTH | columns.north + j >> _BLOCK
-        for i, j in product((-1, 1), repeat=2)  # a column's rock is at most in these
-    ]
-    for block in np.unique(np.concatenate(number)).tolist():
-        near = np.logical_or.reduce([v == block for v in number])
-        yield block >> _DEPTH, block & ((1 << _DEPTH) - 1), columns.some(near)
+    number = np.concatenate(
+        [
+            (columns.east + i >> _BLOCK) << _DEPTH | columns.north + j >> _BLOCK
+            for i, j in product((-1, 1), repeat=2)  # a column's rock is at most in these
+        ]
+    )
+    order = np.argsort(number, kind="stable")
+    for some in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else []:
+        block = int(number[some[0]])
+        yield block >> _DEPTH, block & ((1 << _DEPTH) - 1), columns.some(np.unique(some % len(columns)))
 
 
 def _voxels(columns: Columns, east: int, north: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the codes, in order, and the states of a block's voxels; rock is one voxel thick."""
-    x, y = (_spread(np.arange(2 * _CENTRE)) << axis for axis in range(2))
-    z = _spread(np.arange(2 * _CENTRE)) << 2
+    low, high = int(columns.base.min(initial=_CENTRE)) - 1, int((columns.base + columns.layers).max(initial=_CENTRE))
+    z = _spread(np.arange(low, high + 1)) << 2
     numbers = np.sort(columns.numbers)
 
     def stacked(i: int, j: int, ends: int, some: np.ndarray) -> np.ndarray:
@@ -149,7 +152,7 @@ def _voxels(columns: Columns, east: int, north: int) -> tuple[np.ndarray, np.nda
         moved = moved.some(some & (moved.east >> _BLOCK == east) & (moved.north >> _BLOCK == north))
         count = moved.layers + 2 * ends
         up = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(moved.base - ends, count)
-        return np.repeat(x[moved.east] | y[moved.north], count) | z[up]
+        return np.repeat(_spread(moved.east) | _spread(moved.north) << 1, count) | z[up - low]
 
     inside = _distinct(stacked(0, 0, 0, np.ones(len(columns), bool)))
     rock = []

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Mapping
 
 import networkx as nx
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from pipeline.geometry.network.thinning import Skeleton
 from pipeline.types import Frame
-
-Pixel = tuple[int, int]
 
 _SMOOTHING_CELLS = 3.0  # s.d. of the smoothing; pixel chains run in 45 deg steps, which makes them up to 8 % too long
 
 
-def contract_pixels(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:
+def contract_pixels(skeleton: Skeleton, frame: Frame) -> nx.MultiGraph:
     """Contract a skeleton's chains of pixels into legs.
 
     Parameters
     ----------
-    pixels : nx.Graph
-        Skeleton pixels (row, column), connected to their neighbours.
+    skeleton : Skeleton
     frame : Frame
         The pixel grid.
 
@@ -32,42 +30,64 @@ def contract_pixels(pixels: nx.Graph, frame: Frame) -> nx.MultiGraph:
         Nodes are junctions and ends with `xy` (2,) m, mine frame. Edges are legs with `path` (n, 2) m, from the node of
         lower number to the other, and `length` m.
     """
-    # Copies: a view of a part asks of every neighbour again whether it belongs to the part.
-    junctions = pixels.subgraph([p for p, degree in pixels.degree if degree > 2]).copy()
-    node_of: dict[Pixel, int] = {}
     graph: nx.MultiGraph = nx.MultiGraph()
-
-    def centre(cells: Iterable[Pixel]) -> np.ndarray:
-        rc = np.array(sorted(cells), dtype=float)
-        return frame.to_mine(rc[:, ::-1] + 0.5).mean(axis=0)
-
-    def add_node(cells: Collection[Pixel]) -> None:
-        node_of.update(dict.fromkeys(cells, len(graph)))
-        graph.add_node(len(graph), xy=centre(cells))
-
-    for cluster in sorted(nx.connected_components(junctions), key=min):
-        add_node(cluster)
-    for pixel, degree in pixels.degree:
-        if degree <= 1:
-            add_node([pixel])
-    for component in sorted(nx.connected_components(pixels), key=min):
-        if not any(pixel in node_of for pixel in component):  # a ring without a junction needs one node
-            add_node([min(component)])
-
-    chains = pixels.subgraph([p for p in pixels if p not in node_of]).copy()
-    for chain in sorted(nx.connected_components(chains), key=min):
-        ends = [p for p in sorted(chain) if chains.degree(p) < 2]
-        order = list(nx.dfs_preorder_nodes(chains, ends[0])) if ends else []
-        nodes = [sorted(node_of[q] for q in pixels[p] if q in node_of) for p in (order[0], order[-1])]
+    node_of, places = _nodes(skeleton), frame.to_mine(skeleton.pixels[:, ::-1].astype(float) + 0.5)
+    for pixels in _groups(np.flatnonzero(node_of >= 0), node_of):
+        graph.add_node(len(graph), xy=places[pixels].mean(axis=0))
+    between = (node_of[skeleton.links] < 0).all(axis=1)
+    beside = _two_neighbours(skeleton, node_of < 0)
+    for chain in _groups(np.flatnonzero(node_of < 0), skeleton.parts(skeleton.links[between])):
+        order = _in_order(chain, beside, node_of)
+        nodes = [sorted(number for number in node_of[beside[p]].tolist() if number >= 0) for p in (order[0], order[-1])]
         first, last = (nodes[0][0], nodes[0][-1]) if len(order) == 1 else (nodes[0][0], nodes[1][0])
-        points = frame.to_mine(np.array(order, dtype=float)[:, ::-1] + 0.5)
-        _add_leg(graph, first, last, np.vstack([graph.nodes[first]["xy"], points, graph.nodes[last]["xy"]]))
-    for p, q in pixels.edges:
-        if p in node_of and q in node_of and node_of[p] != node_of[q]:
-            _add_leg(
-                graph, node_of[p], node_of[q], np.array([graph.nodes[node_of[p]]["xy"], graph.nodes[node_of[q]]["xy"]])
-            )
+        ends = graph.nodes[first]["xy"], graph.nodes[last]["xy"]
+        _add_leg(graph, first, last, np.vstack([ends[0], places[order], ends[1]]))
+    for first, last in node_of[skeleton.links].tolist():
+        if min(first, last) >= 0 and first != last:
+            _add_leg(graph, first, last, np.array([graph.nodes[first]["xy"], graph.nodes[last]["xy"]]))
     return graph
+
+
+def _nodes(skeleton: Skeleton) -> np.ndarray:
+    """Return the number of each pixel's node (n,), -1 on the chains between: of junctions, of ends, of rings."""
+    degree = np.bincount(skeleton.links.ravel(), minlength=len(skeleton.pixels))
+    crowded, ends = degree > 2, np.flatnonzero(degree <= 1)
+    junction = skeleton.parts(skeleton.links[crowded[skeleton.links].all(axis=1)])
+    node_of = np.full(len(degree), -1)
+    node_of[crowded] = np.unique(junction[crowded], return_inverse=True)[1]
+    node_of[ends] = node_of.max(initial=-1) + 1 + np.arange(len(ends))
+    part = skeleton.parts(skeleton.links)
+    ring = np.setdiff1d(part, part[node_of >= 0])  # a ring without a junction needs one node
+    node_of[np.unique(part, return_index=True)[1][ring]] = node_of.max(initial=-1) + 1 + np.arange(len(ring))
+    return node_of
+
+
+def _groups(pixels: np.ndarray, number: np.ndarray) -> list[np.ndarray]:
+    """Return the pixels of each number, the lowest number first; pixels keep their order."""
+    order = pixels[np.argsort(number[pixels], kind="stable")]
+    return np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else []
+
+
+def _two_neighbours(skeleton: Skeleton, which: np.ndarray) -> np.ndarray:
+    """Return the neighbours (n, 2) of those pixels that have two; the others' are undefined."""
+    both = np.concatenate([skeleton.links, skeleton.links[:, ::-1]])
+    both = both[np.isin(both[:, 0], np.flatnonzero(which))]
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    beside = np.full((len(which), 2), -1)
+    beside[both[::2, 0]] = both[:, 1].reshape(-1, 2)
+    return beside
+
+
+def _in_order(chain: np.ndarray, beside: np.ndarray, node_of: np.ndarray) -> np.ndarray:
+    """Return the pixels of a chain from the first of its ends to the other."""
+    step = dict(zip(chain.tolist(), beside[chain].tolist(), strict=True))
+    at = int(chain[(node_of[beside[chain]] >= 0).any(axis=1).argmax()])
+    order, before = [at], next(pixel for pixel in step[at] if pixel not in step)
+    while len(order) < len(step):
+        one, other = step[at]
+        before, at = at, other if one == before else one
+        order.append(at)
+    return np.array(order)
 
 
 def _add_leg(graph: nx.MultiGraph, first: int, last: int, path: np.ndarray) -> None:

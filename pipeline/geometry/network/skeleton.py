@@ -55,9 +55,8 @@ def trace_networks(
         If a passage or a pillar is too thin even for the finest cells.
     """
     for halvings in range(_REFINEMENTS + 1):
-        pixels, frame = thin_polygon(free, cell_m / 2**halvings)
-        components = nx.number_connected_components(pixels)
-        loops = pixels.number_of_edges() - pixels.number_of_nodes() + components
+        skeleton, frame = thin_polygon(free, cell_m / 2**halvings)
+        loops, components = skeleton.loops, skeleton.components
         if (loops, components) == (len(free.interiors), 1):
             break
     else:
@@ -65,7 +64,7 @@ def trace_networks(
             f"skeleton: {len(free.interiors)} islands in one component, but {loops} loops in {components} components "
             f"at cells of {1 / frame.px_per_m:.3g} m; some passage or pillar is thinner"
         )
-    graph = contract_pixels(pixels, frame)
+    graph = contract_pixels(skeleton, frame)
     nodes = list(graph)
     clearance = distances_to_walls(free, np.array([graph.nodes[node]["xy"] for node in nodes]))
     networks = []

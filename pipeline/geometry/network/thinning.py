@@ -1,10 +1,13 @@
-"""Thin a polygon on a grid; the skeleton is a graph of pixels."""
+"""Thin a polygon on a grid; the skeleton is linked pixels."""
 
 from __future__ import annotations
 
-import networkx as nx
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 from skimage.morphology import skeletonize
 
@@ -13,8 +16,36 @@ from pipeline.geometry.runs import connected_runs
 from pipeline.types import Frame, Mask
 
 
-def thin_polygon(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
-    """Rasterise and thin a polygon, m; return the skeleton's pixels (row, column) as a graph, and the grid.
+@dataclass(frozen=True)
+class Skeleton:
+    """Pixels (n, 2) of row and column, row by row, and the links (m, 2) between neighbours by their numbers.
+
+    A link names its lower number first; links are in the order of these.
+    """
+
+    pixels: np.ndarray
+    links: np.ndarray
+
+    def parts(self, links: np.ndarray) -> np.ndarray:
+        """Return the part (n,) of each pixel by some of the links (k, 2), numbered by their first pixels."""
+        n = len(self.pixels)
+        found = connected_components(coo_array((np.ones(len(links), bool), links.T), shape=(n, n)), directed=False)[1]
+        _, first, part = np.unique(found, return_index=True, return_inverse=True)
+        return np.argsort(np.argsort(first))[part]
+
+    @property
+    def components(self) -> int:
+        """Return the number of connected components."""
+        return int(self.parts(self.links).max(initial=-1)) + 1
+
+    @property
+    def loops(self) -> int:
+        """Return the cycle rank."""
+        return len(self.links) - len(self.pixels) + self.components
+
+
+def thin_polygon(free: Polygon, cell_m: float) -> tuple[Skeleton, Frame]:
+    """Rasterise and thin a polygon, m; return its skeleton and the grid.
 
     References
     ----------
@@ -25,7 +56,7 @@ def thin_polygon(free: Polygon, cell_m: float) -> tuple[nx.Graph, Frame]:
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
     frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
     cells = _without_tips(fill_polygon(free, frame), free, frame)
-    return _pixel_graph(_with_neighbour(skeletonize(cells, method="lee") > 0, cells)), frame
+    return skeleton_of(_with_neighbour(skeletonize(cells, method="lee") > 0, cells)), frame
 
 
 def _with_neighbour(skeleton: Mask, cells: Mask) -> Mask:
@@ -54,19 +85,29 @@ def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
     return cells
 
 
-def _pixel_graph(skeleton: Mask) -> nx.Graph:
-    """Connect neighbouring skeleton pixels; diagonally only if no two orthogonal steps connect them.
+def skeleton_of(thin: Mask) -> Skeleton:
+    """Connect neighbouring pixels of a thin mask; diagonally only if no two orthogonal steps connect them.
 
     Thinning can leave a square of four pixels where drifts cross. It is no loop, so one of its four edges is left out.
     """
-    graph: nx.Graph = nx.Graph()
-    cells = {(int(r), int(c)) for r, c in np.argwhere(skeleton)}
-    graph.add_nodes_from(sorted(cells))
-    for r, c in sorted(cells):
-        for dr, dc in ((0, 1), (1, 0)):
-            if (r + dr, c + dc) in cells and not (dc and {(r - 1, c), (r - 1, c + 1)} <= cells):
-                graph.add_edge((r, c), (r + dr, c + dc))
-        for dc in (-1, 1):
-            if (r + 1, c + dc) in cells and (r + 1, c) not in cells and (r, c + dc) not in cells:
-                graph.add_edge((r, c), (r + 1, c + dc))
-    return graph
+    row, col = np.nonzero(thin)
+    key = row * (thin.shape[1] + 2) + col + 1  # of the pixels in their order; columns beside the mask have keys, too
+
+    def numbers_beside(down: int, right: int) -> np.ndarray:
+        """Return the number of the pixel so many rows below and columns to the right of each; -1 where none is."""
+        wanted = key + down * (thin.shape[1] + 2) + right
+        at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+        return np.where(key[at] == wanted, at, -1)
+
+    east, south, south_west, south_east = (numbers_beside(*step) for step in ((0, 1), (1, 0), (1, -1), (1, 1)))
+    west, closes_square = numbers_beside(0, -1), (numbers_beside(-1, 0) >= 0) & (numbers_beside(-1, 1) >= 0)
+    neighbour = np.column_stack(
+        [
+            np.where(closes_square, -1, east),
+            south,
+            np.where((south >= 0) | (west >= 0), -1, south_west),
+            np.where((south >= 0) | (east >= 0), -1, south_east),
+        ]
+    )
+    one, which = np.nonzero(neighbour >= 0)
+    return Skeleton(np.column_stack([row, col]), np.column_stack([one, neighbour[one, which]]))

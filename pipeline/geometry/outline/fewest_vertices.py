@@ -35,6 +35,7 @@ class _Ring:
         kept = [place[xy.tobytes()] for xy in shapely.get_coordinates(line)[:-1]]
         self.at = np.array([*kept, len(self.traced) - 1])
         self.cost = _edge_costs(self.traced, self.at)
+        self._last: tuple[bytes, float, tuple[Points2, np.ndarray]] = b"", 0.0, (self.traced, self.traced[:, 0])
 
     def fit(self, penalty: float, most_m: float) -> tuple[Points2, np.ndarray]:
         """Return the closed ring (k, 2) of least squared error plus penalty per vertex, and the distances (n,) m."""
@@ -48,8 +49,11 @@ class _Ring:
             if not len(far):
                 break
             self.cost[chosen[far + 1], chosen[far + 1] - chosen[far] - 1] = np.inf
-        ring = fit_vertices(self.traced, self.at[chosen], most_m)
-        return ring, edge_distances(self.traced, self.at[chosen], ring)[0]
+        key = chosen.tobytes(), most_m
+        if self._last[:2] != key:  # a small pillar keeps its vertices at most penalties
+            ring = fit_vertices(self.traced, self.at[chosen], most_m)
+            self._last = *key, (ring, edge_distances(self.traced, self.at[chosen], ring)[0])
+        return self._last[2]
 
 
 def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
