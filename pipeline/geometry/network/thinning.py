@@ -9,8 +9,8 @@ import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
-from skimage.morphology import skeletonize
 
+from pipeline.geometry.network.lee_thinning import thin_mask
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.runs import connected_runs
 from pipeline.types import Frame, Mask
@@ -49,24 +49,23 @@ def thin_polygon(free: Polygon, cell_m: float) -> tuple[Skeleton, Frame]:
 
     References
     ----------
-    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (by scikit-image; it keeps holes and components, which the
-    method of Zhang and Suen does not always)
+    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (it keeps holes and components, which the method of Zhang and
+    Suen does not always)
     """
     west, south, east, north = free.bounds
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))
     frame = Frame(1.0 / cell_m, 2.0 - west / cell_m, height - 2.0 + south / cell_m, width, height)
     cells = _without_tips(fill_polygon(free, frame), free, frame)
-    return skeleton_of(_with_neighbour(skeletonize(cells, method="lee") > 0, cells)), frame
+    return skeleton_of(_with_neighbour(thin_mask(cells), cells)), frame
 
 
-def _with_neighbour(skeleton: Mask, cells: Mask) -> Mask:
+def _with_neighbour(pixels: np.ndarray, cells: Mask) -> np.ndarray:
     """Add a free neighbour to a skeleton of one cell: a square or round room then has a leg, one cell long."""
-    if np.count_nonzero(skeleton) != 1:
-        return skeleton
-    row, col = np.argwhere(skeleton)[0]
+    if len(pixels) != 1:
+        return pixels
+    ((row, col),) = pixels.tolist()
     sides = [(row, col + 1), (row + 1, col), (row, col - 1), (row - 1, col)]
-    skeleton[next((side for side in sides if cells[side]), (row, col))] = True
-    return skeleton
+    return np.array(sorted([(row, col), *[side for side in sides if cells[side]][:1]]))
 
 
 def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
@@ -85,17 +84,18 @@ def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
     return cells
 
 
-def skeleton_of(thin: Mask) -> Skeleton:
-    """Connect neighbouring pixels of a thin mask; diagonally only if no two orthogonal steps connect them.
+def skeleton_of(pixels: np.ndarray) -> Skeleton:
+    """Connect neighbouring pixels (n, 2), which are in order; diagonally only if no two orthogonal steps connect them.
 
     Thinning can leave a square of four pixels where drifts cross. It is no loop, so one of its four edges is left out.
     """
-    row, col = np.nonzero(thin)
-    key = row * (thin.shape[1] + 2) + col + 1  # of the pixels in their order; columns beside the mask have keys, too
+    row, col = pixels.T
+    width = int(col.max(initial=0)) + 3  # columns beside the pixels have keys, too
+    key = row * width + col + 1
 
     def numbers_beside(down: int, right: int) -> np.ndarray:
         """Return the number of the pixel so many rows below and columns to the right of each; -1 where none is."""
-        wanted = key + down * (thin.shape[1] + 2) + right
+        wanted = key + down * width + right
         at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
         return np.where(key[at] == wanted, at, -1)
 
@@ -110,4 +110,4 @@ def skeleton_of(thin: Mask) -> Skeleton:
         ]
     )
     one, which = np.nonzero(neighbour >= 0)
-    return Skeleton(np.column_stack([row, col]), np.column_stack([one, neighbour[one, which]]))
+    return Skeleton(pixels, np.column_stack([one, neighbour[one, which]]))

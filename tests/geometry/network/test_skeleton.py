@@ -4,12 +4,15 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
 from shapely.affinity import rotate
+from skimage.morphology import skeletonize
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.network.lee_thinning import thin_mask
 from pipeline.geometry.network.leg_graph import prune_spurs
 from pipeline.geometry.network.skeleton import _farthest_pair, trace_network
-from pipeline.geometry.network.thinning import thin_polygon
+from pipeline.geometry.network.thinning import skeleton_of, thin_polygon
 from tests.mines import RING, STRAIGHT, TEE, random_mine
 
 
@@ -98,8 +101,31 @@ def test_four_pixels_where_two_drifts_cross_are_no_loop():
     """Thinning leaves a square of four pixels at the crossing of these drifts."""
     drift = shapely.box(-20, -2.2, 20, 2.2)
     crossing = rotate(drift.union(rotate(drift, 90, origin=(0, 0))), 45, origin=(0, 0))
-    pixels, _ = thin_polygon(crossing, 0.25)
-    assert nx.cycle_basis(pixels) == []
+    skeleton, _ = thin_polygon(crossing, 0.25)
+    assert (skeleton.loops, skeleton.components) == (0, 1)
+    assert nx.cycle_basis(nx.Graph(skeleton.links.tolist())) == []
+
+
+@given(seed=st.integers(0, 10_000), blurred=st.booleans(), share=st.floats(0.2, 0.98))
+@settings(deadline=None, max_examples=100)
+def test_a_thinned_mask_is_the_skeleton_that_scikit_image_finds(seed, blurred, share):
+    rng = np.random.default_rng(seed)
+    noise = rng.random(rng.integers(1, 60, 2))
+    noise = gaussian_filter(noise, 2.0) if blurred else noise
+    mask = noise <= np.quantile(noise, share)
+    assert np.array_equal(thin_mask(mask), np.argwhere(skeletonize(mask, method="lee")))
+
+
+def test_cells_that_are_tried_one_by_one_keep_a_line_of_two_cells_connected():
+    """Whether a cell of such a line goes depends on all before it."""
+    mask = np.pad(np.repeat(np.eye(40, dtype=bool), 2, axis=1), 1)
+    assert np.array_equal(thin_mask(mask), np.argwhere(skeletonize(mask, method="lee")))
+    assert skeleton_of(thin_mask(mask)).components == 1
+
+
+def test_a_skeleton_without_pixels_has_no_component():
+    skeleton = skeleton_of(np.zeros((0, 2), int))
+    assert (skeleton.loops, skeleton.components) == (0, 0)
 
 
 def test_workings_thinner_than_a_cell_are_refused():
