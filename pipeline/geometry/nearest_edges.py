@@ -9,9 +9,9 @@ import shapely
 
 from pipeline.geometry.cells import PlanCells, plan_cells
 
-_CELL_M = 0.5
+_CELLS_M = (0.5, 1.0, 2.0)  # the first that places are dense in counts; drifts are a few metres wide
 # A search in the tree takes 2 us, a comparison with one edge 0.05 us. Each cell takes two searches.
-_DENSE = 8
+_DENSE = 4
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,12 @@ def nearest_edges(edges: np.ndarray, places: np.ndarray) -> NearestEdges:
         Of edges that are equally near, any.
     """
     tree = shapely.STRtree(shapely.linestrings(edges))
-    cells = plan_cells(places, _CELL_M)
-    if len(places) < _DENSE * len(cells.at):
-        return _search(tree, places)
-    cell, edge = _candidates(tree, cells)
-    return _compare(edges, places, cells, edge[np.lexsort((edge, cell))], np.bincount(cell))
+    for size_m in _CELLS_M:
+        cells = plan_cells(places, size_m)
+        if len(places) >= _DENSE * len(cells.at):
+            cell, edge = _candidates(tree, cells, size_m)
+            return _compare(edges, places, cells, edge[np.lexsort((edge, cell))], np.bincount(cell))
+    return _search(tree, places)
 
 
 def _search(tree: shapely.STRtree, places: np.ndarray) -> NearestEdges:
@@ -54,14 +55,14 @@ def _search(tree: shapely.STRtree, places: np.ndarray) -> NearestEdges:
     return NearestEdges(edge, distance_m)
 
 
-def _candidates(tree: shapely.STRtree, cells: PlanCells) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(tree: shapely.STRtree, cells: PlanCells, size_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of cells and the edges that may be nearest to a place in them.
 
     A place is at most half a diagonal from the centre. So its nearest edge is at most a diagonal farther from the
     centre than the centre's nearest edge.
     """
-    centre = (cells.at + 0.5) * _CELL_M
-    reach_m = _search(tree, centre).distance_m + 1.0001 * np.sqrt(2) * _CELL_M  # and for rounding
+    centre = (cells.at + 0.5) * size_m
+    reach_m = _search(tree, centre).distance_m + 1.0001 * np.sqrt(2) * size_m  # and for rounding
     cell, edge = tree.query(shapely.points(centre), predicate="dwithin", distance=reach_m)
     return cell, edge
 

@@ -44,7 +44,7 @@ class Runs:
 
 def connected_runs(mask: Mask) -> Runs:
     """Return the runs of the true cells of a mask (rows, cols), and their parts."""
-    row, start, stop = _runs(mask)
+    row, start, stop = runs_of(mask)
     width = mask.shape[1]
     begin, end = row * width + start, row * width + stop
     low = np.searchsorted(end, begin + width, "right")  # of the runs in the next row that a run touches
@@ -57,7 +57,8 @@ def connected_runs(mask: Mask) -> Runs:
     return Runs(row, start, stop, np.argsort(np.argsort(first))[inverse])
 
 
-def _runs(mask: Mask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def runs_of(mask: Mask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the runs of the true cells of a mask, row by row: row, first column and column after the last, (n,)."""
     found = []
     for top in range(0, len(mask), _ROWS):
         edge = np.zeros((len(mask[top : top + _ROWS]), mask.shape[1] + 1), bool)

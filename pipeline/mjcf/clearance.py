@@ -14,6 +14,7 @@ from pipeline.mjcf.bundle import placed_parts
 from pipeline.mjcf.loading import compile_spec, read_spec
 
 _PROBE_M = 0.01
+_AT_ONCE = 1_000_000  # places that are searched
 
 
 def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np.ndarray, most_m: float) -> np.ndarray:
@@ -37,17 +38,20 @@ def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np
     ]
     rock = np.concatenate(of_group)  # in the order of `placed_parts`
     tree = shapely.STRtree([section_footprint(part) for part in placed_parts(model, group, T_world_mine)])
-    place, part = tree.query(shapely.points(places[:, :2]), predicate="dwithin", distance=most_m)
-    at = places @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
-    clearance, segment = np.full(len(places), most_m), np.zeros(6)
-    for i, geom in zip(place.tolist(), rock[part].tolist(), strict=True):
-        if clearance[i] == 0.0:  # in another part; nothing is nearer
-            continue
-        data.geom_xpos[probe] = at[i]
-        distance = mujoco.mj_geomDistance(model, data, probe, geom, most_m, segment) + _PROBE_M
-        if distance < clearance[i]:
-            clearance[i] = max(distance, 0.0)
-    return clearance
+    clearance = [most_m] * len(places)
+    xpos, segment = data.geom_xpos[probe], np.zeros(6)
+    for begin in range(0, len(places), _AT_ONCE):
+        some = places[begin : begin + _AT_ONCE]
+        place, part = tree.query(shapely.points(some[:, :2]), predicate="dwithin", distance=most_m)
+        at = some @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
+        for i, geom in zip((begin + place).tolist(), rock[part].tolist(), strict=True):
+            if clearance[i] == 0.0:  # in another part; nothing is nearer
+                continue
+            xpos[:] = at[i - begin]
+            distance = mujoco.mj_geomDistance(model, data, probe, geom, most_m, segment) + _PROBE_M
+            if distance < clearance[i]:
+                clearance[i] = max(distance, 0.0)
+    return np.array(clearance)
 
 
 def _keep_group(spec: mujoco.MjSpec, group: int) -> None:

@@ -36,6 +36,7 @@ _LEVEL_RAD = 1e-6  # half a millimetre at the far end of the longest slab
 _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so that a leak is visible
 _PROBE_HEIGHT_M = 0.35
 _ROUNDING_M = 1e-5  # clearances this close are equal: walls may run exactly at the radius beside a row of cells
+_AT_ONCE = 1_000_000  # cells that are measured
 _COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
 
@@ -143,12 +144,10 @@ def _reach(
     most = radius + _COMPARED_M
     around = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
     queried = _cells_within(around, frame)
-    places = frame.to_mine(queried[:, ::-1] + 0.5)
-    is_inside = shapely.contains_xy(free, *places.T)
-    plan = np.zeros(len(places))
-    plan[is_inside] = np.minimum(distances_to_walls(free, places[is_inside]), most)
-    probes = np.column_stack([places, np.full(len(places), _PROBE_HEIGHT_M)])
-    measured = rock_clearance(folder, np.array(record.T_world_mine), GeomGroup.COLLISION, probes, most)
+    places = _places(queried, frame)
+    plan = _plan_clearance(free, places, most)
+    measured = rock_clearance(folder, np.array(record.T_world_mine), GeomGroup.COLLISION, places, most)
+    del places  # of a mine of 200 km a gigabyte
     error = np.abs(plan - measured)
     rounded = np.where(error <= _ROUNDING_M, plan, measured)
     start = start_cell(record.spawn.anchor_m, frame)
@@ -160,12 +159,27 @@ def _reach(
     return {"clearance_error_m": clearance_error_m, **vars(match)}
 
 
+def _places(cells: np.ndarray, frame: Frame) -> np.ndarray:
+    """Return the middles (k, 3), m, mine frame, of cells at the height where clearance is measured."""
+    return np.column_stack([frame.to_mine(cells[:, ::-1] + 0.5), np.full(len(cells), _PROBE_HEIGHT_M)])
+
+
+def _plan_clearance(free: Polygon, places: np.ndarray, most_m: float) -> np.ndarray:
+    """Return the distance (k,), m, from places (k, 3), m, to the plan's walls, at most `most_m`; 0 in rock."""
+    clearance = np.zeros(len(places))
+    for some in np.array_split(np.arange(len(places)), len(places) // _AT_ONCE + 1):
+        inside = some[shapely.contains_xy(free, *places[some, :2].T)]
+        clearance[inside] = np.minimum(distances_to_walls(free, places[inside, :2]), most_m)
+    return clearance
+
+
 def _cells_within(area: BaseGeometry, frame: Frame) -> np.ndarray:
     """Return the rows and columns (k, 2) of the cells whose middles lie in an area."""
     filled = cv2.dilate(fill_polygon(area, frame).view(np.uint8), np.ones((3, 3), np.uint8))
-    near = np.argwhere(filled)  # one cell more, as rounding may decide at the border
+    near = np.argwhere(filled).astype(np.int32)  # one cell more, as rounding may decide at the border
     shapely.prepare(area)
-    return near[shapely.contains_xy(area, *frame.to_mine(near[:, ::-1] + 0.5).T)]
+    parts = np.array_split(near, len(near) // _AT_ONCE + 1)
+    return np.concatenate([some[shapely.contains_xy(area, *frame.to_mine(some[:, ::-1] + 0.5).T)] for some in parts])
 
 
 def _mask(cells: np.ndarray, frame: Frame) -> Mask:

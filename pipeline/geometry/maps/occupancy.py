@@ -6,16 +6,15 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 from scipy.ndimage import binary_erosion
 from shapely import Polygon
-from shapely.strtree import STRtree
 
 from minexplore.bundle import NAV2_PICTURE
 from minexplore.schema.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.remarks import Remark, warn_user
 from pipeline.types import Frame, Occupancy, Spawn
 
@@ -74,19 +73,10 @@ def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, fl
     frame = Frame(1.0 / cell_m, -west / cell_m, rows + south / cell_m, cols, rows)
     cells = fill_polygon(free, frame)[::-1]
     row, col = np.nonzero(cells)
-    centres = shapely.points(west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m)
+    centres = np.column_stack([west + (col + 0.5) * cell_m, south + (row + 0.5) * cell_m])
     clearance = np.zeros(cells.shape, dtype=np.float32)
-    clearance[row, col] = _wall_distance(free, centres)
+    clearance[row, col] = distances_to_walls(free, centres)
     return Occupancy(cells.copy(), clearance, np.array([west, south]), cell_m)
-
-
-def _wall_distance(free: Polygon, points: np.ndarray) -> np.ndarray:
-    rings = [np.asarray(ring.coords)[:, :2] for ring in (free.exterior, *free.interiors)]
-    walls = shapely.linestrings(np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in rings]))
-    (index, _), distance = STRtree(walls).query_nearest(points, return_distance=True, all_matches=False)
-    ordered = np.empty(len(points))
-    ordered[index] = distance
-    return ordered
 
 
 def first_anchor(

@@ -9,20 +9,20 @@ from shapely import Polygon
 from shapely.geometry.polygon import orient
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.outline.cell_borders import RowEnds, fill_contacts, trace_borders
 from pipeline.geometry.outline.edge_fit import fit_edges
 from pipeline.geometry.outline.fewest_vertices import simplify_to_error
 from pipeline.types import Frame, Mask
 
 _SUBPIXELS = 2
 _ROUNDING_M = 1e-9  # a fitted coordinate of less is zero; the sign of what is left depends on the processor
-_ROWS = 1024  # that are searched at once
 
 
 def trace_outline(free: Mask, frame: Frame) -> Polygon:
     """Trace the largest free region into a polygon with its islands as holes.
 
-    `cv2.findContours` runs through the centres of the border pixels, so it loses half a pixel on every side. The mask
-    is therefore doubled first, so that nothing is one pixel wide, and the polygon is grown by half a sub-pixel.
+    Borders run through the centres of the border pixels, and so lose half a pixel on every side. The mask is therefore
+    doubled first, so that nothing is one pixel wide, and the polygon is grown by half a sub-pixel.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ def trace_outline(free: Mask, frame: Frame) -> Polygon:
     GeometryError
         If nothing is free, or the outline touches itself.
     """
-    doubled = _fill_diagonal_contacts(_enlarged(np.pad(free, 1)))
-    contours, hierarchy = cv2.findContours(doubled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    outer = [i for i, contour in enumerate(contours) if hierarchy[0][i][3] < 0 and len(contour) > 2]
-    if not outer:
+    borders = trace_borders(fill_contacts(RowEnds.doubled(free)))
+    size = np.array([cv2.contourArea(ring.astype(np.int32)) if len(ring) > 2 else -1.0 for ring in borders.rings])
+    outer = np.flatnonzero(~borders.is_hole & (size >= 0))
+    if not len(outer):
         raise GeometryError("outline: the mask holds no free region to trace")
-    largest = max(outer, key=lambda i: cv2.contourArea(contours[i]))
-    holes = [contours[i] for i in range(len(contours)) if hierarchy[0][i][3] == largest and len(contours[i]) > 2]
-    traced = Polygon(contours[largest][:, 0], [hole[:, 0] for hole in holes])
+    largest = outer[len(outer) - 1 - int(size[outer][::-1].argmax())]
+    holes = np.flatnonzero(borders.is_hole & (size >= 0) & (borders.region == borders.region[largest]))
+    traced = Polygon(borders.rings[largest], [borders.rings[hole] for hole in holes[::-1]])
     if not traced.is_valid:
         raise GeometryError(f"outline: {shapely.is_valid_reason(traced)} (sub-pixels)")
     grown = traced.buffer(0.5, join_style="mitre")
@@ -60,26 +60,6 @@ def trace_outline(free: Mask, frame: Frame) -> Polygon:
         return frame.to_mine((points + 0.5) / _SUBPIXELS - 1.0)
 
     return orient(shapely.transform(grown, to_mine))
-
-
-def _enlarged(mask: Mask) -> np.ndarray:
-    """Return a mask as uint8 with each pixel as a square of sub-pixels."""
-    return mask.astype(np.uint8).repeat(_SUBPIXELS, axis=0).repeat(_SUBPIXELS, axis=1)
-
-
-def _fill_diagonal_contacts(filled: np.ndarray) -> np.ndarray:
-    """Fill around free pixels that touch only at a corner, where an outline would cross itself; change the mask."""
-    while len(contacts := np.vstack([_contacts(filled, top) for top in range(0, len(filled), _ROWS)])):
-        for dr, dc in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            filled[contacts[:, 0] + dr, contacts[:, 1] + dc] = 1
-    return filled
-
-
-def _contacts(mask: np.ndarray, top: int) -> np.ndarray:
-    """Return rows and columns (k, 2) of the first of four pixels of which two touch only at a corner, in some rows."""
-    rows = mask[top : top + _ROWS + 1]
-    a, b, c, d = rows[:-1, :-1], rows[:-1, 1:], rows[1:, :-1], rows[1:, 1:]
-    return np.argwhere(((a & d) > (b | c)) | ((b & c) > (a | d))) + np.array([top, 0])
 
 
 def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
