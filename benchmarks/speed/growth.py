@@ -1,4 +1,7 @@
-"""Build generated mines of 1 to 100 km of drifts and measure how time, memory and the environment's speed grow."""
+"""Build generated mines of 1 to 100 km of drifts and measure how time, memory and the environment's speed grow.
+
+A mine is of a kind: `light`, with `rock`, or `coal`, whose roadways are spread over many times their area.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ import json
 import os
 import platform
 import re
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterable
@@ -20,14 +22,22 @@ import numpy as np
 from baselines.base.markdown import write_table
 from benchmarks.resume import resume
 from benchmarks.speed import stage_costs
+from benchmarks.worlds.coal_mine import HALF_M, coal_mine, geojson
+from benchmarks.worlds.file_costs import measure_file
+from pipeline.params.stated import StatedOptions
+from tests.project import Project
 
 RESULTS, PAGE = Path("artifacts/bench/growth.jsonl"), Path("docs/evidence/parts/growth.md")
-SIZES_KM = (1, 3, 10, 30, 100)
+SIZES_KM, COAL_KM = (1, 3, 10, 30, 100), 218
 _SIDE_M = 145.0  # of a mine with a kilometre of drifts; drifts grow with the area
 _EXPONENT, _FROM_KM = 1.15, 3
 _FROM_DRIFTS_KM = 2.5  # the drifts of the mine of 3 km are 2.86 km long
-_LIGHT, _ROCKY = "## Collision world, certificate and environment", "## With visible rock"
-_MOST_MB = 8192
+_HEADINGS = {
+    "light": "## Collision world, certificate and environment",
+    "rock": "## With visible rock",
+    "coal": "## A coal mine drawn as lines",
+}
+_MOST_MB, _MOST_COAL_S = 8192, 600
 _ENV_SHARE = 0.15
 _ROUGH = "{rms_m: 0.06, hurst: 0.75, shortest_m: 0.3, longest_m: 6.0}"
 
@@ -37,7 +47,7 @@ class Grown(stage_costs.Costs):
     """The figures of one mine."""
 
     km: float
-    rock: bool
+    kind: str
     drift_m: float
     loops: int
     parts: int
@@ -45,7 +55,7 @@ class Grown(stage_costs.Costs):
     certificate: bool
 
 
-def overrides(km: float, rock: bool) -> list[str]:
+def overrides(km: float, kind: str) -> list[str]:
     """Return the settings of a mine with about this length of narrow, rough drifts."""
     side = _SIDE_M * km**0.5
     return [
@@ -58,20 +68,25 @@ def overrides(km: float, rock: bool) -> list[str]:
         "survey.mine.dead_ends=0.6",
         "survey.mine.spacing_m=30",
         f"survey.rough_walls={_ROUGH}",
-        *([] if rock else ["preset=light"]),
+        *([] if kind == "rock" else ["preset=light"]),
     ]
 
 
-def measure(km: float, rock: bool) -> Grown:
+def measure(km: float, kind: str) -> Grown:
     """Build one mine, each stage in a process of its own, and drive in it."""
-    root = Path(tempfile.mkdtemp(prefix="growth-"))
-    try:
-        costs = stage_costs.measure(overrides(km, rock), root)
+    with tempfile.TemporaryDirectory(prefix="growth-") as folder:
+        if kind == "coal":
+            text = geojson(coal_mine(1000 * km))
+            stated = StatedOptions(unit="m", half_width_m=HALF_M)
+            costs, root = measure_file("coal.geojson", text, stated, Project(Path(folder) / "project", tiny=False))
+        else:
+            root = Path(folder)
+            costs = stage_costs.measure(overrides(km, kind), root)
         network = json.loads((root / "contours/topology.json").read_text())
         metrics = json.loads((root / "validation/metrics.json").read_text())
         return Grown(
             km=km,
-            rock=rock,
+            kind=kind,
             drift_m=network["total_length_m"],
             loops=network["loops"],
             parts=metrics["collision"]["parts"],
@@ -79,8 +94,6 @@ def measure(km: float, rock: bool) -> Grown:
             certificate=metrics["certificate"]["holds"],
             **dataclasses.asdict(costs),
         )
-    finally:
-        shutil.rmtree(root, ignore_errors=True)
 
 
 def exponent(points: Iterable[tuple[float, float]]) -> float:
@@ -104,18 +117,17 @@ def tables(rows: list[Grown], before: str = "") -> str:
 
     The page is the only record of a long measurement that another clone has.
     """
-    light = _lines_of([row for row in rows if not row.rock], before, _LIGHT)
-    rocky = _lines_of([row for row in rows if row.rock], before, _ROCKY)
-    lines = [f"Measured on {platform.machine()} with {os.cpu_count()} cores.\n", _LIGHT + "\n", _table(light)]
-    points = [(_cell(line, 0), _cell(line, 2)) for line in light]
+    lines_of = {kind: _lines_of([row for row in rows if row.kind == kind], before, kind) for kind in _HEADINGS}
+    lines = [f"Measured on {platform.machine()} with {os.cpu_count()} cores.\n"]
+    points = [(_cell(line, 0), _cell(line, 2)) for line in lines_of["light"]]
     sizes = sorted(_size_of(km) for km, _ in points)
-    if sum(km >= _FROM_DRIFTS_KM for km, _ in points) > 1:
-        lines.append(
-            f"From {max(sizes[0], _FROM_KM):g} to {sizes[-1]:g} km time grows as "
-            f"length to the power of {exponent(points):.2f} (limit {_EXPONENT:g})."
-        )
-    if rocky:
-        lines += [f"\n{_ROCKY}\n", _table(rocky)]
+    for kind, found in lines_of.items():
+        lines += [f"{_HEADINGS[kind]}\n", _table(found)] if found or kind == "light" else []
+        if kind == "light" and sum(km >= _FROM_DRIFTS_KM for km, _ in points) > 1:
+            lines.append(
+                f"From {max(sizes[0], _FROM_KM):g} to {sizes[-1]:g} km time grows as "
+                f"length to the power of {exponent(points):.2f} (limit {_EXPONENT:g}).\n"
+            )
     missing = [km for km in SIZES_KM if km not in sizes]
     if missing:
         lines.append(f"Not measured yet: {', '.join(f'{km} km' for km in missing)}.")
@@ -127,9 +139,9 @@ def _size_of(drift_km: float) -> float:
     return min(SIZES_KM, key=lambda km: abs(np.log(drift_km / km)))
 
 
-def _lines_of(rows: list[Grown], before: str, heading: str) -> list[str]:
+def _lines_of(rows: list[Grown], before: str, kind: str) -> list[str]:
     """Return the lines of a section's table, the shortest mine first; a mine measured again replaces its line."""
-    section = before.partition(heading)[2].partition("\n## ")[0]
+    section = before.partition(_HEADINGS[kind])[2].partition("\n## ")[0]
     kept = [line for line in section.splitlines() if re.match(r"\| \d", line)]
     lines = {_cell(line, 0): line for line in [*kept, *map(_line, rows)]}
     return [lines[km] for km in sorted(lines)]
@@ -160,9 +172,11 @@ def _line(row: Grown) -> str:
 
 def faults(rows: list[Grown]) -> list[str]:
     """Return what misses a limit."""
-    light = sorted((row for row in rows if not row.rock), key=lambda r: r.km)
+    light, coal = ([row for row in rows if row.kind == kind] for kind in ("light", "coal"))
+    light.sort(key=lambda r: r.km)
     missed = [f"{row.km:g} km: the certificate does not hold" for row in rows if not row.certificate]
-    missed += [f"{r.km:g} km: {m:.0f} MB in {s}" for r in light for s, m in r.peak_mb.items() if m > _MOST_MB]
+    missed += [f"{r.km:g} km: {m:.0f} MB in {s}" for r in light + coal for s, m in r.peak_mb.items() if m > _MOST_MB]
+    missed += [f"{r.km:g} km: {total_s(r):.0f} s, limit {_MOST_COAL_S}" for r in coal if total_s(r) > _MOST_COAL_S]
     points = points_of(light)
     if sum(km >= _FROM_DRIFTS_KM for km, _ in points) > 1 and exponent(points) > _EXPONENT:
         missed.append(f"exponent {exponent(points):.2f}, limit {_EXPONENT:g}")
@@ -176,16 +190,18 @@ def faults(rows: list[Grown]) -> list[str]:
 def main() -> int:
     """Measure the mines that have no result yet, and write the page; exit code 2 if a figure misses its limit."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.speed.growth", description=__doc__)
-    parser.add_argument("--km", type=float, nargs="+", default=SIZES_KM, help="drifts of the light mines, km")
+    parser.add_argument("--km", type=float, nargs="*", default=SIZES_KM, help="drifts of the light mines, km")
     parser.add_argument("--rock", type=float, nargs="*", default=[1, 3], help="drifts of the mines with rock, km")
+    parser.add_argument("--coal", type=float, nargs="*", default=[COAL_KM], help="roadways of coal mines, km")
     given = parser.parse_args()
-    wanted = [(km, rock) for rock, sizes in ((False, given.km), (True, given.rock)) for km in sizes]
+    asked = {"light": given.km, "rock": given.rock, "coal": given.coal}
+    wanted = [(km, kind) for kind, sizes in asked.items() for km in sizes]
     found = resume(
         RESULTS,
         wanted,
         lambda sizes: (dataclasses.asdict(measure(*size)) for size in sizes),
         "mine",
-        key=lambda row: (row["km"], row["rock"]),
+        key=lambda row: (row["km"], row["kind"]),
     )
     rows = [Grown(**row) for row in found]
     text = tables(rows, PAGE.read_text() if PAGE.is_file() else "")

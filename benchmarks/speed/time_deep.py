@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import json
 import os
@@ -19,10 +18,10 @@ import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
-from benchmarks.speed.stage_costs import STAGES, Costs, measure
+from benchmarks.speed.stage_costs import STAGES, Costs
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
+from benchmarks.worlds.file_costs import measure_file
 from minexplore.bundle import RECORD, TOPOLOGY
-from pipeline.import_mine import draft_import, import_mine
 from pipeline.params.stated import StatedOptions
 from tests.heights import table
 from tests.project import Project
@@ -78,12 +77,7 @@ def measure_survey(project: Project, name: str, text: str, km: float, levels: in
     MineError, RuntimeError
         If the table is refused, or a stage fails.
     """
-    with contextlib.chdir(project.folder):
-        Path(f"{name}.csv").write_text(text)
-        import_mine(draft_import(name, Path(f"{name}.csv"), StatedOptions()), "generated", "CC0-1.0")
-    root = Path("artifacts/worlds") / name
-    costs = measure([f"survey={name}", "preset=light"], root, project.folder)
-    built = project.folder / root
+    costs, built = measure_file(f"{name}.csv", text, StatedOptions(), project)
     metrics = json.loads((built / "validation/metrics.json").read_text())
     stations = json.loads((built / "realism/world" / TOPOLOGY).read_text())["stations_m"]
     figures = json.loads((built / "realism/world" / RECORD).read_text())["volume"]

@@ -12,7 +12,7 @@ from tests.project import ROOT
 def grown(km, seconds, **figures):
     row = Grown(
         km=km,
-        rock=False,
+        kind="light",
         drift_m=1000.0 * km,
         loops=3,
         parts=int(180 * km),
@@ -44,6 +44,14 @@ def test_each_missed_limit_is_named_with_its_mine():
     ]
 
 
+def test_a_coal_mine_has_limits_of_time_and_memory_and_a_table_of_its_own():
+    rows = [grown(218, 700.0, kind="coal", peak_mb={"contours": 9000.0}), grown(20, 30.0, kind="coal")]
+    assert faults(rows) == ["218 km: 9000 MB in contours", "218 km: 700 s, limit 600"]
+    text = tables([grown(1, 9.0), *rows])
+    assert text.index("## A coal mine") < text.index("| 20.00 | 3 | 30.0") < text.index("| 218.00 | 3 | 700.0")
+    assert tables([], f"{text}\n").count("| 218.00 |") == 1
+
+
 def test_the_page_names_the_sizes_that_are_not_measured():
     text = tables([grown(km, 5.0 * km) for km in (1, 3, 10)])
     assert "power of 1.00 (limit 1.15)" in text
@@ -56,7 +64,7 @@ def test_mines_that_are_not_measured_now_keep_their_rows_on_the_page():
     lines = before.splitlines()
     same = with_table(before, tables([], before)).splitlines()
     assert all(new.startswith("Measured on") for old, new in zip(lines, same, strict=True) if old != new)
-    rows = [grown(10, 60.0, drift_m=8720.0), grown(1, 80.0, drift_m=1130.0, rock=True)]
+    rows = [grown(10, 60.0, drift_m=8720.0), grown(1, 80.0, drift_m=1130.0, kind="rock")]
     again = with_table(before, tables(rows, before))
     changed = [(old, new) for old, new in zip(lines, again.splitlines(), strict=True) if old != new]
     assert [new.split(" | ")[:3] for _, new in changed if new.startswith("|")] == [
