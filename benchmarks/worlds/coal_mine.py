@@ -17,17 +17,23 @@ import numpy as np
 
 from pipeline.store.files import write_atomically
 
-EXTENT_M, HALF_M = (5600.0, 7700.0), 2.5  # of the mine; half width of its roadways
+_KM, _EXTENT_M = 218.0, (5600.0, 7700.0)  # roadways, and what they extend over to the east and north
+HALF_M = 2.5  # of its roadways
 _MAINS, _GATES = 5, 2  # parallel roadways of the mains and of a panel
 _APART_M, _CROSSCUT_M = 30.0, 60.0  # between neighbouring roadways; between cross cuts
 _SHIFT_M = 1.0  # of junctions from the ladder's corners
-_LEAST_BARRIER_M = 40.0  # between neighbouring panels
 
 Line = np.ndarray  # (n, 2) m
 
 
-def coal_mine(length_m: float, extent_m: tuple[float, float] = EXTENT_M, seed: int = 1) -> list[Line]:
-    """Return the roadways of a mine of about so many metres in an extent (east, north), as lines, m.
+def extent_of(length_m: float) -> tuple[float, float]:
+    """Return how far a mine extends to the east and to the north, m: its area grows with its length."""
+    share = (length_m / 1000 / _KM) ** 0.5
+    return share * _EXTENT_M[0], share * _EXTENT_M[1]
+
+
+def coal_mine(length_m: float, seed: int = 1) -> list[Line]:
+    """Return the roadways of a mine of about so many metres, as lines, m.
 
     Mains run north through the middle. Panels of two roadways leave them to the east and to the west, in pairs, spread
     over the extent; their number makes the length. Junctions are up to a metre from the ladders' corners.
@@ -35,19 +41,18 @@ def coal_mine(length_m: float, extent_m: tuple[float, float] = EXTENT_M, seed: i
     Raises
     ------
     ValueError
-        If the mains alone are longer, or so many panels do not fit.
+        If the mains alone are longer.
     """
     rng = np.random.default_rng(seed)
-    east, north = extent_m
+    east, north = extent_of(length_m)
     half = (_MAINS - 1) * _APART_M / 2
     panel_m = east / 2 - half
     lines = [line[:, ::-1] + (-half, 0.0) for line in _ladder(_MAINS, north, rng)]
     pairs = round((length_m - total_m(lines)) / (2 * total_m(_ladder(_GATES, panel_m, rng))))
-    apart = north / max(pairs, 1)
-    if pairs < 1 or apart < (_GATES - 1) * _APART_M + _LEAST_BARRIER_M:
-        raise ValueError(f"{length_m:g} m of roadways do not fit {east:g} x {north:g} m")
+    if pairs < 1:
+        raise ValueError(f"{length_m:g} m of roadways: the mains alone have {total_m(lines):.0f} m")
     for n in range(pairs):
-        corner = (half, (n + 0.5) * apart - _APART_M / 2)
+        corner = (half, (n + 0.5) * north / pairs - _APART_M / 2)
         for side in (1, -1):
             lines += [(line + corner) * (side, 1) for line in _ladder(_GATES, panel_m, rng)]
     return lines
@@ -77,12 +82,10 @@ def geojson(lines: list[Line]) -> str:
 def main() -> int:
     """Write the centrelines."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.worlds.coal_mine", description=__doc__)
-    parser.add_argument("--km", type=float, default=218.0, help="length of all roadways")
-    parser.add_argument("--extent", type=float, nargs=2, default=EXTENT_M, metavar=("EAST_M", "NORTH_M"))
+    parser.add_argument("--km", type=float, default=_KM, help="length of all roadways")
     parser.add_argument("file", type=Path)
     options = parser.parse_args()
-    lines = coal_mine(1000 * options.km, (options.extent[0], options.extent[1]))
-    write_atomically(options.file, geojson(lines).encode())
+    write_atomically(options.file, geojson(coal_mine(1000 * options.km)).encode())
     return 0
 
 
