@@ -15,6 +15,8 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.runs import connected_runs
 from pipeline.types import Frame, Mask
 
+_ON_EDGE_M = 1e-6  # the middle of a pillar's first cell may be on its edge
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -74,7 +76,8 @@ def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
     if rock.parts == len(free.interiors) + 1:
         return cells
     places = frame.to_mine(np.column_stack([rock.start, rock.row])[rock.first] + 0.5)
-    part, pillar = shapely.STRtree([Polygon(ring) for ring in free.interiors]).query(shapely.points(places), "within")
+    pillars = shapely.STRtree([Polygon(ring) for ring in free.interiors])
+    part, pillar = pillars.query(shapely.points(places), "dwithin", _ON_EDGE_M)
     pillar_of = np.zeros(rock.parts, int)  # 0 is the rock outside
     pillar_of[part] = pillar + 1
     by_size, whole = np.argsort(rock.sizes, kind="stable"), np.full(len(free.interiors) + 1, -1)

@@ -97,6 +97,13 @@ def test_the_sharp_tip_of_a_pillar_is_no_island_of_its_own(turn_deg):
     assert trace_network(shapely.box(0, -10, 60, 40).difference(pillar), 0.25, 2.0, 3.0).loops == 1
 
 
+def test_a_pillar_whose_first_cell_is_on_its_edge_stays_beside_a_sharp_tip():
+    """A bug in a mine of 218 km: the pillar counted as rock outside, so it was cut off and became free."""
+    tip, pillar = shapely.Polygon([(5, 5), (45, 12), (45, 13)]), shapely.box(10, 40.125, 50, 50.125)
+    mine = shapely.box(0, -10, 60, 60).difference(tip).difference(pillar)
+    assert thin_polygon(mine, 0.25)[0].loops == 2
+
+
 def test_four_pixels_where_two_drifts_cross_are_no_loop():
     """Thinning leaves a square of four pixels at the crossing of these drifts."""
     drift = shapely.box(-20, -2.2, 20, 2.2)
