@@ -22,8 +22,8 @@ import numpy as np
 from baselines.base.markdown import write_table
 from benchmarks.resume import resume
 from benchmarks.speed import stage_costs
+from benchmarks.speed.time_deep import measure_file
 from benchmarks.worlds.coal_mine import HALF_M, coal_mine, geojson
-from benchmarks.worlds.file_costs import measure_file
 from pipeline.params.stated import StatedOptions
 from tests.project import Project
 

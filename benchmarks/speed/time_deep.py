@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import os
@@ -18,10 +19,10 @@ import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
-from benchmarks.speed.stage_costs import STAGES, Costs
+from benchmarks.speed.stage_costs import STAGES, Costs, measure
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
-from benchmarks.worlds.file_costs import measure_file
 from minexplore.bundle import RECORD, TOPOLOGY
+from pipeline.import_mine import draft_import, import_mine
 from pipeline.params.stated import StatedOptions
 from tests.heights import table
 from tests.project import Project
@@ -57,6 +58,38 @@ class Deep:
     def total_s(self) -> float:
         """Return the processor seconds of all stages."""
         return sum(self.costs.stages_s.values())
+
+
+def measure_file(file: str, text: str, stated: StatedOptions, project: Project) -> tuple[Costs, Path]:
+    """Build a mine's file in a copy of the project, as `new ... preset=light` does, and drive in it.
+
+    Parameters
+    ----------
+    file : str
+        The file's name; that of the world is its stem.
+    text : str
+        Its content.
+    stated : StatedOptions
+        What the options of `new` state.
+    project : Project
+
+    Returns
+    -------
+    Costs
+    Path
+        The world's folder.
+
+    Raises
+    ------
+    MineError, RuntimeError
+        If the file is refused, or a stage fails.
+    """
+    name = Path(file).stem
+    with contextlib.chdir(project.folder):
+        Path(file).write_text(text)
+        import_mine(draft_import(name, Path(file), stated), "generated", "CC0-1.0")
+    root = Path("artifacts/worlds") / name
+    return measure([f"survey={name}", "preset=light"], root, project.folder), project.folder / root
 
 
 def measure_survey(project: Project, name: str, text: str, km: float, levels: int) -> Deep:
