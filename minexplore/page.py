@@ -110,6 +110,8 @@ rewards, flags and the info are torch tensors on the device. They are views of t
 call overwrites them. `zone` is a number there, west to east. `step` waits for nothing, so `check` reports faults:
 actions or states that are not finite, robots outside of the mine, and limits of MuJoCo Warp that were too small.
 
+Floors are level here: a mine with heights, a volume included, or with a rough floor is refused at once.
+
 The CPU's environment is the reference; [the page of speeds](../evidence/speed.md) says how closely the two agree.
 Physics has 32 bits and random numbers are those of Philox, with the seed as key, so whole episodes can agree in
 distribution only.

@@ -116,14 +116,14 @@ class DeviceBench:
         import warp as wp
 
         from minexplore.warp.graph import Replayed
+        from minexplore.warp.physics import put_model
 
         task = TaskParams()
         model = bare_floor(task, RobotParams(), self.batch.models.T_world_mine)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
         model.opt.iterations = self.batch.physics.host_model.opt.iterations
         with wp.ScopedDevice(self.device):
-            on_device = mjw.put_model(model)
-            on_device.opt.warn_overflow = 0
+            on_device = put_model(model)
             data = mjw.make_data(model, nworld=self.count, nconmax=8, nccdmax=1, njmax=32)
             data.ctrl.fill_(5.0)
 

@@ -1,5 +1,8 @@
 """Physics of all robots by MuJoCo Warp: one model, rock in slots, chassis contacts latched on every substep."""
 
+from typing import Any
+
+import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import warp as wp
@@ -16,7 +19,19 @@ _PAIRS, _CONVEX = 12, 4  # pairs of geoms near each other, and those of chassis 
 # MuJoCo Warp iterates until all robots have converged, so one that never does (NaN) would hold up the others a hundred
 # times. docs/evidence/parts/gpu-parity.md has the most that contacts took.
 _ITERATIONS = 20
+_LANES = 32  # threads that share a robot's matrix of 8 x 8; MuJoCo Warp's own 128 and 64 suit larger robots
 _ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS  # a limit of iterations; nothing was left out
+
+
+def put_model(model: mujoco.MjModel, **kwargs: Any) -> mjw.Model:
+    """Return a model of one robot on Warp's current device, from the arguments of `mjw.put_model`; nothing is printed.
+
+    What does not fit is kept as bits of `mjw.OverflowType`.
+    """
+    found = mjw.put_model(model, **kwargs)
+    found.opt.warn_overflow = 0
+    found.block_dim.update_gradient_JTDAJ_dense = found.block_dim.update_gradient_cholesky = _LANES
+    return found
 
 
 class WarpPhysics:
@@ -31,8 +46,7 @@ class WarpPhysics:
         floor_pairs, rock_pairs = 4 * _FLOORS, self.slots + 1  # of one robot at most; the roof is rock
         self.host_model.opt.iterations = _ITERATIONS
         rows = max(2, count)  # MuJoCo Warp looks for empty mesh slots only where a field has several rows
-        self.model = mjw.put_model(self.host_model, batch_sizes=dict.fromkeys(_BATCHED, rows))
-        self.model.opt.warn_overflow = 0  # bits are kept and reported, nothing is printed
+        self.model = put_model(self.host_model, batch_sizes=dict.fromkeys(_BATCHED, rows))
         self.data = mjw.make_data(
             self.host_model,
             nworld=count,
