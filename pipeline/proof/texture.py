@@ -16,7 +16,7 @@ from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.rock.published import REAL_SWEEP
-from pipeline.metrics.rock.sampling import faces_near, sample_triangles, with_noise
+from pipeline.metrics.rock.sampling import faces_near, sample_triangles, unit_normals, with_noise
 from pipeline.metrics.rock.texture import (
     REAL,
     RockPoints,
@@ -175,7 +175,7 @@ def measure_texture(
     ]
     if not all(len(faces) for draw in near for faces in draw):
         raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
-    everywhere, _ = _sample(walls, params.wall_points, params, rng)
+    everywhere, _ = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
     along_m: float | None = None
     draws: list[Draw] = []
@@ -192,7 +192,9 @@ def measure_texture(
 def _sample(
     triangles: np.ndarray, most: int, params: TextureReportParams, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    return sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
+    """Draw points (n, 3) m of triangles; return them and the unit normals of their faces."""
+    points, face = sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
+    return points, unit_normals(triangles).take(face, axis=0)
 
 
 def _measure_draw(
