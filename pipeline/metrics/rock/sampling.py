@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-
 _BLOCK = 1 << 16
 _TABLE_STEPS = 4  # after which the few numbers that are left are searched
 
