@@ -77,8 +77,8 @@ def validate_world(
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
     slow = [name for name in _SLOW_MEASURES if name in groups or name not in MEASURES]
-    # Long measures run beside the texture, the longest: they mostly run outside the interpreter. Its large arrays come and
-    # go in this thread, whose memory the C library joins again.
+    # Long measures run beside the texture, the longest: they mostly run outside the interpreter. Its large arrays come
+    # and go in this thread, whose memory the C library joins again.
     with ThreadPoolExecutor(1) as pool:
         others = [pool.submit(_measure, validator, name) for name in slow if name != "texture"]
         if "texture" in slow:

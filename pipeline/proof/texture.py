@@ -169,20 +169,25 @@ def measure_texture(
     """
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
+    _require_both(pieces)
     everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
     along_m: float | None = None
     draws: list[Draw] = []
     for places in draws_of_places(network, params):
         near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
-        if not all(map(len, near)):
-            raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
+        _require_both(near)
         on_walls, on_roof = _sample(near, params, rng)
         if not draws:
             wall = between(on_walls.points, params.wall_z_m)
             along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
         draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params))
     return MeasuredTexture(draws, everywhere)
+
+
+def _require_both(pieces: list[np.ndarray]) -> None:
+    if not all(map(len, pieces)):
+        raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
 
 
 @dataclass(frozen=True)
