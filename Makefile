@@ -27,8 +27,7 @@ setup-gpu:  ## the same with MuJoCo Warp, torch and rsl-rl, for the environment 
 	@sh requirements/setup.sh gpu
 
 all: setup  ## run the whole pipeline (dvc repro)
-	@$(PY) -m pipeline set-overrides
-	@dvc repro
+	@$(PY) -m pipeline.reproduce
 
 # Two workers fill two cores: more threads of BLAS than one each would wait for each other.
 test: setup  ## run the tests, without the slow ones
@@ -48,8 +47,7 @@ clean:  ## remove artifacts and caches, keep .venv, data and the metrics that gi
 
 # One stage and those before it: make contours OVERRIDES="contours.tolerance_m=0.15"
 $(STAGES): setup
-	@$(PY) -m pipeline set-overrides
-	@dvc repro $@
+	@$(PY) -m pipeline.reproduce $@
 
 
 ##@ Results

@@ -18,8 +18,10 @@ from pydantic import ValidationError
 
 from minexplore.physics.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
+from pipeline.memory import keep_memory
 from pipeline.params.config import Config
-from pipeline.params.reading.composed import COMPOSED, ROOT_PARAMS, root_overrides
+from pipeline.params.reading.composed import root_overrides
+from pipeline.params.reading.places import COMPOSED, ROOT_PARAMS
 from pipeline.params.reading.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
@@ -156,6 +158,7 @@ def _unknown_key(config: DictConfig, key: str, conf: Path) -> str | None:
 
 def main() -> int:
     """Write the composed configuration; if it is invalid, print one message and return 2."""
+    keep_memory()
     return run_command("compose", _write_composed)
 
 

@@ -6,9 +6,10 @@ import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 _OURS = ("minexplore", "pipeline", "stages")  # packages; a module that these lack is a fault of ours
 _MOST_NAME = 300  # characters of a file's name in a message

@@ -11,7 +11,8 @@ from typing import Any
 
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
 from pipeline.memory import keep_memory
-from pipeline.params.reading.composed import ROOT_PARAMS, composed_section, root_overrides
+from pipeline.params.reading.composed import composed_section, root_overrides
+from pipeline.params.reading.places import ROOT_PARAMS
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file

@@ -77,15 +77,25 @@ def validate_world(
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
     slow = [name for name in _SLOW_MEASURES if name in groups or name not in MEASURES]
-    with ThreadPoolExecutor(2) as pool:  # long measures run in parallel: they mostly run outside the interpreter
-        for measured in [pool.submit(getattr, validator, name) for name in slow]:
+    # Long measures run beside the texture, the longest: they mostly run outside the interpreter. Its large arrays come
+    # and go in this thread, whose memory the C library joins again.
+    with ThreadPoolExecutor(1) as pool:
+        others = [pool.submit(_measure, validator, name) for name in slow if name != "texture"]
+        if "texture" in slow:
+            _measure(validator, "texture")
+        for measured in others:
             measured.result()
-        give_back()  # the points of the texture
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
         evidence = _evidence(params, validator)
         metrics = {group: validator.measure(group) for group in groups}
         timings = _timings(validator, loading.result())
     return {"metrics": metrics, "timings": timings, **evidence}
+
+
+def _measure(validator: Validator, name: str) -> None:
+    """Measure once, for later, and give back the memory that it took meanwhile."""
+    getattr(validator, name)
+    give_back()
 
 
 def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:

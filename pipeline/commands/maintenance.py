@@ -11,7 +11,7 @@ from typing import Any
 
 def set_overrides() -> None:
     """Write `$OVERRIDES` to `params.yaml` for `dvc repro`, if they compose. The file is written only if it changes."""
-    from pipeline.params.reading.composed import ROOT_PARAMS
+    from pipeline.params.reading.places import ROOT_PARAMS
     from pipeline.store.files import write_atomically
 
     overrides = os.environ.get("OVERRIDES", "")
@@ -29,7 +29,7 @@ def _forget_other_params(params: dict[str, Any]) -> None:
     """
     import yaml
 
-    from pipeline.params.reading.composed import COMPOSED
+    from pipeline.params.reading.places import COMPOSED
 
     if COMPOSED.is_file() and yaml.safe_load(COMPOSED.read_text()) != params:
         COMPOSED.unlink()

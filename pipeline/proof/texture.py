@@ -16,7 +16,7 @@ from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.rock.published import REAL_SWEEP
-from pipeline.metrics.rock.sampling import faces_near, sample_triangles, with_noise
+from pipeline.metrics.rock.sampling import faces_near, sample_triangles, unit_normals, with_noise
 from pipeline.metrics.rock.texture import (
     REAL,
     RockPoints,
@@ -169,59 +169,73 @@ def measure_texture(
     """
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
-    near = [
-        [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
-        for places in draws_of_places(network, params)
-    ]
-    if not all(len(faces) for draw in near for faces in draw):
-        raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
-    everywhere, _ = _sample(walls, params.wall_points, params, rng)
+    _require_both(pieces)
+    everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
     along_m: float | None = None
     draws: list[Draw] = []
-    for near_walls, near_roof in near:
-        wall_points = _sample(near_walls, params.wall_points, params, rng)
-        roof_points = _sample(near_roof, params.roof_points, params, rng)
+    for places in draws_of_places(network, params):
+        near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
+        _require_both(near)
+        on_walls, on_roof = _sample(near, params, rng)
         if not draws:
-            wall = between(wall_points[0], params.wall_z_m)
+            wall = between(on_walls.points, params.wall_z_m)
             along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
-        draws.append(_measure_draw(wall_points, roof_points, (published_m, along_m), params, rng))
+        draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params))
     return MeasuredTexture(draws, everywhere)
 
 
-def _sample(
-    triangles: np.ndarray, most: int, params: TextureReportParams, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    return sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
+def _require_both(pieces: list[np.ndarray]) -> None:
+    if not all(map(len, pieces)):
+        raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Points (n, 3) m of a piece, and the same with the paper's noise."""
+
+    points: np.ndarray
+    noisy: np.ndarray
+
+
+def _sample(pieces: list[np.ndarray], params: TextureReportParams, rng: np.random.Generator) -> list[_Cloud]:
+    """Draw points of walls and roof, given as triangles (n, 3, 3) m."""
+    clean = [
+        sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
+        for triangles, most in zip(pieces, (params.wall_points, params.roof_points), strict=True)
+    ]
+    along_m, in_plane_m = params.noise_normal_m, params.noise_in_plane_m
+    return [
+        _Cloud(points, with_noise(points, unit_normals(triangles).take(face, axis=0), along_m, in_plane_m, rng))
+        for triangles, (points, face) in zip(pieces, clean, strict=True)
+    ]
 
 
 def _measure_draw(
-    walls: tuple[np.ndarray, np.ndarray],
-    roofs: tuple[np.ndarray, np.ndarray],
-    wavelengths_m: tuple[float | None, float | None],
-    params: TextureReportParams,
-    rng: np.random.Generator,
+    walls: _Cloud, roofs: _Cloud, wavelengths_m: tuple[float | None, float | None], params: TextureReportParams
 ) -> Draw:
-    """Measure one draw, given as points and normals (n, 3) of its walls and its roof."""
-    noise_m = params.noise_normal_m, params.noise_in_plane_m
-    noisy_wall, noisy_roof, wall, roof = (
-        rotate_about_z(between(points, z_m))
-        for points, z_m in (
-            (with_noise(walls[0], walls[1], noise_m[0], noise_m[1], rng), params.wall_z_m),
-            (with_noise(roofs[0], roofs[1], noise_m[0], noise_m[1], rng), params.roof_z_m),
-            (walls[0], params.wall_z_m),
-            (roofs[0], params.roof_z_m),
-        )
-    )
-    sweep = sweep_walls(wall)
-    sigma = sweep.bumps.sigma
+    """Measure one draw."""
+    noisy = _rock_points(walls.noisy, roofs.noisy, wavelengths_m[0], params)
+    as_paper = measure_axes(noisy)
+    del noisy  # its planes take as much memory as all points
+    rock = _rock_points(walls.points, roofs.points, wavelengths_m[1], params)
+    sigma = rock.sweep.bumps.sigma
     return Draw(
-        measure_axes(RockPoints(noisy_wall, sweep_walls(noisy_wall), noisy_roof, wavelengths_m[0])),
-        measure_axes(RockPoints(wall, sweep, roof, wavelengths_m[1])),
-        sweep.residuals,
-        roof_unevenness_m(roof),
+        as_paper,
+        measure_axes(rock),
+        rock.sweep.residuals,
+        roof_unevenness_m(rock.roof),
         float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
     )
+
+
+def _rock_points(
+    walls: np.ndarray, roof: np.ndarray, wavelength_m: float | None, params: TextureReportParams
+) -> RockPoints:
+    walls, roof = (
+        rotate_about_z(between(points, z_m)) for points, z_m in ((walls, params.wall_z_m), (roof, params.roof_z_m))
+    )
+    return RockPoints(walls, sweep_walls(walls), roof, wavelength_m)
 
 
 def texture_metrics(report: TextureReport) -> dict[str, Any]:

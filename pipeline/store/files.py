@@ -8,10 +8,12 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-
-from pydantic import ValidationError
+from typing import TYPE_CHECKING
 
 from pipeline.errors import ArtifactError, printable
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 
 def describe_field(error: ValidationError) -> str:

@@ -103,14 +103,23 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
 @functools.cache  # stages share most of their modules
 def _imported_files(module: str, source: str, root: Path) -> list[str]:
     """Return the files below `root` that a module with a source imports, and the `__init__.py` of all packages."""
-    found: dict[str, None] = {}
-    packages = module.split("/")[:-1]
-    for name in [*_imported_names(source), ".".join(packages)]:
-        stem = ""
-        for part in name.split("."):
-            stem = f"{stem}/{part}" if stem else part
-            found |= {file: None for file in (f"{stem}.py", f"{stem}/__init__.py")}
-    return [file for file in found if (root / file).is_file()]
+    names = [*_imported_names(source), ".".join(module.split("/")[:-1])]
+    stems = ["/".join(parts[: k + 1]) for parts in (name.split(".") for name in names) for k in range(len(parts))]
+    return [file for stem in dict.fromkeys(stems) if (file := _file_of(stem, root))]
+
+
+@functools.cache
+def _file_of(stem: str, root: Path) -> str | None:
+    """Return the file below `root` of a module or package, given as a path without suffix; None for what is neither."""
+    folder = stem.rpartition("/")[0]
+    if folder and not _is_folder(folder, root):  # a name in a module, or in a package of others
+        return None
+    return next((file for file in (f"{stem}.py", f"{stem}/__init__.py") if (root / file).is_file()), None)
+
+
+@functools.cache
+def _is_folder(folder: str, root: Path) -> bool:
+    return (root / folder).is_dir()
 
 
 # A statement from its line on: up to the end of the line, or of the parentheses.

@@ -36,7 +36,10 @@ def code_sha256(stage: str, root: Path) -> str:
     It is that of the first call in a process, which does not load changed modules later either.
     """
     closure = import_closure(root / "stages" / f"{stage}.py", root)
-    return sha256_named({path.as_posix(): sha256_file(root / path) for path in closure})
+    return sha256_named({path.as_posix(): _module_sha256(root / path) for path in closure})
+
+
+_module_sha256 = functools.cache(sha256_file)  # stages share most of their modules
 
 
 def new_manifest(stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str]) -> Manifest:

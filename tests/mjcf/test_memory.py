@@ -46,3 +46,15 @@ def test_a_command_keeps_the_memory_of_arrays_that_come_and_go(module):
     faults, objects = map(int, done.stdout.split()[-2:])
     assert faults < 100_000
     assert objects > 10_000
+
+
+def test_a_command_ends_without_a_search_of_all_objects():
+    code = (
+        "import atexit, gc\n"
+        "atexit.register(lambda: print(gc.get_freeze_count() > 10_000, len(gc.get_objects()) < 1_000))\n"
+        "from pipeline.memory import keep_memory\n"
+        "keep_memory()\n"
+        "import numpy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True True\n"

@@ -220,9 +220,11 @@ def arc_windows(along: np.ndarray, offset: np.ndarray, step_m: float, window_m: 
     """Return the offsets at even steps in windows of the arc; no window contains a gap wider than four steps."""
     order = np.argsort(along, kind="stable")
     along, offset = along[order], offset[order]
-    gaps = np.flatnonzero(np.diff(along) > 4 * step_m) + 1
+    ends = np.append(np.flatnonzero(np.diff(along) > 4 * step_m) + 1, len(along))
+    starts = np.append(0, ends[:-1])
     windows = []
-    for s, v in zip(np.split(along, gaps), np.split(offset, gaps), strict=True):
+    for first, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        s, v = along[first:end], offset[first:end]
         for start in np.arange(s[0], s[-1] - window_m + 1e-9, window_m / 2) if len(s) else ():
             windows.append(np.interp(start + np.arange(round(window_m / step_m)) * step_m, s, v))
     return windows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -11,10 +10,8 @@ from pydantic import ValidationError
 
 from pipeline.errors import ParamsError
 from pipeline.params.config import Config
+from pipeline.params.reading.places import COMPOSED, ROOT_PARAMS
 from pipeline.params.refusals import first_refusal
-
-COMPOSED = Path("artifacts/params.yaml")
-ROOT_PARAMS = Path("params.yaml")  # one line of overrides, DVC's only parameter
 
 
 def composed_section(section: str) -> Any:
