@@ -66,9 +66,7 @@ def test_pictures_need_no_display_and_no_variable(tee: BuiltMine, first):
         pytest.param("osmesa", marks=pytest.mark.skipif(not osmesa_works(), reason="OSMesa is not installed")),
     ],
 )
-def test_a_script_that_does_not_close_its_environment_ends_well_with_the_library_that_the_user_set(
-    tee: BuiltMine, library
-):
+def test_a_script_that_does_not_close_its_environment_ends_well_and_keeps_the_users_library(tee: BuiltMine, library):
     done = run("-c", LEAVE_OPEN, str(tee.bundle), MUJOCO_GL=library)
     assert done.returncode == 0, done.stderr
     assert (done.stdout.strip(), done.stderr) == (f"(480, 640, 3) {library}", "")
