@@ -15,6 +15,7 @@ from baselines.base.result_file import RESULTS, Head
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
+from baselines.oracle.problem import CoverageProblem
 from baselines.policies.found import make_policy, policy_label
 from baselines.running.parallel import in_processes
 from baselines.running.protocol import SPLIT_SEEDS, head_of, run_episodes
@@ -110,7 +111,7 @@ def bound_at_the_end(env_id: str) -> Bound:
     env = make_env(env_id, 1)
     try:
         horizon = env.task.max_steps * env.task.control_s
-        walk = best_walk(time_network(env.robots, horizon / _BANDS), horizon, _LIMIT_S)
+        walk = best_walk(time_network(CoverageProblem.of(env.robots), horizon / _BANDS), horizon, _LIMIT_S)
         world = env.world.record["world_sha256"]
         return Bound(
             world_sha256=world, cells=env.robots.grid.total, time_s=[horizon], most=[walk.most], found=[walk.found]

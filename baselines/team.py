@@ -22,6 +22,7 @@ from baselines.base.markdown import markdown_table, write_table
 from baselines.base.progress import Progress
 from baselines.base.statistics import Figure, estimate
 from baselines.explorers.team import AssignedFrontiers
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.reach import cells_within_reach, least_time_s
 from baselines.policies.found import source_files
 from baselines.running.parallel import in_processes
@@ -99,7 +100,8 @@ def measure(key: Key) -> dict[str, Any]:
     one, starts_m = driven[0].coverage, np.concatenate([episode.starts_m for episode in driven])
     env = make_env(env_id, 1)
     try:
-        within_reach, world = cells_within_reach(env.robots, starts_m, _BAND_S), env.world.record["world_sha256"]
+        within_reach = cells_within_reach(CoverageProblem.of(env.robots), starts_m, _BAND_S)
+        world = env.world.record["world_sha256"]
         last_s = int((one >= one[-1]).argmax()) * env.task.control_s
         least_s = least_time_s(within_reach, _BAND_S, round(one[-1] * env.robots.grid.total))
         limit = last_s / max(least_s, env.task.control_s)

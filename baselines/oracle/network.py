@@ -11,8 +11,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from baselines.base.speed import top_speed_mps
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.visibility import cells_in_view
-from minexplore.envs.robot_batch import RobotBatch
 from minexplore.world import World
 
 _STEPS = [(i, j) for i in range(-3, 4) for j in range(-3, 4) if np.gcd(i, j) == 1]
@@ -39,7 +39,7 @@ class TimeNetwork:
     arrival_s: np.ndarray
 
 
-def time_network(batch: RobotBatch, band_s: float) -> TimeNetwork:
+def time_network(problem: CoverageProblem, band_s: float) -> TimeNetwork:
     """Cut the places where a robot can be into bands of equal least driving time from the spawn.
 
     The least time differs between two places by at most the driving time between them, so a robot that crosses a band
@@ -48,14 +48,13 @@ def time_network(batch: RobotBatch, band_s: float) -> TimeNetwork:
 
     Parameters
     ----------
-    batch : RobotBatch
-        Holds world, task, robot and the reachable coverage cells.
+    problem : CoverageProblem
     band_s : float
     """
-    world = batch.world
+    world = problem.world
     spawn = np.array(world.record["spawn"]["anchor_m"])
-    start = tuple(_cells_at(batch, spawn[None])[0].tolist())
-    standing, arrival = arrival_times(batch, spawn[None])
+    start = tuple(_cells_at(problem, spawn[None])[0].tolist())
+    standing, arrival = arrival_times(problem, spawn[None])
     reached_s = np.where(np.isfinite(arrival), arrival, 0.0)
     band = np.where(np.isfinite(arrival), reached_s // band_s, -1).astype(int)
     regions = _regions(band)
@@ -67,7 +66,7 @@ def time_network(batch: RobotBatch, band_s: float) -> TimeNetwork:
     root = int(ends[regions[start], 0])
     late = np.where(reached_s % band_s > (1 - _EXIT_PART) * band_s, regions, 0)
     places = _places(world, regions, late, {region: int(ends[region, 1]) for region in passable.tolist()})
-    credit = _credit(cells_in_view(batch, regions), ends, passable, list(graph))
+    credit = _credit(cells_in_view(problem, regions), ends, passable, list(graph))
     return TimeNetwork(graph, root, band_s, credit, places | {root: spawn}, standing, arrival)
 
 
@@ -101,18 +100,18 @@ def _regions(band: np.ndarray) -> np.ndarray:
     return regions
 
 
-def _cells_at(batch: RobotBatch, places_m: np.ndarray) -> np.ndarray:
+def _cells_at(problem: CoverageProblem, places_m: np.ndarray) -> np.ndarray:
     """Return row and column (n, 2) of places (n, 2) m in the grid of the world's clearance."""
-    return np.floor((places_m - batch.world.origin_m) / batch.world.cell_m).astype(int)[:, ::-1]
+    return np.floor((places_m - problem.world.origin_m) / problem.world.cell_m).astype(int)[:, ::-1]
 
 
-def arrival_times(batch: RobotBatch, starts_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def arrival_times(problem: CoverageProblem, starts_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where a robot can be, and the least time, s, in which it comes there from the nearest of places (n, 2) m.
 
     Both are (rows, cols) in the grid of the world's clearance; the time is infinite where no way leads.
     """
-    world, task = batch.world, batch.task
-    standing = world.clearance_m >= batch.robot.radius_m - _SINK_M
+    world, task = problem.world, problem.task
+    standing = world.clearance_m >= problem.robot.radius_m - _SINK_M
     east = world.origin_m[0] + (np.arange(standing.shape[1]) + 0.5) * world.cell_m
     speed = top_speed_mps(world, task, east)
     slowness = np.broadcast_to(world.cell_m / speed, standing.shape)
@@ -127,7 +126,7 @@ def arrival_times(batch: RobotBatch, starts_m: np.ndarray) -> tuple[np.ndarray, 
     row, col, cost = (np.concatenate(part) for part in zip(*links, strict=True))
     graph = coo_matrix((cost, (row, col)), shape=(standing.sum(),) * 2).tocsr()
     times = np.full(standing.shape, np.inf)
-    times[standing] = dijkstra(graph, indices=number[tuple(_cells_at(batch, starts_m).T)], min_only=True) / _METRIC
+    times[standing] = dijkstra(graph, indices=number[tuple(_cells_at(problem, starts_m).T)], min_only=True) / _METRIC
     return standing, times
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 
 from baselines.base.errors import BaselineError
 from baselines.oracle.network import TimeNetwork, time_network
+from baselines.oracle.problem import CoverageProblem, SquareGrid
 from baselines.oracle.spans import network_over_spans
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.robot_batch import RobotBatch
@@ -34,25 +33,24 @@ def network_of(batch: RobotBatch, band_s: float) -> TimeNetwork:
     if isinstance(batch, FlyerBatch):
         return network_in_air(batch, band_s)
     build = time_network if batch.world.volume is None else network_over_spans
-    return build(batch if isinstance(batch.robot, RobotParams) else _at_own_speed(batch), band_s)
+    problem = CoverageProblem.of(batch)
+    return build(problem if isinstance(batch.robot, RobotParams) else _at_own_speed(problem), band_s)
 
 
-def _at_own_speed(batch: RobotBatch) -> RobotBatch:
-    """Return what a network takes of a batch, with the speeds of its robot in place of those that are commanded."""
-    world, task, robot = batch.world, batch.task, batch.robot
+def _at_own_speed(problem: CoverageProblem) -> CoverageProblem:
+    """Return a problem with the speeds of its robot in place of those that are commanded."""
+    world, task, robot = problem.world, problem.task, problem.robot
     assert isinstance(robot, DrivenRobot)
     zones = []
     for zone, own in zip(world.floor_zones, world.active_zones(task.terrain), strict=True):
         creep_mps = _CREEP_MPS.get(zone.name, _ANY_ZONE_MPS) if task.tilt or world.volume is not None else 0.0
         wheels_mps = robot.top_speed_mps(task.max_forward_mps * own.command_scale)
         zones.append(dataclasses.replace(zone, command_scale=wheels_mps + creep_mps))
-    plan = {
-        "world": dataclasses.replace(world, floor_zones=zones),
-        "task": dataclasses.replace(task, max_forward_mps=1.0, terrain=True),
-        "robot": robot,
-        "grid": batch.grid,
-    }
-    return cast(RobotBatch, SimpleNamespace(**plan))
+    return dataclasses.replace(
+        problem,
+        world=dataclasses.replace(world, floor_zones=zones),
+        task=dataclasses.replace(task, max_forward_mps=1.0, terrain=True),
+    )
 
 
 def network_in_air(batch: FlyerBatch, band_s: float) -> TimeNetwork:
@@ -72,10 +70,8 @@ def network_in_air(batch: FlyerBatch, band_s: float) -> TimeNetwork:
         )
     task = dataclasses.replace(batch.task, terrain=False, max_forward_mps=_fastest_in_plan(batch))
     cubes = batch.grid
-    seen = cubes.in_plan(cubes.reachable)
-    grid = SimpleNamespace(reachable=seen, origin_m=cubes.origin_m, cell_m=cubes.cell_m, total=int(seen.sum()))
-    plan = SimpleNamespace(world=batch.world, task=task, robot=batch.robot, grid=grid)
-    network = time_network(cast(Any, plan), band_s)
+    grid = SquareGrid(cubes.in_plan(cubes.reachable), cubes.origin_m, cubes.cell_m)
+    network = time_network(CoverageProblem(batch.world, task, batch.robot, grid), band_s)
     columns = cubes.columns()
     credit = {
         node: np.concatenate([columns[cell] for cell in cells.tolist()] or [np.zeros(0, dtype=int)])

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.visibility import _MARCH_M, _RAYS, _SAMPLE_M, SURFACE_M
-from minexplore.envs.robot_batch import RobotBatch
 from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.volume.cells import VolumeGrid
 
@@ -55,15 +55,14 @@ def free_heights(spans: FloorSpans) -> FreeHeights:
     return FreeHeights(free_low, free_high, first)
 
 
-def cells_in_view(batch: RobotBatch, numbers: np.ndarray, regions: np.ndarray) -> list[np.ndarray]:
+def cells_in_view(problem: CoverageProblem, numbers: np.ndarray, regions: np.ndarray) -> list[np.ndarray]:
     """Return the coverage cells that beams from anywhere in each region may cross.
 
     A robot's beams rise or fall by the steepest floor and its lean at most.
 
     Parameters
     ----------
-    batch : RobotBatch
-        Holds world, task and the reachable coverage cells.
+    problem : CoverageProblem
     numbers : (n,) int
         Of spans.
     regions : (n,) int
@@ -74,18 +73,18 @@ def cells_in_view(batch: RobotBatch, numbers: np.ndarray, regions: np.ndarray) -
     list of (k,) int
         Cells by region; the first entry, of no region, is empty.
     """
-    assert batch.world.volume is not None
-    spans, grid = batch.world.volume.spans, batch.grid
+    assert problem.world.volume is not None
+    spans, grid = problem.world.volume.spans, problem.grid
     assert isinstance(grid, VolumeGrid)
     free, rise = free_heights(spans), _STEEPEST + _LEAN
-    far = batch.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
+    far = problem.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
     angle = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
     steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)
     offsets = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None, :] * steps[:, None]  # (rays, steps, 2)
     seen: list[set[int]] = [set() for _ in range(int(regions.max()) + 1)]
     for number in _samples(spans, numbers, regions, max(1, round(_SAMPLE_M / spans.cell_m))):
         place = spans.places_m[numbers[number]]
-        eye = place[2] + batch.robot.sensor_height_m
+        eye = place[2] + problem.robot.sensor_height_m
         points, low, high = place[:2] + offsets, eye - rise * steps, eye + rise * steps
         at = np.floor((points - spans.origin_m) / spans.cell_m).astype(int)[..., ::-1] - free.first
         inside = ((at >= 0) & (at < free.low_m.shape[1:])).all(axis=-1)

@@ -13,9 +13,9 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from baselines.base.errors import BaselineError
 from baselines.oracle.bound import Walk
 from baselines.oracle.network import _EXIT_PART, _METRIC, _SINK_M, _STEPS, TimeNetwork, _credit
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.span_views import cells_in_view
 from baselines.oracle.tour import _NEAR_ROCK_M, _NEAR_ROCK_PENALTY
-from minexplore.envs.robot_batch import RobotBatch
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans
 from minexplore.physics.robot import FASTEST_FALL_MPS
 from minexplore.task import TaskParams
@@ -52,7 +52,7 @@ class SpanLinks:
         return csr_matrix(coo_matrix((cost, (one, two)), shape=(count, count)))
 
 
-def network_over_spans(batch: RobotBatch, band_s: float) -> TimeNetwork:
+def network_over_spans(problem: CoverageProblem, band_s: float) -> TimeNetwork:
     """Return what `time_network` does, of a mine that is one volume.
 
     A way's length is that in space, along the floors. A robot may fall wherever free space is over a lower floor, at
@@ -61,16 +61,17 @@ def network_over_spans(batch: RobotBatch, band_s: float) -> TimeNetwork:
 
     Parameters
     ----------
-    batch : RobotBatch
-        Holds world, task, robot and the reachable coverage cells.
+    problem : CoverageProblem
     band_s : float
     """
-    spans = spans_of(batch.world)
-    links = span_links(spans, batch.robot.radius_m - _SINK_M)
-    spawn = np.array(batch.world.record["spawn"]["anchor_m"])
+    spans = spans_of(problem.world)
+    links = span_links(spans, problem.robot.radius_m - _SINK_M)
+    spawn = np.array(problem.world.record["spawn"]["anchor_m"])
     numbers = np.flatnonzero(links.standing)
     start = int(np.linalg.norm(spans.places_m[numbers] - spawn, axis=1).argmin())
-    times = dijkstra(links.graph(slowness(batch.world, batch.task)), directed=False, indices=start) / metric_of(spans)
+    times = dijkstra(links.graph(slowness(problem.world, problem.task)), directed=False, indices=start) / metric_of(
+        spans
+    )
     is_reached = np.isfinite(times)
     band = np.where(is_reached, np.where(is_reached, times, 0.0) // band_s, -1).astype(int)
     regions = _regions(band, links.pairs)
@@ -89,7 +90,7 @@ def network_over_spans(batch: RobotBatch, band_s: float) -> TimeNetwork:
         own = own if len(own) else np.flatnonzero(regions == region)
         node = int(ends[region, 1])
         places[node] = numbers[[own[clearance[own].argmax()]]]
-    credit = _credit(cells_in_view(batch, numbers, regions), ends, passable, list(graph))
+    credit = _credit(cells_in_view(problem, numbers, regions), ends, passable, list(graph))
     arrival = np.full(len(links.standing), np.inf)
     arrival[numbers] = times
     return TimeNetwork(graph, root, band_s, credit, {**places, root: numbers[[start]]}, links.standing, arrival)

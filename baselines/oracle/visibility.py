@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from minexplore.envs.robot_batch import RobotBatch
+from baselines.oracle.problem import CoverageProblem
 
 SURFACE_M = 0.5  # how far behind the collision wall the visible rock may stand back
 _SAMPLE_M, _RAYS, _MARCH_M = 0.75, 360, 0.2
 
 
-def cells_in_view(batch: RobotBatch, regions: np.ndarray) -> list[np.ndarray]:
+def cells_in_view(problem: CoverageProblem, regions: np.ndarray) -> list[np.ndarray]:
     """Return the reachable coverage cells that beams from anywhere in each region may cross.
 
     Parameters
     ----------
-    batch : RobotBatch
-        Holds world, task and the reachable coverage cells.
+    problem : CoverageProblem
     regions : (rows, cols) int
         Numbers of regions from 1 in the grid of the world's clearance; 0 where no robot can be.
 
@@ -26,8 +25,8 @@ def cells_in_view(batch: RobotBatch, regions: np.ndarray) -> list[np.ndarray]:
     list of (k,) int
         Flat indices of coverage cells by region; the first entry, of no region, is empty.
     """
-    world, grid, count = batch.world, batch.grid, int(regions.max())
-    far = batch.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
+    world, grid, count = problem.world, problem.grid, int(regions.max())
+    far = problem.task.range_m[1] + _SAMPLE_M / np.sqrt(2)
     open_ = binary_dilation(world.clearance_m > 0, iterations=round(SURFACE_M / world.cell_m))
     angle = np.linspace(0, 2 * np.pi, _RAYS, endpoint=False)
     steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)

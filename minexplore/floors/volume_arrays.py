@@ -64,8 +64,10 @@ class Parts:
         """Return how many parts there are."""
         return len(self.label)
 
-    def of(self, number: int) -> np.ndarray:
+    def __getitem__(self, number: int) -> np.ndarray:
         """Return a part's corners (k, 3) m."""
+        if not 0 <= number < len(self):
+            raise IndexError(number)  # it ends a loop over the parts
         found: np.ndarray = self.corners[self.first[number] : self.first[number + 1]]
         return found
 
@@ -84,9 +86,11 @@ class FloorSpans:
     ----------
     column, row : (s,) int32
     floor_m, headroom_m, clearance_m : (s,) float64, m
-        Height of the floor at the cell's middle, free height over it, and distance to the nearest wall.
+        Height of the floor at the cell's middle, free height over it, and distance to the nearest wall, in the middle
+        of a robot.
     storey : (s,) int32
-        Number of the connected floor.
+        Number of the connected floor, the largest first, so that a column has a storey once; -1 where the floor is too
+        steep, or the roof too low, for the robot that the world was made for.
     origin_m : (2,) float64, m, mine frame
     cell_m : float
     """

@@ -137,7 +137,7 @@ class VolumeModels:
         bit = ROCK_BIT | FLOOR_BIT if on_parts else ROCK_BIT
         near = ((self._low < high) & (self._high > low)).all(axis=1) & (self._bits & bit != 0)
         for k in np.flatnonzero(near).tolist():
-            corners = clip_convex(self._parts.of(k), low, high)
+            corners = clip_convex(self._parts[k], low, high)
             if len(corners) > 3 and np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _SLIVER_M:
                 yield f"part_{k}", corners, int(self._bits[k] & bit)
 

@@ -40,7 +40,7 @@ class PartsOfRock:
         for k in np.flatnonzero(((self._low < high_m) & (self._high > low_m)).all(axis=1)).tolist():
             friction, priority = [float(self._friction[k]), 0.005, 0.0001], int(self._is_floor[k])
             bits, name = int(self._bits[k]), f"part_{k}"
-            geom = add_part(spec, mine if priority else solid, name, self._parts.of(k), contype=bits, friction=friction)
+            geom = add_part(spec, mine if priority else solid, name, self._parts[k], contype=bits, friction=friction)
             geom.name, geom.priority = name, priority
         return spec
 

@@ -25,7 +25,6 @@ from minexplore.world import World
 from pipeline.export.extract import light_of, material_of
 from pipeline.export.labels import FLOOR_LABEL, ROCK_LABEL, ROOF_LABEL, surface_label
 from pipeline.export.scene import UNITS, ConvexPart, ExportScene, Surface, WorldFacts, placed_part
-from pipeline.volume.world.content import LabelledParts
 from pipeline.volume.world.model import part_names, zone_numbers
 from pipeline.volume.world.record import VolumeRecord
 
@@ -84,7 +83,7 @@ def _facts(record: VolumeRecord, licence: str) -> WorldFacts:
 
 
 def _parts(record: VolumeRecord, arrays: VolumeArrays) -> list[ConvexPart]:
-    parts = LabelledParts(arrays.parts.corners, arrays.parts.first, arrays.parts.label)
+    parts = arrays.parts
     found = []
     for k, (name, zone) in enumerate(
         zip(part_names(parts, record.zones), zone_numbers(parts, record.zones).tolist(), strict=True)

@@ -11,6 +11,7 @@ from baselines.base.speed import top_speed_mps
 from baselines.oracle import __main__ as oracle
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import TimeNetwork, time_network
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.tour import OracleTour, plan_tour
 from baselines.policies.found import make_policy
 from baselines.running.protocol import run_episodes
@@ -60,7 +61,7 @@ def test_the_best_walk_is_that_of_trying_all(data):
 
 def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     env = make_env(tee_id, 1)
-    network = time_network(env.robots, 2.0)
+    network = time_network(CoverageProblem.of(env.robots), 2.0)
     horizon = env.task.max_steps * env.task.control_s
     walks = {t: best_walk(network, t) for t in np.linspace(0, horizon, 4)}
     bounds = {t: walk.most for t, walk in walks.items()}
@@ -101,7 +102,7 @@ def test_a_begun_bound_is_completed_and_a_current_one_is_kept(tee_id, tmp_path, 
 
 def test_a_straight_drift_is_a_path_of_bands(tee_id):
     env = make_env(tee_id, 1)
-    network = time_network(env.robots, 2.0)
+    network = time_network(CoverageProblem.of(env.robots), 2.0)
     graph = nx.Graph(network.graph)
     assert nx.is_forest(graph.subgraph(nx.node_connected_component(graph, network.root)))
     ends = [n for n in graph if graph.degree(n) == 1 and n != network.root]

@@ -5,6 +5,7 @@ import pytest
 
 from baselines.base.errors import BaselineError
 from baselines.oracle.bound import Walk, best_walk
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.span_views import free_heights
 from baselines.oracle.spans import network_over_spans, slowness, span_links, spans_of, tour_over_spans
 from baselines.oracle.tour import OracleTour
@@ -24,7 +25,7 @@ PIT = HEADER + (
 
 def test_the_least_time_along_a_drift_is_its_length_at_the_commanded_speed(box):
     env = MineVectorEnv(1, world=box, task=DRY)
-    network, spans = network_over_spans(env.robots, 2.0), spans_of(env.world)
+    network, spans = network_over_spans(CoverageProblem.of(env.robots), 2.0), spans_of(env.world)
     start = int(network.places[network.root][0])
     along = np.abs(spans.places_m[:, 0] - spans.places_m[start, 0])
     far = network.standing & (np.abs(spans.places_m[:, 1] - spans.places_m[start, 1]) < 0.01) & (along > 5)
@@ -66,7 +67,7 @@ def test_free_heights_are_those_of_each_passage_and_half_a_metre_beside(over):
 
 def test_a_walk_that_is_none_is_refused(box):
     env = MineVectorEnv(1, world=box, task=DRY)
-    network = network_over_spans(env.robots, 4.0)
+    network = network_over_spans(CoverageProblem.of(env.robots), 4.0)
     with pytest.raises(BaselineError, match="no connected walk"):
         tour_over_spans(network, Walk(0, 0, []), env.world)
     env.close()
@@ -75,7 +76,7 @@ def test_a_walk_that_is_none_is_refused(box):
 @pytest.mark.slow
 def test_no_explorer_beats_the_bound_over_spans_and_the_tour_sees_nearly_all(over):
     env = MineVectorEnv(1, world=over, task={"max_steps": 3000, **DRY})
-    network = network_over_spans(env.robots, 4.0)
+    network = network_over_spans(CoverageProblem.of(env.robots), 4.0)
     horizon = env.task.max_steps * env.task.control_s
     bounds = {t: best_walk(network, t).most for t in np.linspace(0, horizon, 16)}
     tour = OracleTour(1, env.task, env.robot, tour_over_spans(network, best_walk(network, 0.9 * horizon), env.world))

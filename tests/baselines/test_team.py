@@ -8,6 +8,7 @@ from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError
 from baselines.explorers.maps.own_map import ROCK
 from baselines.explorers.team import AssignedFrontiers
+from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.reach import cells_within_reach, least_time_s
 from baselines.team import drive_team, measure_all, read_kept, speed_up, tables
 from minexplore.physics.robot import RobotParams
@@ -43,7 +44,10 @@ def test_the_speed_up_compares_times_to_the_same_coverage():
 @pytest.mark.slow
 def test_no_team_sees_a_cell_before_a_robot_can_have_come_to_where_it_is_in_view(tee_id):
     episode, env = drive_team(tee_id, 4, 0), make_env(tee_id, 1)
-    within_reach, total = cells_within_reach(env.robots, episode.starts_m, 1.0), env.robots.grid.total
+    within_reach, total = (
+        cells_within_reach(CoverageProblem.of(env.robots), episode.starts_m, 1.0),
+        env.robots.grid.total,
+    )
     env.close()
     assert (np.diff(within_reach) >= 0).all()
     assert within_reach[-1] == total

@@ -31,7 +31,7 @@ def owned(tmp_path_factory, repro):
     plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
     words = ("new", "my-tee", "--from", "plan.png", "--licence", "CC0")
-    done = project.run(sys.executable, "-m", "pipeline", *words, COLUMNS="400")
+    done = project.module("pipeline", *words, COLUMNS="400")
     assert done.returncode == 0, done.stderr
     return project, done
 

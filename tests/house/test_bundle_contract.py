@@ -22,6 +22,8 @@ FILES = {
 }
 NAMES = {bundle.OVERVIEW_CAMERA, bundle.ROOF_GEOM + "_", bundle.FORMAT}
 _BEGINS = re.compile("|".join(rf"{re.escape(prefix)}(?:$|\\|\(|\{{|\d)" for prefix in sorted(PREFIXES)))
+# Of a module that spells one; it is ten times as fast as to parse all modules.
+_MAY_SPELL = re.compile(rf"group=\d|[\"'](?:{'|'.join(map(re.escape, sorted(PREFIXES | FILES | NAMES)))})")
 
 
 def spelled(tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -45,11 +47,12 @@ def is_number(node: ast.AST) -> bool:
 
 def test_no_other_module_spells_what_the_contract_of_a_bundle_names():
     found = [
-        f"{path.relative_to(ROOT)}:{line}: {text}"
+        f"{path.relative_to(ROOT)}:{line}: {spelt}"
         for package in ("minexplore", "pipeline", "stages", "baselines", "benchmarks")
         for path in sorted((ROOT / package).rglob("*.py"))
         if path != CONTRACT and not BREAKERS.match(path.relative_to(ROOT).as_posix())
-        for line, text in spelled(ast.parse(path.read_text()))
+        if _MAY_SPELL.search(text := path.read_text())
+        for line, spelt in spelled(ast.parse(text))
     ]
     assert not found, "\n".join(found)
 
@@ -68,4 +71,5 @@ def test_no_other_module_spells_what_the_contract_of_a_bundle_names():
     ],
 )
 def test_a_literal_of_the_contract_is_found(text):
+    assert _MAY_SPELL.search(text)
     assert list(spelled(ast.parse(text)))

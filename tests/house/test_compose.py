@@ -9,6 +9,7 @@ from pipeline.errors import ParamsError
 from pipeline.metrics.size import FIXED_BYTES, FIXED_LOAD_MB, FIXED_LOAD_S, PARTS_PER_CORNER
 from pipeline.params.refusals import describe_refusals
 from pipeline.params.validation import ValidationParams
+from tests.composed import compose as composed
 from tests.project import ROOT
 
 
@@ -18,12 +19,12 @@ def _in_the_project(monkeypatch):
 
 
 def test_the_default_is_the_embedded_survey_with_exact_prisms():
-    config = compose([])
+    config = composed([])
     assert (config.survey.kind, config.compile3d.collision.method) == ("stations", "exact")
 
 
 def test_an_override_changes_one_value_and_nothing_else():
-    before, after = (compose(o).model_dump() for o in ([], ["contours.tolerance_m=0.3"]))
+    before, after = (composed(o).model_dump() for o in ([], ["contours.tolerance_m=0.3"]))
     assert after["contours"].pop("tolerance_m") == 0.3
     before["contours"].pop("tolerance_m")
     assert after["validation"].pop("tolerance_m") == 0.3  # stage 6 allows walls to differ by the same
@@ -51,13 +52,13 @@ def test_the_paper_preset_sets_all_the_papers_choices_and_its_own_limits():
     )
     assert config.realism.lights.count == 33
     assert len(config.realism.zones) == 3
-    default = compose([]).validation.limits
+    default = composed([]).validation.limits
     assert default["iou.free_space_vs_cleaned"].min == 0.990
     assert config.validation.limits["iou.free_space_vs_cleaned"].min < 0.990
 
 
 def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_the_published_one():
-    default, own = (compose(o).validation for o in ([], ["survey=procedural"]))
+    default, own = (composed(o).validation for o in ([], ["survey=procedural"]))
     assert set(default.limits) - set(own.limits) == {
         "texture.published.overall",
         "texture.published.dominant_wavelength_m",
@@ -97,7 +98,7 @@ def test_another_mine_has_every_limit_except_those_that_depend_on_the_size_of_th
 
 @pytest.mark.parametrize("rock", ["coal", "limestone", "published_score", "sandstone"])
 def test_another_rock_keeps_its_limits_in_another_mine(rock):
-    published, own = (compose([f"rock={rock}", *more]).validation.limits for more in ([], ["survey=procedural"]))
+    published, own = (composed([f"rock={rock}", *more]).validation.limits for more in ([], ["survey=procedural"]))
     groups = ("texture.", "relief.")
     kept, found = ({n: limit for n, limit in all_.items() if n.startswith(groups)} for all_ in (published, own))
     assert found == kept
@@ -105,7 +106,7 @@ def test_another_rock_keeps_its_limits_in_another_mine(rock):
 
 
 def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
-    validation, rock_m2, wall_m = compose([]).validation, 18_530.0, 2614.66
+    validation, rock_m2, wall_m = composed([]).validation, 18_530.0, 2614.66
     limits, clauses = validation.limits, validation.certificate.limits
     for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", FIXED_LOAD_MB)):
         assert fixed + rock_m2 * limits[f"per_m2.{name}"].max <= limits[f"world.{name}"].max
@@ -171,7 +172,7 @@ def test_a_refused_value_is_one_line_with_the_key_that_was_written(override, key
 
 def test_a_limit_that_only_stage_6_has_on_a_shared_value_names_the_key_that_was_written():
     with pytest.raises(ValidationError) as caught:
-        ValidationParams.model_validate({**compose([]).validation.model_dump(), "wall_error_m": 0.0})
+        ValidationParams.model_validate({**composed([]).validation.model_dump(), "wall_error_m": 0.0})
     alone = describe_refusals(caught.value, {"wall_error_m": "${contours.wall_error_m}"})
     assert alone.startswith("contours.wall_error_m = 0.0: ")
 
@@ -204,13 +205,13 @@ def test_configuration_text_is_never_executed():
 
 @pytest.mark.parametrize("name", ["andesite", "coal", "limestone", "sandstone"])
 def test_a_rock_sets_its_joints_its_mesh_and_its_limits(name):
-    config = compose([f"rock={name}"])
+    config = composed([f"rock={name}"])
     assert config.surface.rock is not None
     assert len(config.surface.rock.sets) == 3
     assert config.surface.rough.kept_share < 0.5
     limits = config.validation.limits
     assert ("texture.rq_ratio.at_50_cm" in limits) == (name == "andesite")  # the others copy no scan
-    assert limits["walls.gap_p95_m"] == compose([]).validation.limits["walls.gap_p95_m"]
+    assert limits["walls.gap_p95_m"] == composed([]).validation.limits["walls.gap_p95_m"]
 
 
 @pytest.mark.parametrize("value", ["[" * 1000 + "]" * 1000, f"[{','.join(['[1,2]'] * 5000)}]", "\x1b[31m"])

@@ -85,26 +85,14 @@ def test_scenes_for_rays_load_no_web_server():
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
 
 
-def test_volumes_read_scans_and_prove_themselves_without_loading_open3d_or_a_web_server():
+def test_importing_a_mine_or_building_a_volume_loads_only_what_it_needs():
+    """Pyogrio loads pandas, and only GeoPackages and Shapefiles are read by it."""
     code = (
-        "import sys, pipeline.volume.world.compile, pipeline.volume.world.proof.certificate, pipeline.survey.load, "
+        "import sys, pipeline.import_mine; "
+        "assert not {'pandas', 'pyogrio', 'pypdfium2'} & set(sys.modules); "
+        "import stages.survey; assert 'pypdfium2' not in sys.modules; "
+        "import pipeline.volume.world.compile, pipeline.volume.world.proof.certificate, pipeline.survey.load, "
         "pipeline.volume.world.surface.build, pipeline.mjcf.rough_floor; "
         "assert not {'open3d', 'dash'} & set(sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
-
-
-def test_importing_a_mine_loads_no_pandas():
-    """Pyogrio loads it, and only GeoPackages and Shapefiles are read by pyogrio."""
-    done = subprocess.run(
-        [sys.executable, "-c", "import sys, pipeline.import_mine; print({'pandas', 'pyogrio'} & set(sys.modules))"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.strip() == "set()"
-
-
-def test_importing_a_mine_loads_no_reader_of_pdf():
-    code = "import sys, pipeline.import_mine, stages.survey; assert 'pypdfium2' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

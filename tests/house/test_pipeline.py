@@ -71,9 +71,10 @@ def test_the_readmes_table_shows_what_is_measured(built):
         assert [line for line in steady if line not in text] == [], "run `make report`"
 
 
-def test_two_clean_builds_give_identical_bytes(unbuilt, repro, tmp_path):
-    again = unbuilt.copy(tmp_path / "again")
-    again.stages(*STAGES)
+def test_two_clean_builds_give_identical_bytes(traced, repro, tmp_path):
+    again = traced.copy(tmp_path / "again")  # its first two stages have run, and `dvc` was not there
+    for name in list(STAGES)[2:]:
+        again.stage(name).check_returncode()
     again.module("pipeline", "report").check_returncode()
     one, two = (build.hashes() for build in (repro, again))
     assert set(one) == set(two)

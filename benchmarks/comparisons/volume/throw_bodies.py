@@ -24,6 +24,7 @@ from pipeline.errors import InputError
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import ShellPart, build_shell
 from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import without_refused
 from pipeline.volume.world.proof.certificate import open_volume
 from pipeline.volume.world.proof.fronts import fronts_of
@@ -57,7 +58,7 @@ def mine_of(case: str, folder: Path) -> Mine:
     if not Path(case).is_dir():
         raise InputError(f"no case {case!r} and no folder of a world; the cases are {', '.join(CASES)}")
     world = open_volume(Path(case))
-    volume = world.mine.measured()
+    volume = closed_volume(world.mine)
     return Mine(volume, fronts_of(volume, world.parts).parts)
 
 

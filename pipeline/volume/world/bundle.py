@@ -22,6 +22,7 @@ from minexplore.bundle import (
     VOLUME_FORMAT,
     world_sha256,
 )
+from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
 from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
 from pipeline.params.realism import LightParams, RealismParams
 from pipeline.store.codecs import Bundle, decode, encode
@@ -29,7 +30,7 @@ from pipeline.store.hashing import sha256_bytes
 from pipeline.types import NO_PICTURE, FreeSpace, Image, Survey
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, SPAWN
-from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
+from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_xml
 from pipeline.volume.world.parts import cut_floors
 from pipeline.volume.world.record import BuiltVolume, VolumeFigures, VolumeRecord
@@ -63,13 +64,14 @@ def bundle_volume(
     texture : Image
     """
     seen = rock_files(rough, texture) if rough else {}
-    volume: MineVolume = decode(compiled / VOLUME, MineVolume)
-    cells: Cells = decode(compiled / CELLS, Cells)
+    volume: VolumeFacets = decode(compiled / VOLUME, VolumeFacets)
+    cells: FloorSpans = decode(compiled / CELLS, FloorSpans)
     legs: LegNetwork = decode(compiled / TOPOLOGY, LegNetwork)
     start: Start = decode(compiled / SPAWN, Start)
-    zones = tile_zones(params.zones, volume.world_m)
-    parts = cut_floors(decode(compiled / PARTS, LabelledParts), [zone.east_m for zone in zones[:-1]])
-    west, south, east, north = volume.world_m
+    box = world_box(volume)
+    west, south, east, north = box
+    zones = tile_zones(params.zones, box)
+    parts = cut_floors(decode(compiled / PARTS, Parts), [zone.east_m for zone in zones[:-1]])
     scene = VolumeScene(
         name=survey.name,
         parts=parts,
@@ -79,7 +81,7 @@ def bundle_volume(
         look=params.look,
         anchor_m=start.anchor_m,
         heading_rad=heading_at(legs, start.anchor_m),
-        world_m=volume.world_m,
+        world_m=box,
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
         rock=chunk_names(seen),
     )
@@ -121,7 +123,7 @@ def lights_of(params: LightParams, legs: LegNetwork) -> list[SpotLight]:
     return lights
 
 
-def _figures(volume: MineVolume, parts: LabelledParts, cells: Cells, built: BuiltVolume) -> VolumeFigures:
+def _figures(volume: VolumeFacets, parts: Parts, cells: FloorSpans, built: BuiltVolume) -> VolumeFigures:
     return VolumeFigures(
         facets=len(volume.faces),
         vertices=len(volume.vertices),

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.world.content import Cells, MineVolume
+from pipeline.volume.world.content import world_box
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.spans import spans_of
 
@@ -16,14 +17,14 @@ _NO_WALL_M = 1e3  # clearance where there is no wall at all
 _DIGITS = 6
 
 
-def cells_of(volume: MineVolume, cell_m: float, robot: RobotSize) -> Cells:
+def cells_of(volume: VolumeFacets, cell_m: float, robot: RobotSize) -> FloorSpans:
     """Return the floor spans of a volume on a grid whose corner is a whole number of cells from the origin."""
-    west, south, *_ = volume.world_m
+    west, south, *_ = world_box(volume)
     origin = np.floor(np.array([west, south]) / cell_m) * cell_m
     spans = spans_of(volume.vertices, volume.faces, origin, cell_m)
     flat = _flat_facets(volume, robot.steepest)
     headroom = spans.roof_m - spans.floor_m
-    bare = Cells(
+    bare = FloorSpans(
         spans.column.astype(np.int32),
         spans.row.astype(np.int32),
         spans.floor_m.round(_DIGITS),
@@ -38,15 +39,14 @@ def cells_of(volume: MineVolume, cell_m: float, robot: RobotSize) -> Cells:
     return replace(bare, clearance_m=clearance.round(_DIGITS), storey=storey)
 
 
-def _flat_facets(volume: MineVolume, steepest: float) -> np.ndarray:
+def _flat_facets(volume: VolumeFacets, steepest: float) -> np.ndarray:
     """Return which facets (f,) are floors no steeper than a rise over run."""
-    a, b, c = np.moveaxis(volume.vertices[volume.faces], 1, 0)
-    normal = np.cross(b - a, c - a)
+    normal = volume.normals
     found: np.ndarray = np.hypot(normal[:, 0], normal[:, 1]) <= -normal[:, 2] * steepest
     return found & (normal[:, 2] < 0)
 
 
-def _clearance(volume: MineVolume, flat: np.ndarray, places: np.ndarray, above_m: np.ndarray) -> np.ndarray:
+def _clearance(volume: VolumeFacets, flat: np.ndarray, places: np.ndarray, above_m: np.ndarray) -> np.ndarray:
     """Return the distance (s,) m of places, so far above the floor, from all that is no flat floor."""
     if flat.all():
         return np.full(len(places), _NO_WALL_M)
@@ -57,7 +57,7 @@ def _clearance(volume: MineVolume, flat: np.ndarray, places: np.ndarray, above_m
     return found.astype(np.float64)
 
 
-def _storeys(cells: Cells, pairs: np.ndarray) -> np.ndarray:
+def _storeys(cells: FloorSpans, pairs: np.ndarray) -> np.ndarray:
     """Return the storey of each span, the largest first; a floor that passes over itself is cut where it would."""
     usable = cells.storey >= 0
     key = np.unique(np.column_stack([cells.column, cells.row]), axis=0, return_inverse=True)[1].reshape(-1)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
+from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError, MineError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
@@ -21,7 +22,7 @@ from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
-from pipeline.volume.world.content import Cells, MineVolume, in_mine_frame
+from pipeline.volume.world.content import closed_volume, in_mine_frame
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize, neighbours_of
@@ -73,7 +74,7 @@ def _files_of(params: Compile3dParams, made: _VolumeDraft) -> Bundle:
     spawn = params.spawn
     pairs = neighbours_of(cells, robot)
     start = start_of(cells, pairs, legs, stated, spawn.radius_m, spawn.clearance_m, surveyed.datum_m)
-    built = _built(surveyed, legs, built_length_m(volume.measured(), legs), refused)
+    built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused)
     if not made.is_solid:
         _warn(built)
     return {
@@ -93,9 +94,9 @@ class _VolumeDraft:
     """A volume about its own middle and in the mine frame, its cells, and its legs."""
 
     solved: Volume
-    volume: MineVolume
+    volume: VolumeFacets
     offset_m: np.ndarray
-    cells: Cells
+    cells: FloorSpans
     surveyed: SurveyedLegs
     network: SurveyNetwork
     is_solid: bool

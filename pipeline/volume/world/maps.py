@@ -7,23 +7,23 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.bundle import storey_map
+from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.maps.octree import Columns, build_octree, to_bt
 from pipeline.store.codecs import Bundle, encode
-from pipeline.volume.world.content import Cells
 
 _LEAST_M2 = 4.0  # of a storey that gets a map: a coverage cell's area
 _MOST = 100  # maps
 
 
-def octree_of(cells: Cells) -> bytes:
+def octree_of(cells: FloorSpans) -> bytes:
     """Return the octree of all spans as OctoMap's `.bt`."""
     at = np.column_stack([cells.row, cells.column]).astype(np.int64)
     columns = Columns.of_cells(at, cells.origin_m, cells.cell_m, cells.headroom_m, cells.floor_m)
     return to_bt(build_octree(columns, cells.cell_m))
 
 
-def storey_maps(cells: Cells) -> Bundle:
+def storey_maps(cells: FloorSpans) -> Bundle:
     """Return the files of a Nav2 map of each storey of 4 m2 and more, at most 100, the largest first.
 
     A remark in a map's YAML file states the lowest and the highest place of the storey's floor.

@@ -21,10 +21,10 @@ from minexplore.bundle import (
     rock_geom,
     spot_light,
 )
+from minexplore.floors.volume_arrays import Parts
 from minexplore.looks import EXTENT_M, LOOKS
 from pipeline.mjcf.scene import SpotLight, ZoneStrip
 from pipeline.volume.union import Label
-from pipeline.volume.world.content import LabelledParts
 from pipeline.volume.world.surface.show import show_rock
 
 _DIGITS = 7  # of coordinates about a part's middle, m
@@ -36,7 +36,7 @@ class VolumeScene:
     """What the MJCF of a volume world shows, in the mine frame: `offset_m` (3,) moves it to the world."""
 
     name: str
-    parts: LabelledParts
+    parts: Parts
     zones: list[ZoneStrip]
     rock_friction: float
     lights: list[SpotLight]
@@ -48,7 +48,7 @@ class VolumeScene:
     rock: list[str]  # names of the visible meshes
 
 
-def zone_numbers(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> np.ndarray:
+def zone_numbers(parts: Parts, zones: Sequence[ZoneStrip]) -> np.ndarray:
     """Return the number (p,) of the zone that each part's middle lies in."""
     east, starts = parts.corners[:, 0], parts.first[:-1]
     middle = (np.minimum.reduceat(east, starts) + np.maximum.reduceat(east, starts)) / 2
@@ -56,7 +56,7 @@ def zone_numbers(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> np.ndarray
     return found
 
 
-def part_names(parts: LabelledParts, zones: Sequence[ZoneStrip]) -> list[str]:
+def part_names(parts: Parts, zones: Sequence[ZoneStrip]) -> list[str]:
     """Return the name of each part's geom and mesh: floors by their zone, all in the order of the parts."""
     names, floors = [], 0
     for label, zone in zip(parts.label.tolist(), zone_numbers(parts, zones).tolist(), strict=True):

@@ -9,6 +9,7 @@ import networkx as nx
 import numpy as np
 
 from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
+from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.params.validation import ValidationParams
 from pipeline.report.figures.mine import to_svg
 from pipeline.report.figures.scene import walked_page
@@ -17,7 +18,7 @@ from pipeline.report.page import WorldView
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
 from pipeline.types import ClosedMesh, SurveyedLegs, lines_of
-from pipeline.volume.world.content import Cells, MineVolume
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.topology import LegNetwork
@@ -36,8 +37,8 @@ def volume_view(root: Path) -> WorldView:
     bundle = root / "realism" / "world"
     record = read_volume_record(bundle)
     legs: LegNetwork = decode(bundle / TOPOLOGY, LegNetwork)
-    cells: Cells = decode(bundle / CELLS, Cells)
-    volume: MineVolume = decode(bundle / VOLUME, MineVolume)
+    cells: FloorSpans = decode(bundle / CELLS, FloorSpans)
+    volume: VolumeFacets = decode(bundle / VOLUME, VolumeFacets)
     surveyed: SurveyedLegs = decode(root / "survey/network.npz", SurveyedLegs)
     datum_m = record.volume.datum_m
     ends = np.array([[legs.stations_m[leg.start], legs.stations_m[leg.end]] for leg in legs.legs])
@@ -59,13 +60,13 @@ def volume_view(root: Path) -> WorldView:
     )
 
 
-def _deviation(volume: MineVolume, solid: ClosedMesh) -> tuple[np.ndarray, np.ndarray] | None:
+def _deviation(volume: VolumeFacets, solid: ClosedMesh) -> tuple[np.ndarray, np.ndarray] | None:
     """Return points (n, 3) m of the scan that a volume was made from, and how far they are from it (n,) m."""
     if not len(solid.scan_m):
         return None
     from pipeline.volume.world.proof.scan import measure_scan  # open3d takes a second to load
 
-    found = measure_scan(volume.measured(), solid.scan_m, np.random.default_rng(0))
+    found = measure_scan(closed_volume(volume), solid.scan_m, np.random.default_rng(0))
     return found.points_m, found.off_m
 
 

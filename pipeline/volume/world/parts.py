@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from minexplore.floors.volume_arrays import Parts, VolumeFacets
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Label
-from pipeline.volume.world.content import LabelledParts, MineVolume
 
 _LEAST_M = 1e-6  # least extent of a part: MuJoCo refuses a sliver without a volume
 _ON_BORDER_M = 1e-4  # a corner so near a border needs no cut
@@ -25,13 +25,13 @@ def _has_volume(corners: np.ndarray) -> bool:
     return bool(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _LEAST_M)
 
 
-def labelled_parts(parts: list[ShellPart], volume: MineVolume, offset_m: np.ndarray) -> LabelledParts:
+def labelled_parts(parts: list[ShellPart], volume: VolumeFacets, offset_m: np.ndarray) -> Parts:
     """Return a shell's parts in the mine frame, moved by `offset_m` (3,), with the labels of their facets."""
     label = [int(volume.label[part.facets[0]]) for part in parts]
     return collect_labelled([part.corners + offset_m for part in parts], label)
 
 
-def cut_floors(parts: LabelledParts, borders_m: Sequence[float]) -> LabelledParts:
+def cut_floors(parts: Parts, borders_m: Sequence[float]) -> Parts:
     """Return parts of which those under floors are cut in two at each easting, where the floor's friction changes."""
     corners: list[np.ndarray] = []
     label: list[int] = []
@@ -45,11 +45,11 @@ def cut_floors(parts: LabelledParts, borders_m: Sequence[float]) -> LabelledPart
     return collect_labelled(corners, label)
 
 
-def collect_labelled(corners: list[np.ndarray], label: Sequence[int]) -> LabelledParts:
+def collect_labelled(corners: list[np.ndarray], label: Sequence[int]) -> Parts:
     """Return parts, each with its corners (k, 3) m and its label."""
     first = np.concatenate([[0], np.cumsum([len(one) for one in corners])])
     stacked = np.concatenate(corners) if corners else np.zeros((0, 3))
-    return LabelledParts(stacked, first.astype(np.int32), np.array(label, np.int32))
+    return Parts(stacked, first.astype(np.int32), np.array(label, np.int32))
 
 
 def _halves(corners: np.ndarray, border_m: float) -> list[np.ndarray]:

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.volume.standing import neighbours
-from pipeline.volume.world.content import Cells
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class RobotSize:
     radius_m: float
 
 
-def neighbours_of(cells: Cells, robot: RobotSize) -> np.ndarray:
+def neighbours_of(cells: FloorSpans, robot: RobotSize) -> np.ndarray:
     """Return the pairs (n, 2) of spans between which a robot can drive; see `minexplore.volume.standing.neighbours`."""
     return neighbours(cells, robot.steepest, robot.step_m, robot.height_m)
 
@@ -43,7 +43,7 @@ def components_of(count: int, pairs: np.ndarray, usable: np.ndarray) -> np.ndarr
     return found
 
 
-def reached_from(cells: Cells, pairs: np.ndarray, start: int, robot: RobotSize) -> np.ndarray:
+def reached_from(cells: FloorSpans, pairs: np.ndarray, start: int, robot: RobotSize) -> np.ndarray:
     """Return which spans (s,) a robot's disc covers on its ways from the span `start`."""
     fits = (cells.storey >= 0) & (cells.clearance_m >= robot.radius_m)
     fits[start] = True

@@ -13,12 +13,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
+from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.remarks import warn_user
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
 from pipeline.volume.union import Label, Volume
-from pipeline.volume.world.content import Cells, MineVolume
 from pipeline.volume.world.uncrossed import uncrossed
 
 _SPACING_M = 1.0  # of stations along a leg
@@ -67,7 +67,7 @@ def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
     return manifold3d.Manifold(mesh)
 
 
-def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:
+def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:
     """Return legs along the middles of all floors of 1 m2 and more; their length is not known yet (0).
 
     Each storey's floor is thinned in plan; stations are a metre apart. Storeys that meet are joined by a leg between
@@ -75,7 +75,7 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
 
     Parameters
     ----------
-    cells : Cells
+    cells : FloorSpans
     pairs : (n, 2) int
         Neighbouring spans, as `neighbours_of` has them.
     datum_m : float
@@ -128,7 +128,7 @@ def legs_on_floors(cells: Cells, pairs: np.ndarray, datum_m: float) -> SurveyedL
     )
 
 
-def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
+def _networks(cells: FloorSpans, own: np.ndarray) -> list[DriftNetwork]:
     """Return the network of each connected floor of some spans, seen from above."""
     own = own[np.lexsort((cells.column[own], cells.row[own]))]
     own = own[~_meets_itself(cells, own)]
@@ -142,7 +142,7 @@ def _networks(cells: Cells, own: np.ndarray) -> list[DriftNetwork]:
     return [trace_network(_without_gaps(part), cells.cell_m / 2, _SHORTEST_M, _SPACING_M) for part in outlines]
 
 
-def _meets_itself(cells: Cells, own: np.ndarray) -> np.ndarray:
+def _meets_itself(cells: FloorSpans, own: np.ndarray) -> np.ndarray:
     """Return which spans (n,) of a storey, by row and column, are beside one of it that lies over or under rock.
 
     A helix is cut into storeys where it would lie over itself, and its cut ends are beside each other in plan.
@@ -165,7 +165,7 @@ def _without_gaps(outline: Polygon) -> Polygon:
     return Polygon(outline.exterior, [ring for ring in outline.interiors if Polygon(ring).area >= _LEAST_M2])
 
 
-def _joints(cells: Cells, pairs: np.ndarray, floors: np.ndarray, storey_of: np.ndarray) -> list[tuple[int, int]]:
+def _joints(cells: FloorSpans, pairs: np.ndarray, floors: np.ndarray, storey_of: np.ndarray) -> list[tuple[int, int]]:
     """Return two stations for each place where storeys meet: the nearest of either."""
     storey = cells.storey[pairs]
     meets = pairs[(storey >= 0).all(axis=1) & (storey[:, 0] != storey[:, 1])]
@@ -197,8 +197,8 @@ def nearest_leg(volume: Volume, surveyed: SurveyedLegs) -> np.ndarray:
     return np.asarray(cKDTree(middles).query(volume.vertices[volume.faces].mean(axis=1))[1])
 
 
-def mine_volume(volume: Volume, leg: np.ndarray) -> MineVolume:
+def mine_volume(volume: Volume, leg: np.ndarray) -> VolumeFacets:
     """Return a solid's volume with the leg of each facet."""
-    return MineVolume(
+    return VolumeFacets(
         volume.vertices, volume.faces.astype(np.int32), volume.label.astype(np.int32), leg.astype(np.int32)
     )

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 
+from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import SurveyedLegs
 from pipeline.volume.network import SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
-from pipeline.volume.world.content import Cells
 from pipeline.volume.world.reach import components_of
 
 _AROUND_M = 2.0  # height over or under a stated start within which a floor belongs to it
@@ -105,7 +105,7 @@ class Start:
 
 
 def start_of(
-    cells: Cells,
+    cells: FloorSpans,
     pairs: np.ndarray,
     network: LegNetwork,
     stated_m: Sequence[float] | None,
@@ -149,7 +149,7 @@ def start_of(
     return _start(cells, found, cells.places_m[found].tolist(), radius_m, clearance_m)
 
 
-def _near(cells: Cells, usable: np.ndarray, place: Sequence[float], radius_m: float) -> int | None:
+def _near(cells: FloorSpans, usable: np.ndarray, place: Sequence[float], radius_m: float) -> int | None:
     """Return the usable span with the largest clearance within half the radius of a place, or else the whole radius."""
     places = cells.places_m
     apart = np.hypot(places[:, 0] - place[0], places[:, 1] - place[1])
@@ -161,7 +161,7 @@ def _near(cells: Cells, usable: np.ndarray, place: Sequence[float], radius_m: fl
     return None
 
 
-def _start(cells: Cells, span: int, centre: Sequence[float], radius_m: float, clearance_m: float) -> Start:
+def _start(cells: FloorSpans, span: int, centre: Sequence[float], radius_m: float, clearance_m: float) -> Start:
     x, y, z = cells.places_m[span].round(_DIGITS).tolist()
     middle = (float(centre[0]), float(centre[1]), float(centre[2]) if len(centre) > 2 else z)
     return Start((x, y, z), round(float(cells.clearance_m[span]), _DIGITS), middle, radius_m, clearance_m)

@@ -14,12 +14,13 @@ from minexplore.envs.env import MineEnv
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.vector import MineVectorEnv
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.content import closed_volume
 from tests.volumes import HEADER, TEE, build_volume, spiral_with_side_drift
 
 DRY = {"terrain": False}
@@ -40,7 +41,7 @@ class OtherRobot(RobotParams):
 def inside_of(world):
     """Return what says how far places of the mine frame are from rock."""
     facets = world.volume.facets
-    return Inside(MineVolume(facets.vertices.copy(), facets.faces, facets.label, facets.leg).measured())
+    return Inside(closed_volume(VolumeFacets(facets.vertices.copy(), facets.faces, facets.label, facets.leg)))
 
 
 def spread(batch, rng, clearance_m=0.5):

@@ -7,11 +7,11 @@ import shutil
 import pytest
 
 from minexplore.bundle import PARTS
+from minexplore.floors.volume_arrays import Parts
 from pipeline.commands.proofs import certify
 from pipeline.errors import LimitError
 from pipeline.store.codecs import decode, encode
 from pipeline.volume.world.bundle import bundle_volume
-from pipeline.volume.world.content import LabelledParts
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.alone import certify_alone, stated_legs
 from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, proof
@@ -38,7 +38,7 @@ def test_the_command_certifies_a_bundle_alone_with_its_legs_as_the_survey(world,
 def test_a_bundle_without_a_part_is_one_error_that_names_the_clause(world, tmp_path):
     compiled = tmp_path / "compiled"
     shutil.copytree(world.compiled, compiled)
-    whole = decode(compiled / PARTS, LabelledParts)
+    whole = decode(compiled / PARTS, Parts)
     kept = range(1, len(whole))
     parts = collect_labelled([whole[k] for k in kept], [int(whole.label[k]) for k in kept])
     (compiled / PARTS).write_bytes(encode(compiled / PARTS, parts))

@@ -8,6 +8,7 @@ import pytest
 from minexplore.bundle import TOPOLOGY
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.load import _read
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import validate_volume
 from pipeline.volume.world.proof.scan import measure_scan
 from tests.survey.clouds.test_cloud_files import write
@@ -48,7 +49,7 @@ def test_nearly_all_points_are_near_the_surface_and_all_of_it_was_seen(found):
 
 def test_the_sign_of_the_deviation_is_positive_in_the_rock(world):
     under = world.solid.scan_m[world.solid.scan_m[:, 2] < world.solid.scan_m[:, 2].min() + 0.1] - [0, 0, 1.0]
-    moved = measure_scan(world.opened().mine.measured(), under, np.random.default_rng(0))
+    moved = measure_scan(closed_volume(world.opened().mine), under, np.random.default_rng(0))
     assert moved.figures["mean_mm"] == pytest.approx(1000, abs=100)
     assert moved.figures["seen_share"] == 0
 

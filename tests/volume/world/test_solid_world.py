@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from minexplore.bundle import TOPOLOGY, VOLUME
+from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
@@ -19,7 +20,7 @@ from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, _built, compile_volume
-from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.topology import LegNetwork
 from tests.composed import compose
 from tests.volume_worlds import VolumeWorld, validated
@@ -47,11 +48,11 @@ def compiled(solid, folder):
 
 def test_the_volume_is_the_solid_with_floors_walls_and_roofs(tmp_path):
     compiled(crossing(), tmp_path)
-    volume = decode(tmp_path / VOLUME, MineVolume)
+    volume = decode(tmp_path / VOLUME, VolumeFacets)
     a, b, c = np.moveaxis(volume.vertices[volume.faces], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     plan = DRIFT_M * 4 + 2 * 20 * 4
-    assert volume.measured().solid.volume() == pytest.approx(3 * plan)
+    assert closed_volume(volume).solid.volume() == pytest.approx(3 * plan)
     for label in (Label.FLOOR, Label.ROOF):
         assert area[volume.label == label].sum() == pytest.approx(plan)
 
@@ -110,7 +111,7 @@ def test_a_shaft_without_a_floor_for_robots_is_refused_by_what_overrules_it(tmp_
 def test_rock_between_drifts_that_is_thinner_than_a_body_sinks_in_is_thickened(tmp_path):
     beside = manifold3d.Manifold.cube([DRIFT_M, 4, 3]).translate([0, 4.005, 0])
     compiled(manifold3d.Manifold.cube([DRIFT_M, 4, 3]) + beside, tmp_path)
-    volume = decode(tmp_path / VOLUME, MineVolume).measured()
+    volume = closed_volume(decode(tmp_path / VOLUME, VolumeFacets))
     assert not facets_without_part(volume)
     assert volume.solid.volume() == pytest.approx(2 * DRIFT_M * 4 * 3 - 0.1 * DRIFT_M * 3, rel=0.01)
     assert {int(label) for label in volume.label} == {Label.FLOOR, Label.ROOF, Label.WALL}

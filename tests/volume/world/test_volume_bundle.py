@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from minexplore.bundle import CELLS, MODEL, PARTS, TOPOLOGY, VOLUME
+from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.mjcf.bundle import read_record
 from pipeline.volume.union import Label
 from pipeline.volume.world.compile import compile_volume
-from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
 from pipeline.volume.world.parts import collect_labelled, cut_floors
 from pipeline.volume.world.topology import LegNetwork
 from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, legs_of_table
@@ -27,7 +27,7 @@ def world(tmp_path_factory):
 
 def test_mujoco_loads_the_model_by_itself_with_a_geom_for_each_part(world):
     model = mujoco.MjModel.from_xml_path(str(world.bundle / MODEL))
-    parts = world.decoded(PARTS, LabelledParts)
+    parts = world.decoded(PARTS, Parts)
     names = [model.geom(k).name for k in range(model.ngeom)]
     assert len(names) == len(parts)
     assert sum(name.startswith("floor_") for name in names) == (parts.label == Label.FLOOR).sum()
@@ -37,7 +37,7 @@ def test_mujoco_loads_the_model_by_itself_with_a_geom_for_each_part(world):
 
 def test_the_mine_frame_has_the_surveys_places_and_its_lowest_floor_at_zero(world):
     record = json.loads((world.bundle / "world.json").read_text())
-    volume, legs = world.decoded(VOLUME, MineVolume), world.decoded(TOPOLOGY, LegNetwork)
+    volume, legs = world.decoded(VOLUME, VolumeFacets), world.decoded(TOPOLOGY, LegNetwork)
     assert record["volume"]["datum_m"] == 894
     assert legs.stations_m["1"] == pytest.approx((0, 0, 6))
     assert volume.vertices[:, 2].min() == pytest.approx(0, abs=1e-6)
@@ -75,7 +75,7 @@ def test_floor_parts_are_cut_at_the_borders_and_keep_their_volume():
 
 
 def test_cells_cover_the_floors_area_and_state_their_height(world):
-    cells = world.decoded(CELLS, Cells)
+    cells = world.decoded(CELLS, FloorSpans)
     assert len(cells.column) * cells.cell_m**2 == pytest.approx(60 * 4, rel=0.01)
     level = cells.places_m[:, 0] < 29
     assert np.allclose(cells.floor_m[level], 6, atol=0.01)

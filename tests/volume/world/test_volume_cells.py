@@ -6,8 +6,8 @@ import manifold3d
 import numpy as np
 import pytest
 
+from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.volume.world.cells import cells_of
-from pipeline.volume.world.content import MineVolume
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.reach import RobotSize, components_of, neighbours_of, reached_from
 from pipeline.volume.world.spans import spans_of
@@ -24,7 +24,7 @@ def volume_of(solid):
     normal = np.cross(b - a, c - a)
     up = normal[:, 2] / np.linalg.norm(normal, axis=1)
     label = np.where(up < -0.7, 0, np.where(up > 0.7, 2, 1)).astype(np.int32)
-    return MineVolume(vertices, faces, label, np.zeros(len(faces), np.int32))
+    return VolumeFacets(vertices, faces, label, np.zeros(len(faces), np.int32))
 
 
 def box(x, y, z, east, north, up):

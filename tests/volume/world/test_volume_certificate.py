@@ -9,6 +9,7 @@ import pytest
 from pipeline.errors import GeometryError
 from pipeline.proof.certificate import certify
 from pipeline.volume.union import Label
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.certificate import applying_limits
 from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
@@ -102,7 +103,7 @@ def test_a_leg_that_is_left_out_lowers_the_share_that_is_built(tmp_path, opened)
 
 
 def test_a_floor_that_lies_over_the_survey_is_off_by_as_much(ramp, opened):
-    volume = opened.mine.measured()
+    volume = closed_volume(opened.mine)
     floor = np.unique(volume.faces[volume.label == Label.FLOOR])
     vertices = opened.mine.vertices.copy()
     vertices[floor, 2] += 0.03

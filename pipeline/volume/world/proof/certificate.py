@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from minexplore.bundle import CELLS, MODEL, PARTS, RECORD, TOPOLOGY, VOLUME
+from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
 from pipeline.params.validation import Limit, VolumeProofParams
@@ -28,7 +29,7 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume, pieces_of, unite
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
-from pipeline.volume.world.content import Cells, LabelledParts, MineVolume
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
@@ -60,9 +61,9 @@ class VolumeBundle:
     """What a bundle says that the certificate measures."""
 
     record: VolumeRecord
-    mine: MineVolume
-    parts: LabelledParts
-    cells: Cells
+    mine: VolumeFacets
+    parts: Parts
+    cells: FloorSpans
     legs: LegNetwork
     model: bytes
     rock: dict[str, Mesh] = dataclasses.field(default_factory=dict)
@@ -95,9 +96,9 @@ def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
     record = read_volume_record(folder, checked)
     return VolumeBundle(
         record,
-        decode(folder / VOLUME, MineVolume),
-        decode(folder / PARTS, LabelledParts),
-        decode(folder / CELLS, Cells),
+        decode(folder / VOLUME, VolumeFacets),
+        decode(folder / PARTS, Parts),
+        decode(folder / CELLS, FloorSpans),
         decode(folder / TOPOLOGY, LegNetwork),
         (folder / MODEL).read_bytes(),
         read_rock(folder, record.files),
@@ -121,7 +122,7 @@ def validate_volume(
     if len(floors):
         solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
     rng = np.random.default_rng(params.seed)
-    volume = world.mine.measured()
+    volume = closed_volume(world.mine)
     fronts = fronts_of(volume, world.parts)
     compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
     scan = measure_scan(volume, solid.scan_m, rng) if len(solid.scan_m) else None
@@ -210,11 +211,11 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
     }
 
 
-def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: MineVolume) -> dict[str, Any]:
+def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
     """Return how the floors follow the survey; the union of its legs says what lies in another working."""
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     union = unite(network, pieces_of(network))
-    about = dataclasses.replace(mine, vertices=mine.vertices - offset).measured()
+    about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
     about = dataclasses.replace(about, pieces=union.pieces)  # the first of them are the legs, by number
     found = measure_floor(about, network, union)
     return {

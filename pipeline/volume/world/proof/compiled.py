@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minexplore.bundle import MINE_BODY
+from minexplore.floors.volume_arrays import Parts
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.scene import ZoneStrip
-from pipeline.volume.world.content import LabelledParts
 from pipeline.volume.world.model import part_names
 
 _WRITTEN_M = 1e-6  # by which a written corner may differ from its part's
@@ -26,9 +26,7 @@ class Compiled:
     compiled_mm: float
 
 
-def compare_model(
-    xml: bytes, parts: LabelledParts, zones: list[ZoneStrip], most: int, rng: np.random.Generator
-) -> Compiled:
+def compare_model(xml: bytes, parts: Parts, zones: list[ZoneStrip], most: int, rng: np.random.Generator) -> Compiled:
     """Compare a model with the parts: all as written, and at most `most` of them as MuJoCo compiles them."""
     try:
         root = ElementTree.fromstring(xml)
@@ -53,7 +51,7 @@ def _numbers(text: str) -> np.ndarray:
 
 
 def _compiled_mm(
-    names: dict[int, str], written: dict[str | None, str], geoms: dict[str | None, str], parts: LabelledParts
+    names: dict[int, str], written: dict[str | None, str], geoms: dict[str | None, str], parts: Parts
 ) -> float:
     """Return the largest distance, mm, between the corners of compiled hulls and those of their parts."""
     if not names:

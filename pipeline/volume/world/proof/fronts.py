@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minexplore.floors.volume_arrays import Parts
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.content import LabelledParts
 
 _LEAST_M2 = 1e-6  # of a facet that must have a part behind its middle
 
@@ -27,7 +27,7 @@ class Fronts:
     faces: PartFaces
 
 
-def fronts_of(volume: Volume, parts: LabelledParts) -> Fronts:
+def fronts_of(volume: Volume, parts: Parts) -> Fronts:
     """Find the face of each part that lies on the plane of a facet, with all of the part behind it.
 
     Of several planes the one with the largest face counts. A facet has a part behind it if its middle is on the face of

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minexplore.bundle import VOLUME
+from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.remarks import warn_user
@@ -22,7 +23,7 @@ from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Label
-from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import FineRock, refine
@@ -54,12 +55,12 @@ def rock_of_volume(params: SurfaceParams, compiled: Path, scan_m: np.ndarray = N
     InputError
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
-    rock = displaced_rock(params, decode(compiled / VOLUME, MineVolume), scan_m)
+    rock = displaced_rock(params, decode(compiled / VOLUME, VolumeFacets), scan_m)
     files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in cut_rock(rock, params).items()}
     return VolumeRock(files, _report(rock))
 
 
-def displaced_rock(params: SurfaceParams, volume: MineVolume, scan_m: np.ndarray = NO_SCAN) -> DisplacedRock:
+def displaced_rock(params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN) -> DisplacedRock:
     """Return the displaced rock of a volume; see `rock_of_volume`."""
     spacing_m = _spacing_m(params, volume)
     fine = refine(volume, spacing_m)
@@ -67,7 +68,7 @@ def displaced_rock(params: SurfaceParams, volume: MineVolume, scan_m: np.ndarray
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = _wanted_m(params, fine), _unseen(fine.vertices, scan_m)
     room = room_about(fine, volume)
-    free, foot_m = Inside(volume.measured()), params.floor_chamfer_m
+    free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
     if len(rock.crossings):
         place = rock.crossings[0].round(1).tolist()
@@ -77,7 +78,7 @@ def displaced_rock(params: SurfaceParams, volume: MineVolume, scan_m: np.ndarray
     return rock
 
 
-def _spacing_m(params: SurfaceParams, volume: MineVolume) -> float:
+def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
     """Return the configured spacing, or the one at which the rock has `most_faces`, with a remark."""
     rough = params.rough
     corners = volume.vertices[volume.faces[volume.label != Label.FLOOR]]

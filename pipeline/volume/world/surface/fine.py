@@ -8,9 +8,9 @@ import manifold3d
 import numpy as np
 from scipy.sparse import coo_array, diags_array
 
+from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.surface.mesh.lattice import ROOF, WALL
 from pipeline.volume.union import Label
-from pipeline.volume.world.content import MineVolume
 
 FLOOR = 2  # beside WALL and ROOF: floors stay where they are and are not written
 _ROOF_NZ = 0.7  # of a normal out of the free space, as the labels of facets have it
@@ -47,7 +47,7 @@ class FineRock:
         return share
 
 
-def refine(volume: MineVolume, spacing_m: float) -> FineRock:
+def refine(volume: VolumeFacets, spacing_m: float) -> FineRock:
     """Cut the facets of a volume until no edge is longer than a spacing.
 
     Facets thinner than 0.1 mm are merged before, and what is no floor is wall or roof by its slope.

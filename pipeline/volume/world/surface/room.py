@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.lattice import WALL
-from pipeline.volume.world.content import MineVolume
 from pipeline.volume.world.surface.fine import FineRock
 
 _LIFT_M = 2e-3  # of the rays' starts off the surface, over the rounding of 32 bits
@@ -22,7 +22,7 @@ _NARROWEST = 5  # per cent of the walls' points: corners and noses of rock are n
 _FAR_M = 100.0  # where a ray hits nothing
 
 
-def room_about(rock: FineRock, volume: MineVolume) -> Room:
+def room_about(rock: FineRock, volume: VolumeFacets) -> Room:
     """Return half widths, and the largest balls that touch each point in the workings and in the rock.
 
     Rays in a cone about the way into the workings, and about the way into the rock, find both. The ball through a hit

@@ -8,13 +8,14 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
 from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.relief_source import bounds_of
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Label
-from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import displace_rock
@@ -34,7 +35,7 @@ def room(outline):
     normal = np.cross(b - a, c - a)
     up = normal[:, 2] / np.linalg.norm(normal, axis=1)
     label = np.select([up < -0.9, up > 0.9], [Label.FLOOR, Label.ROOF], Label.WALL).astype(np.int32)
-    return MineVolume(vertices, faces, label, np.zeros(len(faces), np.int32))
+    return VolumeFacets(vertices, faces, label, np.zeros(len(faces), np.int32))
 
 
 def straight_tongue(end_m):
@@ -86,7 +87,7 @@ def test_relief_that_fits_nowhere_is_taken_back_until_the_rock_crosses_itself_no
     no_bound = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     bounds = dataclasses.replace(bounds_of(SURFACE.rough), wall_m=1.5, median_m=1.5)
     wanted_m = np.random.default_rng(0).normal(0.0, 1.5, len(far_m))
-    rock = displace_rock(fine, wanted_m, no_bound, bounds, 0.3, simplification, Inside(volume.measured()))
+    rock = displace_rock(fine, wanted_m, no_bound, bounds, 0.3, simplification, Inside(closed_volume(volume)))
     assert len(rock.crossings) == len(find_crossings(rock.mesh.vertices, rock.mesh.faces)) == 0
     assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
     assert np.std(rock.given_m) > 0.1  # it is rough elsewhere
@@ -106,7 +107,7 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
     far_m = np.full(len(fine.vertices), 100.0)
     room_m = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     wanted_m = np.random.default_rng(0).normal(0.0, 0.2, len(far_m))
-    free = Inside(volume.measured())
+    free = Inside(closed_volume(volume))
     rock = displace_rock(fine, wanted_m, room_m, bounds_of(SURFACE.rough), 0.3, None, free)
     assert len(rock.crossings) > 0
     near = cKDTree(rock.crossings).query(fine.vertices)[0] < 1.0

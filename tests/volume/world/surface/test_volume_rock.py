@@ -9,6 +9,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from minexplore.bundle import ROCK_TEXTURE, BundleError, surface_geom, world_sha256
+from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import Lidar, facet_meshes, volume_meshes
 from minexplore.world import load_world
@@ -16,7 +17,7 @@ from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
 from pipeline.volume.world.bundle import bundle_volume
-from pipeline.volume.world.content import MineVolume
+from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock, rock_of_volume
 from pipeline.volume.world.surface.fine import FLOOR, refine
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
@@ -60,12 +61,12 @@ def write(folder, files):
 
 
 def volume_of(folder):
-    return decode(folder / "compiled" / "volume.npz", MineVolume)
+    return decode(folder / "compiled" / "volume.npz", VolumeFacets)
 
 
 def measured(folder, rock):
     legs = decode(folder / "rocky" / "topology.json", LegNetwork)
-    found = measure_rock(volume_of(folder).measured(), legs, rock, np.random.default_rng(3))
+    found = measure_rock(closed_volume(volume_of(folder)), legs, rock, np.random.default_rng(3))
     limits = {name.removeprefix("rock."): limit for name, limit in CONFIG.validation.volume.limits.items()}
     return found, {name for name, value in found.items() if name in limits and not limits[name].holds(value)}
 
