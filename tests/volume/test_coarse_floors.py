@@ -8,7 +8,7 @@ from benchmarks.comparisons.volume.random_volumes import table_of
 from pipeline.volume import floors
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
-from pipeline.volume.folded.leg_lines import drop
+from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import Label, pieces_of, unite
