@@ -17,7 +17,7 @@ from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 
-_GRID_M = 1e-3  # of corners: without a grid rounding leaves spikes of no width where outlines are cut
+_GRID_M = 1e-4  # of corners: without a grid rounding leaves spikes of no width where outlines meet
 _DIGITS = 9  # of corners: on the grid, or between two places on it
 _EDGE_M = 1.0  # longest edge of an outline and of a leg
 _LEAST_M2 = 1e-12  # of a triangle, twice
@@ -172,28 +172,49 @@ def _mates(
     edges: dict[tuple[int, int], list[int]] = defaultdict(list)
     for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
         edges[line].append(edge)
+    several: dict[tuple[int, int], list[tuple[int, int, int]]] = {}  # pieces in common, and both edges, by line
     for (a, b), ours in edges.items():
-        theirs = edges.get((b, a), []) if a < b else []
-        if len(ours) == len(theirs) == 1 and patch[ours[0] // 3] == patch[theirs[0] // 3]:
-            yield ours[0], theirs[0]
-            continue
-        middle = (places[a] + places[b]) / 2
         tries = []
-        for one in ours if theirs else []:
-            for two in theirs:
+        for one in ours if a < b else []:
+            for two in edges.get((b, a), []):
                 p, q = int(patch[one // 3]), int(patch[two // 3])
-                heights = [floors.heights_at(np.array(pieces[k]), np.tile(middle, (len(pieces[k]), 1))) for k in (p, q)]
-                common = _SAME if p == q else len(set(pieces[p]) & set(pieces[q]))
-                if common or _follow(pieces[p], pieces[q], heights, shared):
-                    tries.append((-common, float(heights[0].mean() + heights[1].mean()), one, two))
-        joined: set[int] = set()
-        for _, _, one, two in sorted(tries):
-            if one not in joined and two not in joined:
-                joined |= {one, two}
-                yield one, two
+                tries.append((_SAME if p == q else len(set(pieces[p]) & set(pieces[q])), one, two))
+        if len(tries) == 1 and tries[0][0]:
+            yield tries[0][1:]
+        elif tries:
+            several[a, b] = tries
+    wanted = [(line, k) for line, tries in several.items() for k in {e // 3 for _, *both in tries for e in both}]
+    rows = [(line, k, piece) for line, k in wanted for piece in pieces[patch[k]]]
+    middles = places[np.array([line for line, _, _ in rows], int).reshape(-1, 2)].mean(axis=1)
+    heights: dict[tuple[tuple[int, int], int], dict[int, float]] = defaultdict(dict)
+    found = floors.heights_at(np.array([piece for _, _, piece in rows], int), middles)
+    for (line, k, piece), height in zip(rows, found.tolist(), strict=True):
+        heights[line, k][piece] = height
+    for line, tries in several.items():
+        yield from _best(line, tries, heights, shared)
 
 
-def _follow(one: list[int], two: list[int], heights: list[np.ndarray], shared: SharedFloors) -> bool:
+def _best(
+    line: tuple[int, int],
+    tries: list[tuple[int, int, int]],
+    heights: dict[tuple[tuple[int, int], int], dict[int, float]],
+    shared: SharedFloors,
+) -> Iterator[tuple[int, int]]:
+    """Yield the edges of one line that are joined; `heights` are those of the pieces by line and triangle."""
+    order = []
+    for common, one, two in tries:
+        ours, theirs = heights[line, one // 3], heights[line, two // 3]
+        if common or _follow(ours, theirs, shared):
+            mean = sum(ours.values()) / len(ours) + sum(theirs.values()) / len(theirs)
+            order.append((-common, mean, one, two))
+    joined: set[int] = set()
+    for _, _, one, two in sorted(order):
+        if one not in joined and two not in joined:
+            joined |= {one, two}
+            yield one, two
+
+
+def _follow(one: dict[int, float], two: dict[int, float], shared: SharedFloors) -> bool:
     """Return whether two of the pieces share a floor, and two are hardly apart in height."""
-    near = np.abs(heights[0][:, None] - heights[1]).min() <= MEET_M
-    return bool(near) and any(shared.has(i, j) for i in one for j in two)
+    near = min(abs(x - y) for x in one.values() for y in two.values()) <= MEET_M
+    return near and any(shared.has(i, j) for i in one for j in two)
