@@ -18,6 +18,7 @@ from pipeline.volume.union import Label, Solid, Volume, mesh_of, solids_of, with
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
+_STEEP_NZ = 0.7  # of a floor's, at least: where it is steeper, 4 mm along the normal are more in height
 
 
 def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
@@ -28,12 +29,18 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     off within the slab, so that no two floors are near each other when all is united.
     """
     united = _united(network, volume.pieces)
-    simple = simplified(united, united.vertices, united.label, _SIMPLE_M)
-    up = simple.normals[:, 2] > _ROOF_NZ * np.linalg.norm(simple.normals, axis=1)
-    simple.label[up & (simple.label == Label.WALL)] = Label.ROOF
+    steep = (united.label == Label.FLOOR) & (_upward(united) > -_STEEP_NZ)
+    simple = simplified(united, steep, _SIMPLE_M)
+    simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == Label.WALL)] = Label.ROOF
     along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == Label.FLOOR)
     coarse = coarse_floors(simple, along.facet, along.weights, along.height_m)
     return without_thin_rock(without_slivers(coarse))
+
+
+def _upward(volume: Volume) -> np.ndarray:
+    """Return the upward part (f,) of the facets' normals, which point out of the free space."""
+    found: np.ndarray = volume.normals[:, 2] / np.maximum(np.linalg.norm(volume.normals, axis=1), 1e-30)
+    return found
 
 
 def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:

@@ -17,7 +17,7 @@ from pipeline.volume.union import Solid
 
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same of the sections' floors where a leg passes that does not share the floor
-_PULL = 0.3  # the same elsewhere, a m2: what a leg does to the floor ends within a few metres
+_PULL = 0.1  # the same elsewhere, a m2: what a leg does to the floor ends within a few metres
 _PULL_LEAST = 1e-7
 _PASS_M = 0.6  # over or under a floor: a leg that is so near lies on it or cuts it
 _PRISM = 1e-3  # weight of a prism's floor against that of a leg

@@ -18,9 +18,9 @@ from pipeline.volume.union import Label, Solid
 
 _DEPTH_M = 0.3  # of a slab over its floor, at most half of the passage's height
 _UNDER_M = 0.1  # below the lowest floor, where what is cut from a passage ends
-_SLAB_ASIDE_M, _CUT_ASIDE_M = 2e-4, 4e-4  # beyond the passages' walls: solids that only touch are bad for booleans
+_SLAB_ASIDE_M, _CUT_ASIDE_M = 3e-7, 6e-7  # beyond the passages' walls: solids that only touch are bad for booleans
 _MOST_ASIDE = 3.0  # times that at a corner
-_NEAR_M = 1e-3  # between rims of one solid, at least
+_NEAR_M = 1e-5  # between rims of one solid, at least
 _ON_SECTION_M = 0.003  # seen from above
 
 

@@ -17,7 +17,7 @@ from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 
-_GRID_M = 1e-4  # of corners: without a grid rounding leaves spikes of no width where outlines meet
+_GRID_M = 1e-7  # of corners: without a grid rounding leaves spikes of no width where outlines meet
 _DIGITS = 9  # of corners: on the grid, or between two places on it
 _EDGE_M = 1.0  # longest edge of an outline and of a leg
 _LEAST_M2 = 1e-12  # of a triangle, twice
