@@ -17,11 +17,11 @@ from pipeline.volume.union import Solid
 
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same of the sections' floors where a leg passes that does not share the floor
-_PULL = 0.1  # the same elsewhere, a m2: what a leg does to the floor ends within a few metres
+_PULL = 0.3  # the same elsewhere, a m2: what a leg does to the floor ends within a few metres
 _PULL_LEAST = 1e-7
 _PASS_M = 0.6  # over or under a floor: a leg that is so near lies on it or cuts it
 _PRISM = 1e-3  # weight of a prism's floor against that of a leg
-_RIM_M = 1e-3  # weight of a leg at its outline, where it is the least
+_RIM_M = 0.25  # of a leg's weight at its outline, where it is the least
 _ON_LINE_M = 0.002  # seen from above: a place so near a leg is on it
 _LEAST_M2 = 1e-6  # of a triangle in plan, twice
 _LEAST_M = 0.02  # of an edge in plan
