@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
-from pipeline.volume.folded.leg_lines import drop, leg_floor_samples
+from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST, Label, Volume
 

@@ -55,14 +55,14 @@ def volume_of(one: KeyedSolid, volume: Volume) -> Volume:
     return Volume(solid, vertices, faces, key // len(Label), key % len(Label), volume.pieces, volume.numbers)
 
 
-def simplified(volume: Volume, vertices: np.ndarray, label: np.ndarray, tolerance_m: float) -> Volume:
-    """Return the volume with moved vertices and other labels, and without the vertices that no shape needs.
+def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
+    """Return the volume without the vertices that no shape needs.
 
-    Where facets would cross then, they stay as they are.
+    Facets that are to stay (f,) are as they are, and those that would cross then.
     """
-    kept = np.zeros(len(volume.faces), bool)
+    kept, vertices = stays.copy(), volume.vertices
     for _ in range(_ROUNDS):
-        one = keyed(volume, vertices, label, kept)
+        one = keyed(volume, vertices, volume.label, kept)
         found = volume_of(KeyedSolid(one.solid.simplify(tolerance_m), one.keys), volume)
         pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
         if not len(pairs):

@@ -50,11 +50,6 @@ class Solid:
     is_drivable: bool
     is_plumb: bool = False
 
-    def floor_at(self, xy: np.ndarray) -> np.ndarray:
-        """Return the height (n,) m of the floor's plane at places (n, 2) m."""
-        height: np.ndarray = self.floor[2] + (xy - self.floor[:2]) @ self.floor[3:]
-        return height
-
 
 @dataclass(frozen=True)
 class Volume:
@@ -80,8 +75,15 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
 
     Legs that share sections are one tube, as solids that only touch are what booleans are worst at.
     """
-    solids, numbers = [], {}
-    tube: list[int] = []
+    numbers: dict[int, int] = {}
+    solids = solids_of(network, pieces, numbers)
+    union = without_crumbs(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add))
+    return label_facets(union, pieces, numbers)
+
+
+def solids_of(network: SurveyNetwork, pieces: list[Solid], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
+    """Return the solids of tubes and single pieces; enter the number of each piece by manifold3d's."""
+    solids, tube = [], list[int]()
     for number, piece in enumerate(pieces):
         if len(piece.sections) == 1:
             solids.append(manifold3d.Manifold.hull_points(piece.sections[0]).as_original())
@@ -91,8 +93,7 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
         if not network.joined[piece.shot, 1]:
             solids += _tube([pieces[k].sections for k in tube], tube, numbers)
             tube = []
-    union = _without_crumbs(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add))
-    return label_facets(union, pieces, numbers)
+    return solids
 
 
 def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
@@ -173,7 +174,7 @@ def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.nda
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), source
 
 
-def _without_crumbs(solid: manifold3d.Manifold) -> manifold3d.Manifold:
+def without_crumbs(solid: manifold3d.Manifold) -> manifold3d.Manifold:
     """Fill closed shells of rock that float in the free space: they are gaps between hulls."""
     vertices, faces, _ = mesh_of(solid, {})
     n = len(vertices)

@@ -1,14 +1,12 @@
-"""Legs are edges of the mesh on which floors are solved, and only legs that meet share a floor."""
+"""Floors have the survey's heights along legs, and only legs that meet share a floor."""
 
-import manifold3d
 import numpy as np
 import pytest
 
-from benchmarks.comparisons.volume.cases import CASES, GateCase
+from benchmarks.comparisons.volume.cases import GateCase
 from pipeline.volume.floor_error import measure_floor
-from pipeline.volume.floors import EDGE_M, NEAR_M, solve_floors
-from pipeline.volume.folded.leg_lines import along_legs, with_leg_lines
-from pipeline.volume.union import Label, label_facets, pieces_of, unite
+from pipeline.volume.floors import NEAR_M, solve_floors
+from pipeline.volume.union import Label, pieces_of, unite
 from tests.heights import HEADER
 
 OVER = "A,1,-20,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\nB,3,0,-20,2,2,{z},3,0\nB,4,0,20,2,2,{z},3,0\n"
@@ -25,34 +23,6 @@ C,5,-31.5668,4.5435,2.2,2.2,102.6259,3.5,0
 def of_rows(rows, folder):
     network = GateCase("test", HEADER + rows).network(folder)
     return network, unite(network, pieces_of(network))
-
-
-@pytest.fixture(scope="module")
-def tee(tmp_path_factory):
-    network = CASES["tee"].network(tmp_path_factory.mktemp("tee"))
-    rough = unite(network, pieces_of(network))
-    return network, label_facets(rough.solid.refine_to_length(EDGE_M), rough.pieces, rough.numbers)
-
-
-def crossed(volume, network):
-    """Return how many facets under a leg have corners more than 1 cm off on both sides of it."""
-    along = along_legs(volume, network, network.near_legs(NEAR_M), volume.label == Label.FLOOR)
-    start, end = np.moveaxis(network.floors_m[along.shot][:, :, :2], 1, 0)
-    way = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
-    step = volume.vertices[volume.faces[along.facet]][:, :, :2] - start[:, None]
-    side = way[:, None, 0] * step[:, :, 1] - way[:, None, 1] * step[:, :, 0]
-    return int(((side.max(axis=1) > 0.0101) & (side.min(axis=1) < -0.0101)).sum())
-
-
-def test_no_facet_reaches_over_a_leg_that_is_cut_into_the_mesh(tee):
-    network, fine = tee
-    along = along_legs(fine, network, network.near_legs(NEAR_M), fine.label == Label.FLOOR)
-    cut = with_leg_lines(fine, network, along)
-    assert crossed(fine, network) > 1000
-    assert crossed(cut, network) < 50  # where a leg ends or leaves its floor
-    solid = manifold3d.Manifold(manifold3d.Mesh64(cut.vertices, cut.faces.astype(np.uint64)))
-    assert solid.status() == manifold3d.Error.NoError
-    assert solid.volume() == pytest.approx(fine.solid.volume(), rel=1e-9)
 
 
 def test_a_floor_beside_a_leg_on_its_wall_does_not_turn_about_it(tmp_path):

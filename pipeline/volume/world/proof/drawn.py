@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from pipeline.types import FloorMesh, SurveyedLegs
-from pipeline.volume.folded.leg_lines import drop
+from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.union import Volume
 
 _ASIDE_M = 0.01  # of an edge: places so far to either side of it show a step; walls may be 4 mm nearer

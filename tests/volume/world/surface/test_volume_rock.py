@@ -83,7 +83,7 @@ def test_fine_rock_is_closed_keeps_its_labels_and_points_into_the_workings(box):
     assert trimesh.Trimesh(fine.vertices, fine.faces, process=False).is_watertight
     on_floor = fine.vertices[fine.faces[fine.piece == FLOOR]]
     assert np.abs(on_floor[..., 2]).max() < 1e-9
-    south = np.abs(fine.vertices[:, 1] - fine.vertices[:, 1].min()) < 1e-9
+    south = np.abs(fine.vertices[:, 1] - fine.vertices[:, 1].min()) < 1e-6
     south &= (np.abs(fine.vertices[:, 2] - 0.9) < 0.3) & (np.abs(fine.vertices[:, 0] - 10) < 5)
     assert south.any()
     assert np.abs(fine.direction[south] - [0, 1, 0]).max() < 1e-6

@@ -1,0 +1,90 @@
+"""Which floors are one where they overlap seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
+from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.union import Solid
+
+TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
+MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
+_REACH_M = 15.0  # along the survey, between legs that may share a floor
+_APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+_NEAR_M = 0.01  # between two overlaps that are one
+
+
+class SharedFloors:
+    """The pairs of pieces that have one floor where they overlap.
+
+    Where two ways leave a station, or run beside each other, the overlaps of their pieces follow each other. All pairs
+    of such a run share a floor if somewhere in it two floors are hardly apart in height. So no floor ends where two
+    ways part slowly. Where rock is between the two, they are two floors all the same.
+    """
+
+    def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
+        """Find the pairs among the pieces that are flat enough to drive on and near each other along the survey."""
+        drivable = np.flatnonzero([piece.is_drivable for piece in pieces])
+        shot = np.array([piece.shot for piece in pieces])
+        outlines = floors.outlines
+        tree = shapely.STRtree(outlines[drivable])
+        one, two = drivable[tree.query(outlines[drivable], predicate="dwithin", distance=TOUCH_M)]
+        near = (one < two) & network.near_legs(_REACH_M).has(shot[one], shot[two])
+        one, two = one[near], two[near]
+        overlap = shapely.intersection(shapely.buffer(outlines[one], TOUCH_M), outlines[two])
+        places, row = shapely.get_coordinates(overlap, return_index=True)
+        apart = floors.heights_at(one[row], places) - floors.heights_at(two[row], places)
+        low, high = np.full(len(one), np.inf), np.full(len(one), -np.inf)
+        np.minimum.at(low, row, apart)
+        np.maximum.at(high, row, apart)
+        least = np.where(low * high <= 0, 0.0, np.minimum(np.abs(low), np.abs(high)))
+        pairs = list(zip(one.tolist(), two.tolist(), strict=True))
+        follow = np.array(list(_following(pairs, overlap, _stations(network, pieces))), int).reshape(-1, 2)
+        n = len(pairs)
+        count, run = connected_components(coo_matrix((np.ones(len(follow)), follow.T), (n, n)), directed=False)
+        nearest = np.full(count, np.inf)
+        np.minimum.at(nearest, run, least)
+        self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
+
+    def has(self, one: int, two: int) -> bool:
+        """Return whether two pieces share a floor where they are not far apart in height."""
+        return (min(one, two), max(one, two)) in self._pairs
+
+    def is_one(self, one: int, two: int, heights_m: tuple[float, float]) -> bool:
+        """Return whether two pieces share a floor at a place where their sections have these heights."""
+        return self.has(one, two) and abs(heights_m[0] - heights_m[1]) < _APART_M
+
+
+def _stations(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:
+    """Return the stations that each piece has; a prism's is the one that it stands on."""
+    found = []
+    for piece in pieces:
+        ends = network.shots[piece.shot]
+        if not is_leg(piece):
+            ends = ends[[np.linalg.norm(network.places_m[ends, :2] - piece.floor[:2], axis=1).argmin()]]
+        found.append(set(ends.tolist()))
+    return found
+
+
+def _following(
+    pairs: list[tuple[int, int]], overlap: np.ndarray, stations: list[set[int]]
+) -> Iterator[tuple[int, int]]:
+    """Yield the overlaps that follow each other: of one piece with two that share a station, where these touch."""
+    row = {pair: k for k, pair in enumerate(pairs)}
+    beside: dict[int, list[int]] = {}
+    for one, two in pairs:
+        beside.setdefault(one, []).append(two)
+        beside.setdefault(two, []).append(one)
+    for piece, others in beside.items():
+        for n, one in enumerate(others):
+            for two in others[:n]:
+                if stations[one] & stations[two] and (min(one, two), max(one, two)) in row:
+                    a, b = (row[min(piece, k), max(piece, k)] for k in (one, two))
+                    if shapely.dwithin(overlap[a], overlap[b], _NEAR_M):
+                        yield a, b
