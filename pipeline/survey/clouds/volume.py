@@ -16,7 +16,7 @@ from pipeline.survey.clouds.sight import seen_from
 from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
-from pipeline.survey.clouds.voxels import cells_at, grown, is_in, keys_of
+from pipeline.survey.clouds.voxels import cells_at, grown, keys_of
 from pipeline.survey.solids.closing import close_solids
 from pipeline.survey.solids.decimate import decimated
 
@@ -87,7 +87,7 @@ def volume_of_cloud(
     if len(rows):
         cloud, planes = planes.without(cloud, rows)
         walls = _walls(cloud, planes, voxel_m)
-        free = _seen(walls, way_m) if len(way_m) else walls.flood(free.free[~is_in(free.free, walls.thick)][:1])
+        free = _seen(walls, way_m) if len(way_m) else walls.flood_again(free.free)
         sides = sided(cloud, planes, free.free, voxel_m)
     if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
         raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")

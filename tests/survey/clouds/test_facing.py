@@ -53,7 +53,7 @@ def test_the_flood_ends_at_a_hole_though_rock_is_enclosed_by_other_drifts(cloud,
 
 def test_normals_show_into_the_drifts(cloud, oriented):
     drift = np.round((cloud.points_m[:, 1:] - [WIDE_M / 2, HIGH_M / 2]) / APART_M) * APART_M
-    axis = np.column_stack([np.clip(cloud.points_m[:, 0], 1, LONG_M - 1), drift + [WIDE_M / 2, HIGH_M / 2]])
+    axis = np.column_stack([np.clip(cloud.points_m[:, 0], 1, LONG_M - 1), drift + np.array([WIDE_M / 2, HIGH_M / 2])])
     inwards = np.einsum("ij,ij->i", axis - cloud.points_m, oriented.normals) > 0
     assert inwards.mean() > 0.999
 
