@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from pipeline.survey.clouds.voxels import cells_at, is_in, keys_of
 
 _NEIGHBOURS = 8
+_BLOCK = 200_000
 _LEAST_WEIGHT = 1e-3  # of two points on one plane: a sparse matrix has no edge of weight 0
 _VOTES = 2000  # points of a piece from which both sides are looked at
 _FIRST = 2.5  # voxels from a point to where the wall that it lies in is behind
@@ -64,13 +65,20 @@ def turned_alike(points_m: np.ndarray, normals: np.ndarray, thick: np.ndarray, s
 
 def _neighbours(points: np.ndarray, normals: np.ndarray) -> csr_array:
     """Return a graph of near points; a step along a plane weighs little, one across it or round an edge much."""
-    count = len(points)
-    far, near = cKDTree(points).query(points, min(_NEIGHBOURS + 1, count))
-    one, two = np.repeat(np.arange(count), near.shape[1] - 1), near[:, 1:].ravel()
-    step = (points[two] - points[one]) / np.maximum(far[:, 1:].ravel(), 1e-9)[:, None]
-    bend = 1 - np.abs(np.einsum("ij,ij->i", normals[one], normals[two]))
-    across = sum(np.abs(np.einsum("ij,ij->i", step, normals[ends])) for ends in (one, two))
-    return csr_array(coo_matrix((bend + across + _LEAST_WEIGHT, (one, two)), (count, count)))
+    count, tree = len(points), cKDTree(points)
+    wide = min(_NEIGHBOURS, count - 1)
+    other, weight = np.zeros((count, wide), np.int32), np.zeros((count, wide))
+    for k in range(0, count, _BLOCK):
+        own = slice(k, k + _BLOCK)
+        far, near = tree.query(points[own], wide + 1)
+        other[own] = near[:, 1:]
+        step = (points[other[own]] - points[own, None]) / np.maximum(far[:, 1:, None], 1e-9)
+        theirs = normals[other[own]]
+        bend = 1 - np.abs(np.einsum("ij,ikj->ik", normals[own], theirs))
+        across = np.abs(np.einsum("ikj,ij->ik", step, normals[own])) + np.abs(np.einsum("ikj,ikj->ik", step, theirs))
+        weight[own] = bend + across + _LEAST_WEIGHT
+    starts = np.arange(0, count * wide + 1, wide)
+    return csr_array((weight.ravel(), other.ravel(), starts), (count, count))
 
 
 def _turn(order: np.ndarray, before: np.ndarray, normals: np.ndarray, sign: np.ndarray) -> None:
