@@ -89,8 +89,12 @@ def volume_of_cloud(
         walls = _walls(cloud, planes, voxel_m)
         free = _seen(walls, way_m) if len(way_m) else walls.flood_again(free.free)
         sides = sided(cloud, planes, free.free, voxel_m)
-    if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
-        raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")
+    enclosed_m3 = len(free.free) * voxel_m**3
+    if enclosed_m3 < _LEAST_M3 or not len(sides.rows):
+        raise InputError(
+            f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; --voxel M "
+            f"(now {voxel_m:g}) bridges gaps of M metres between points, and closes passages narrower than five times that"
+        )
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on
     band = np.setdiff1d(grown(free.free, _ROOM + 1), beyond)

@@ -146,7 +146,9 @@ def test_what_a_wet_floor_mirrors_is_not_built(plain):
 
 def test_points_that_enclose_nothing_are_refused():
     sheet = np.random.default_rng(0).uniform(0, 10, (5000, 3)) * [1, 1, 0]
-    with pytest.raises(InputError, match="its points enclose no space of 5 m3; --voxel"):
+    with pytest.raises(
+        InputError, match=r"its points enclose 0\.0 m3, at least 5 m3 are needed; --voxel M \(now 0\.2\)"
+    ):
         scanned(sheet)
 
 
