@@ -93,7 +93,7 @@ def volume_of_cloud(
     if enclosed_m3 < _LEAST_M3 or not len(sides.rows):
         raise InputError(
             f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; --voxel M "
-            f"(now {voxel_m:g}) bridges gaps of M metres between points, and closes passages narrower than five times that"
+            f"(now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
         )
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on
