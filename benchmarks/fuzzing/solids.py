@@ -23,7 +23,7 @@ def _faces(entity: str) -> Files:
     """Return a drawing of a drift's six sides as 3DFACE, POLYFACE or MESH."""
     import ezdxf.filemanagement
     from ezdxf.math import Vec3
-    from ezdxf.render import MeshBuilder
+    from ezdxf.render.mesh import MeshBuilder
 
     corners = [(x, y, z) for x in (0.0, 30.0) for y in (0.0, 4.0) for z in (0.0, 3.0)]
     drift = MeshBuilder()
