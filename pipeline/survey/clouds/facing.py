@@ -1,4 +1,4 @@
-"""Which side of the points of a scan is free, as far as the points tell by themselves: planes turned alike."""
+"""Which side of the points of a scan is free, from the points alone: planes of neighbours are turned alike."""
 
 from __future__ import annotations
 
