@@ -16,7 +16,7 @@ _BLOCK = 200_000
 _LEAST_WEIGHT = 1e-3  # of two points on one plane: a sparse matrix has no edge of weight 0
 _VOTES = 2000  # points of a piece from which both sides are looked at
 _FIRST = 2.5  # voxels from a point to where the wall that it lies in is behind
-_SIGHT_M = 30.0
+SIGHT_M = 30.0  # how far off a wall still encloses a place
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def _turn(order: np.ndarray, before: np.ndarray, normals: np.ndarray, sign: np.n
 def _sees(points: np.ndarray, way: np.ndarray, thick: np.ndarray, size_m: float) -> np.ndarray:
     """Return from which points (n, 3) m a wall lies within sight in a direction (n, 3)."""
     found = np.zeros(len(points), bool)
-    for far in np.arange(_FIRST * size_m, _SIGHT_M, size_m):
+    for far in np.arange(_FIRST * size_m, SIGHT_M, size_m):
         left = np.flatnonzero(~found)
         found[left] = is_in(keys_of(cells_at(points[left] + far * way[left], size_m)), thick)
     return found

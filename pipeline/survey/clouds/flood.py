@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.survey.clouds.facing import OrientedPoints
+from pipeline.survey.clouds.facing import SIGHT_M, OrientedPoints
 from pipeline.survey.clouds.voxels import (
     SIDES,
     STEPS,
@@ -19,7 +19,6 @@ from pipeline.survey.clouds.voxels import (
     sorted_once,
 )
 
-SIGHT_M = 30.0  # how far off a wall still encloses a place
 _ENCLOSED = 14  # of 26 directions end at a wall: at the mouth of a drift 17 do, one step beyond it 9
 _BACKS = 3  # of 26 directions, more than fronts: in the plane of a hole; in rock it is 6 and more
 _WHOLLY = 24  # of 26 directions about a place to begin from
