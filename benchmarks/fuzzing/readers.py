@@ -9,10 +9,13 @@ from pathlib import Path
 
 import yaml
 
+from benchmarks.fuzzing.clouds import SCANS
 from benchmarks.fuzzing.samples import SAMPLES
+from benchmarks.fuzzing.solids import SOLIDS
 
 PICTURES = ("png", "jpeg", "tiff", "pdf")
 HEIGHTS = ("height raster", "height grid", "contour lines", "height labels")
+FACES = ("dxf faces", "dxf polyface", "dxf mesh")
 CLOUDS = ("xyz", "ply", "pcd", "las", "stl", "obj")
 
 
@@ -36,6 +39,16 @@ def _read_mine(path: Path, **stated: float) -> None:
         read_survey(params)
 
 
+def _read_body(path: Path) -> None:
+    """Read a solid or a scan; libraries are loaded once, and not by each reading process."""
+    import ezdxf.filemanagement  # noqa: F401
+    import laspy  # noqa: F401
+
+    import pipeline.survey.clouds.read  # noqa: F401
+
+    _read_mine(path)
+
+
 def _read_picture(path: Path) -> None:
     _read_mine(path, px_per_m=8.0)
 
@@ -45,6 +58,10 @@ def _read_centrelines(path: Path) -> None:
 
 
 def _read_faces(path: Path) -> None:
+    import ezdxf.filemanagement  # noqa: F401
+
+    import pipeline.survey.solids.read  # noqa: F401
+
     _read_mine(path, volume=True)
 
 
@@ -111,9 +128,10 @@ def registry_beside(folder: Path) -> None:
 
 READERS: dict[str, Callable[[Path], None]] = {
     **dict.fromkeys(SAMPLES, _read_mine),
+    **dict.fromkeys((*SOLIDS, *SCANS), _read_body),
     **dict.fromkeys(PICTURES, _read_picture),
     "centrelines": _read_centrelines,
-    "dxf faces": _read_faces,
+    **dict.fromkeys(FACES, _read_faces),
     **dict.fromkeys(HEIGHTS, _read_heights),
     **dict.fromkeys(CLOUDS, _read_cloud),
     "sweep": _read_sweep,

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from benchmarks.fuzzing.saved import Files, saved
 
 
@@ -21,16 +19,20 @@ def _drift(name: str) -> Files:
     return saved(name, lambda path: both.export(path))
 
 
-def _faces() -> Files:
+def _faces(entity: str) -> Files:
+    """Return a drawing of a drift's six sides as 3DFACE, POLYFACE or MESH."""
     import ezdxf.filemanagement
+    from ezdxf.math import Vec3
+    from ezdxf.render.mesh import MeshBuilder
 
-    corners = np.array([[x, y, z] for x in (0.0, 30.0) for y in (0.0, 4.0) for z in (0.0, 3.0)])
-    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    corners = [(x, y, z) for x in (0.0, 30.0) for y in (0.0, 4.0) for z in (0.0, 3.0)]
+    drift = MeshBuilder()
+    drift.vertices.extend(Vec3.list(corners))
+    drift.faces.extend([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
 
     def write(path: Path) -> None:
         drawing = ezdxf.filemanagement.new()
-        for side in sides:
-            drawing.modelspace().add_3dface([tuple(corners[k]) for k in side])
+        getattr(drift, f"render_{entity}")(drawing.modelspace())
         drawing.saveas(path)
 
     return saved("m.dxf", write)
@@ -52,6 +54,8 @@ SOLIDS: dict[str, Callable[[], Files]] = {
     "stl solid": lambda: _drift("m.stl"),
     "ply solid": lambda: _drift("m.ply"),
     "glb solid": lambda: _drift("m.glb"),
-    "dxf faces": _faces,
+    "dxf faces": lambda: _faces("3dfaces"),
+    "dxf polyface": lambda: _faces("polyface"),
+    "dxf mesh": lambda: _faces("mesh"),
     "dtm solid": _surpac,
 }

@@ -67,7 +67,7 @@ JUDGEMENTS = {
     "free areas could be the workings": "--start",
     "fills holes up to M metres": "--close",
     "its triangles enclose no space": "--voxel",
-    "its points enclose no space": "--voxel",
+    "its points enclose": "--voxel",
 }
 
 

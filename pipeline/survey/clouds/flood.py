@@ -6,11 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.survey.clouds.voxels import SIDES, STEPS, cells_of_keys, grown, is_in, keys_of, offsets_of
+from pipeline.survey.clouds.facing import SIGHT_M, OrientedPoints
+from pipeline.survey.clouds.voxels import (
+    SIDES,
+    STEPS,
+    cells_of_keys,
+    components_of,
+    grown,
+    is_in,
+    keys_of,
+    offsets_of,
+    sorted_once,
+)
 
-SIGHT_M = 30.0  # how far off a wall still encloses a place
 _ENCLOSED = 14  # of 26 directions end at a wall: at the mouth of a drift 17 do, one step beyond it 9
+_BACKS = 3  # of 26 directions, more than fronts: in the plane of a hole; in rock it is 6 and more
 _WHOLLY = 24  # of 26 directions about a place to begin from
+_SIDES = 5  # a wall that is turned away by less than a tenth shows neither side
 _CANDIDATES = 3000
 _TRIES = 12
 _BIAS = 1 << 20
@@ -25,26 +37,47 @@ class Flood:
 
 
 class Walls:
-    """Voxels with points and how far off they are in 26 directions."""
+    """Voxels with points, how far off they are in 26 directions, and which of their sides is free."""
 
-    def __init__(self, occupied: np.ndarray, size_m: float) -> None:
-        """Sort the thickened voxels (sorted numbers) along each direction."""
+    def __init__(self, occupied: np.ndarray, size_m: float, points: OrientedPoints | None = None) -> None:
+        """Sort the thickened voxels (sorted numbers) along each direction; without points no side is known."""
         self.thick = grown(occupied)
         self.size_m = size_m
         cells = cells_of_keys(self.thick)
-        self._lines = [(step, np.sort(_along(cells, step))) for step in STEPS if tuple(step) > (0, 0, 0)]
+        normals = np.zeros((len(cells), 3)) if points is None else points.normals_at((cells + 0.5) * size_m)
+        self._lines = []
+        for step in STEPS[len(STEPS) // 2 :]:
+            along = _along(cells, step)
+            order = np.argsort(along)
+            self._lines.append((step, along[order], np.sign(np.rint(_SIDES * normals[order] @ step)).astype(np.int8)))
 
-    def hits(self, cells: np.ndarray) -> np.ndarray:
-        """Return in how many of 26 directions (n,) a wall lies within sight of cells (n, 3)."""
-        count = np.zeros(len(cells), int)
-        for step, line in self._lines:
+    def hits(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return in how many of 26 directions a wall lies within sight of cells (n, 3) that are no walls.
+
+        The second (n,) is in how many more of them it shows its front than its back.
+        """
+        count, fronts = np.zeros(len(cells), int), np.zeros(len(cells), int)
+        for step, line, side in self._lines:
             here = _along(cells, step)
             most = int(SIGHT_M / (self.size_m * np.linalg.norm(step)))
-            after = np.searchsorted(line, here, side="right")
-            count += (after < len(line)) & (line[np.minimum(after, len(line) - 1)] - here <= most)
-            before = np.searchsorted(line, here, side="left") - 1
-            count += (before >= 0) & (here - line[np.maximum(before, 0)] <= most)
-        return count
+            after = np.searchsorted(line, here)
+            at = np.minimum(after, len(line) - 1)
+            seen = (after < len(line)) & (line[at] - here <= most)
+            count += seen
+            fronts -= seen * side[at]
+            at = np.maximum(after - 1, 0)
+            seen = (after > 0) & (here - line[at] <= most)
+            count += seen
+            fronts += seen * side[at]
+        return count, fronts
+
+    def enclose(self, cells: np.ndarray, directions: int) -> np.ndarray:
+        """Return about which cells (n, 3) walls lie in so many directions, and do not clearly show their backs.
+
+        In the rock between the turns of a decline walls lie about a place as they do in a drift.
+        """
+        count, fronts = self.hits(cells)
+        return np.asarray((count >= directions) & (fronts >= -_BACKS))
 
     def flood(self, seeds: np.ndarray, within: np.ndarray | None = None) -> Flood:
         """Return what is reached from voxels (sorted numbers) by steps across their sides, within a set if given."""
@@ -52,9 +85,9 @@ class Walls:
         front = seeds[~is_in(seeds, self.thick)]
         last, reached, ends = np.zeros(0, np.int64), [front], []
         while len(front):
-            near = np.unique((front[:, None] + offsets).ravel())
+            near = sorted_once((front[:, None] + offsets).ravel())
             near = near[~is_in(near, last) & ~is_in(near, front) & ~is_in(near, self.thick)]
-            enclosed = self.hits(cells_of_keys(near)) >= _ENCLOSED
+            enclosed = self.enclose(cells_of_keys(near), _ENCLOSED)
             if within is not None:
                 enclosed &= is_in(near, within)
             ends.append(near[~enclosed])
@@ -62,6 +95,19 @@ class Walls:
             reached.append(front)
         free = np.unique(np.concatenate(reached))
         return Flood(free, np.unique(np.concatenate([*ends, np.zeros(0, np.int64)])))
+
+    def flood_again(self, before: np.ndarray) -> Flood:
+        """Return the flood of voxels (sorted numbers) that an earlier one reached between more walls."""
+        left = before[~is_in(before, self.thick)]
+        left = left[self.enclose(cells_of_keys(left), _ENCLOSED)]
+        return self.flood(_largest_piece(left))
+
+
+def _largest_piece(keys: np.ndarray) -> np.ndarray:
+    if not len(keys):
+        return keys
+    part = components_of(keys)
+    return np.asarray(keys[part == np.bincount(part).argmax()])
 
 
 def _along(cells: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -86,7 +132,7 @@ def largest_flood(walls: Walls, occupied: np.ndarray, rng: np.random.Generator) 
     high = np.where(taken.any(axis=1), taken.argmax(axis=1), 0)
     places = cells + np.column_stack([np.zeros((len(cells), 2), int), lift[high // 2]])
     places = places[(high > 0)]
-    places = places[walls.hits(places) >= _WHOLLY]
+    places = places[walls.enclose(places, _WHOLLY)]
     found: list[Flood] = []
     for _ in range(_TRIES):
         if not len(places):

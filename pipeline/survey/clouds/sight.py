@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.survey.clouds.flood import SIGHT_M, Walls
+from pipeline.survey.clouds.facing import SIGHT_M
+from pipeline.survey.clouds.flood import Walls
 from pipeline.survey.clouds.voxels import STEPS, cells_at, grown, is_in, keys_of, offsets_of
 
 _RAYS = 1000  # from each place, 6 degrees apart; those of the next place lie between them

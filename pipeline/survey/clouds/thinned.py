@@ -63,7 +63,10 @@ def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int, coarsen: bool 
     if len(keys) > most:
         raise InputError(f"its points fill more than {most:,} voxels of {voxel_m:g} m; --voxel states a larger size")
     if len(keys) < LEAST_POINTS:
-        raise InputError(f"its points fill {len(keys)} voxels of {voxel_m:g} m, at least {LEAST_POINTS} are needed")
+        raise InputError(
+            f"its points fill {len(keys)} voxels of {voxel_m:g} m, at least {LEAST_POINTS} are needed; "
+            "--unit states its unit"
+        )
     return ThinnedCloud(sums[:, :3] / sums[:, 3:], sums[:, 3], total)
 
 

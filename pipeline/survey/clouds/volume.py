@@ -8,14 +8,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
-from pipeline.survey.clouds.normals import SignedDistance, planes_of, sided
+from pipeline.survey.clouds.normals import PointPlanes, SignedDistance, planes_of, sided
 from pipeline.survey.clouds.sight import seen_from
 from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
-from pipeline.survey.clouds.voxels import cells_at, grown, is_in, keys_of
+from pipeline.survey.clouds.voxels import cells_at, grown, keys_of
 from pipeline.survey.solids.closing import close_solids
 from pipeline.survey.solids.decimate import decimated
 
@@ -78,18 +79,22 @@ def volume_of_cloud(
     InputError
         If the points enclose no space.
     """
-    free, walls, others = _flooded(cloud, voxel_m, way_m)
     planes = planes_of(cloud)
+    free, walls, others = _flooded(cloud, planes, voxel_m, way_m)
     sides = sided(cloud, planes, free.free, voxel_m)
     things, rows = find_things(cloud, planes, sides, free.free, voxel_m)
     standing = cloud.points_m[rows]
     if len(rows):
         cloud, planes = planes.without(cloud, rows)
-        walls = Walls(_occupied(cloud, voxel_m), voxel_m)
-        free = _seen(walls, way_m) if len(way_m) else walls.flood(free.free[~is_in(free.free, walls.thick)][:1])
+        walls = _walls(cloud, planes, voxel_m)
+        free = _seen(walls, way_m) if len(way_m) else walls.flood_again(free.free)
         sides = sided(cloud, planes, free.free, voxel_m)
-    if len(free.free) * voxel_m**3 < _LEAST_M3 or not len(sides.rows):
-        raise InputError(f"its points enclose no space of {_LEAST_M3:g} m3; --voxel M bridges gaps of M metres")
+    enclosed_m3 = len(free.free) * voxel_m**3
+    if enclosed_m3 < _LEAST_M3 or not len(sides.rows):
+        raise InputError(
+            f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; --voxel M "
+            f"(now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
+        )
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on
     band = np.setdiff1d(grown(free.free, _ROOM + 1), beyond)
@@ -123,12 +128,18 @@ def _occupied(cloud: ThinnedCloud, voxel_m: float) -> np.ndarray:
     return np.unique(keys_of(cells_at(cloud.points_m, voxel_m)))
 
 
-def _flooded(cloud: ThinnedCloud, voxel_m: float, way_m: np.ndarray) -> tuple[Flood, Walls, list[Flood]]:
+def _walls(cloud: ThinnedCloud, planes: PointPlanes, voxel_m: float) -> Walls:
     occupied = _occupied(cloud, voxel_m)
-    walls = Walls(occupied, voxel_m)
+    return Walls(occupied, voxel_m, turned_alike(cloud.points_m, planes.normals, grown(occupied), voxel_m))
+
+
+def _flooded(
+    cloud: ThinnedCloud, planes: PointPlanes, voxel_m: float, way_m: np.ndarray
+) -> tuple[Flood, Walls, list[Flood]]:
+    walls = _walls(cloud, planes, voxel_m)
     if len(way_m):
         return _seen(walls, way_m), walls, []
-    free, others = largest_flood(walls, occupied, np.random.default_rng(_SEED))
+    free, others = largest_flood(walls, _occupied(cloud, voxel_m), np.random.default_rng(_SEED))
     return free, walls, others
 
 

@@ -44,13 +44,17 @@ def is_in(keys: np.ndarray, found: np.ndarray) -> np.ndarray:
     return np.asarray(found[np.minimum(np.searchsorted(found, keys), len(found) - 1)] == keys)
 
 
+def sorted_once(keys: np.ndarray) -> np.ndarray:
+    """Return the set of numbers (n,): sorted runs are merged, which is far faster than hashing as `np.unique` does."""
+    merged = np.sort(keys, kind="stable")
+    return np.asarray(merged[np.concatenate([[True], merged[1:] != merged[:-1]])[: len(merged)]])
+
+
 def grown(keys: np.ndarray, times: int = 1) -> np.ndarray:
     """Return a set with its 26 neighbours, along one axis after the other."""
     for _ in range(times):
         for offset in offsets_of(np.eye(3, dtype=np.int64)):
-            # Sorted runs are merged, which is far faster than hashing.
-            merged = np.sort(np.concatenate([keys - offset, keys, keys + offset]), kind="stable")
-            keys = merged[np.concatenate([[True], merged[1:] != merged[:-1]])[: len(merged)]]
+            keys = sorted_once(np.concatenate([keys - offset, keys, keys + offset]))
     return keys
 
 

@@ -157,7 +157,7 @@ def test_a_trajectory_chooses_the_space_that_is_built(tmp_path, points):
 
 def test_a_scan_that_encloses_nothing_is_refused_by_name(tmp_path):
     sheet = np.random.default_rng(0).uniform(0, 10, (5000, 3)) * [1, 1, 0]
-    with pytest.raises(InputError, match=r"a\.xyz: its points enclose no space"):
+    with pytest.raises(InputError, match=r"a\.xyz: its points enclose 0\.0 m3"):
         read(write(tmp_path / "a.xyz", sheet))
 
 

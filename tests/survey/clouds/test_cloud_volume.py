@@ -133,12 +133,12 @@ def test_a_place_of_the_scanner_chooses_the_space_that_is_built(plain):
     assert solid_of(found).volume() == pytest.approx(other.volume(), rel=0.04)
 
 
-def test_what_a_wet_floor_mirrors_is_not_built_where_the_scanner_was_is_known(plain):
+def test_what_a_wet_floor_mirrors_is_not_built(plain):
     hole = np.linalg.norm(plain[:, :2] - [7, 2], axis=1) < 0.6
     mirrored = plain * [1, 1, -1] - [0, 0, 0.3]
     points = np.concatenate([plain, mirrored])[np.concatenate([~(hole & (plain[:, 2] < 0.1))] * 2)]
     way = np.column_stack([np.arange(1, 14), np.full(13, 2.0), np.full(13, 1.3)])
-    assert solid_of(scanned(points)).volume() > 1.5 * drift().volume()
+    assert solid_of(scanned(points)).volume() == pytest.approx(drift().volume(), rel=0.08)  # one of two alike
     found = scanned(points, way_m=way)
     assert iou(found, drift()) >= 0.92  # a cone below the hole was seen
     assert len(found.beyond_m) > 0.6 * len(thin(iter([mirrored]), VOXEL_M / 2, 10**6))
@@ -146,7 +146,9 @@ def test_what_a_wet_floor_mirrors_is_not_built_where_the_scanner_was_is_known(pl
 
 def test_points_that_enclose_nothing_are_refused():
     sheet = np.random.default_rng(0).uniform(0, 10, (5000, 3)) * [1, 1, 0]
-    with pytest.raises(InputError, match="its points enclose no space of 5 m3; --voxel"):
+    with pytest.raises(
+        InputError, match=r"its points enclose 0\.0 m3, at least 5 m3 are needed; --voxel M \(now 0\.2\)"
+    ):
         scanned(sheet)
 
 

@@ -45,4 +45,4 @@ def test_a_wall_is_counted_in_each_direction_in_which_it_lies():
     cube = np.zeros((21, 21, 21), bool)
     cube[[0, -1]] = cube[:, [0, -1]] = cube[:, :, [0, -1]] = True
     walls = Walls(keys(cube, (0, 0, 0)), 0.2)
-    assert walls.hits(np.array([[10, 10, 10], [100, 10, 10], [-100, 10, 10]])).tolist() == [26, 1, 1]
+    assert walls.hits(np.array([[10, 10, 10], [100, 10, 10], [-100, 10, 10]]))[0].tolist() == [26, 1, 1]
