@@ -135,7 +135,7 @@ class _Mesh:
         return bool((np.sum(old * new, axis=1) < _TURN * sizes[0] * sizes[1])[real].any())
 
     def _flip(self, facet: int) -> bool:
-        """Flip a facet's longest edge if no facet turns over and the new edge is not there yet."""
+        """Flip a facet's longest edge if the lower of both facets gets higher, none turns over and the edge is new."""
         if not self.alive[facet] or self._fixed[self.faces[facet]].any():
             return False
         face = self.faces[facet].tolist()
@@ -150,9 +150,11 @@ class _Mesh:
         if d == c or d in self._neighbours(c):
             return False
         new = np.array([[a, d, c], [d, b, c]])
-        corners, old = self.vertices[new], self.vertices[self.faces[other]]
-        was = np.cross(old[1] - old[0], old[2] - old[0])
+        corners, old = self.vertices[new], self.vertices[self.faces[[facet, other]]]
+        was = np.cross(old[1, 1] - old[1, 0], old[1, 2] - old[1, 0])
         now = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        if _heights_m(corners).min() <= _heights_m(old).min():  # or slivers beside each other are flipped to and fro
+            return False
         if (now @ was < _TURN * np.linalg.norm(now, axis=1) * np.linalg.norm(was)).any():
             return False
         self._around(b).discard(facet)
@@ -162,3 +164,11 @@ class _Mesh:
         self._around(c).add(other)
         self.source[facet], self.label[facet] = self.source[other], self.label[other]
         return True
+
+
+def _heights_m(corners: np.ndarray) -> np.ndarray:
+    """Return the heights (n,) m of triangles (n, 3, 3) over their longest edges."""
+    double = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    found: np.ndarray = double / np.maximum(longest, 1e-30)
+    return found
