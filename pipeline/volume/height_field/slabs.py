@@ -168,12 +168,13 @@ def _ways_out(rim: np.ndarray, corners: np.ndarray, places: np.ndarray) -> np.nd
 
 
 def _mates_within(surface: FloorSurface, some: np.ndarray) -> np.ndarray:
-    """Return the common edges (k, 2) of some triangles, by their numbers among these."""
-    number = np.full(len(surface.spots), -1)
-    number[some] = np.arange(len(some))
-    triangle = number[surface.mates // 3]
-    found: np.ndarray = (3 * triangle + surface.mates % 3)[(triangle >= 0).all(axis=1)]
-    return found
+    """Return the common edges (k, 2) of some triangles, whose numbers ascend, by their numbers among these."""
+    own = np.arange(3 * len(some))
+    edge = 3 * some[own // 3] + own % 3
+    mate = surface.mate[edge]
+    at = np.minimum(np.searchsorted(some, mate // 3), len(some) - 1)
+    within = (mate > edge) & (some[at] == mate // 3)
+    return np.column_stack([own, 3 * at + mate % 3])[within]
 
 
 def _connected(surface: FloorSurface, some: np.ndarray) -> list[np.ndarray]:

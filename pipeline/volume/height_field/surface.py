@@ -63,9 +63,17 @@ class FloorSurface:
         return found
 
     @cached_property
+    def mate(self) -> np.ndarray:
+        """Return the edge (3 t,) that each edge is joined with, -1 for the rim."""
+        found = np.full(self.spots.size, -1)
+        one, two = self.mates.T
+        found[one], found[two] = two, one
+        return found
+
+    @cached_property
     def rim(self) -> np.ndarray:
         """Return the edges (k,) of one triangle alone."""
-        return np.setdiff1d(np.arange(self.spots.size), self.mates.ravel())
+        return np.flatnonzero(self.mate < 0)
 
     @cached_property
     def lines(self) -> tuple[np.ndarray, np.ndarray]:
