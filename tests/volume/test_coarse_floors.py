@@ -37,10 +37,10 @@ def test_a_spiral_has_fewer_than_four_parts_a_metre_and_floors_within_a_centimet
     assert measure_floor(volume, network, rough).error_m < 0.01
 
 
-def test_a_floor_moves_by_a_centimetre_at_most_and_its_facets_become_half(spiral):
+def test_a_floor_moves_by_a_centimetre_at_most_and_two_fifths_of_its_facets_go(spiral):
     _, _, before, after, _ = spiral
     is_floor = before.label == Label.FLOOR
-    assert (after.label == Label.FLOOR).sum() < is_floor.sum() / 2
+    assert (after.label == Label.FLOOR).sum() < 0.6 * is_floor.sum()
     wide = is_floor & (np.linalg.norm(before.normals, axis=1) > 0.1)  # the rim may move by 2 mm, from under slivers
     assert wide.sum() > is_floor.sum() / 2
     places = before.vertices[before.faces[wide]].mean(axis=1)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
@@ -95,3 +97,18 @@ def test_a_straight_drift_is_level_across_on_its_slope(tmp_path):
     floor = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
     along = (floor[:, :2] - network.places_m[0, :2]) @ way
     assert floor[:, 2] - network.places_m[0, 2] == pytest.approx(along * 6 / np.hypot(40, 10), abs=1e-4)
+
+
+def test_a_drift_far_below_does_not_part_a_floor_and_a_floor_goes_on_through_the_sections_of_its_tube(tmp_path):
+    rows = "A,1,-30,0,2,2,0,3,0\nA,2,30,0,2,2,0,3,0\nA,3,40,-20,2,2,-4,3,0\n"
+    rows += "A,4,0.3,-20,2,2,-8,3,0\nA,5,0.3,20,2,2,-8,3,0\n"
+    network = GateCase("crossing", HEADER + rows).network(tmp_path)
+    pieces = pieces_of(network)
+    surface = solve_heights(network, pieces).surface
+    drift = [pieces[some[0]].shot == 0 and len(some) == 1 for some in surface.pieces]
+    places = surface.places[surface.spots[np.array(drift)[surface.patch]]].reshape(-1, 2)
+    assert len(places) > 100
+    assert not np.isclose(places[:, :1], (-1.7, 0.3, 2.3), atol=1e-3).any()  # where the lower drift crosses
+    assert len(surface.over) > 0
+    links = coo_matrix((np.ones(len(surface.mates)), (surface.mates // 3).T), (len(surface.spots),) * 2)
+    assert connected_components(links, directed=False)[0] == 1

@@ -16,7 +16,7 @@ from pipeline.volume.union import Solid
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
 _REACH_M = 15.0  # along the survey, between legs that may share a floor
-_APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+APART_M = 2.0  # of floors over each other: what is farther apart is two floors
 _NEAR_M = 0.01  # between two overlaps that are one
 
 
@@ -58,7 +58,7 @@ class SharedFloors:
 
     def is_one(self, one: int, two: int, heights_m: tuple[float, float]) -> bool:
         """Return whether two pieces share a floor at a place where their sections have these heights."""
-        return self.has(one, two) and abs(heights_m[0] - heights_m[1]) < _APART_M
+        return self.has(one, two) and abs(heights_m[0] - heights_m[1]) < APART_M
 
 
 def _stations(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:

@@ -215,11 +215,7 @@ def _parts(surface: FloorSurface) -> np.ndarray:
 
 def _apart(surface: FloorSurface) -> Iterator[tuple[int, int]]:
     """Yield the pairs of patches that are not in one part."""
-    over: dict[int, list[int]] = {}
-    for patch, cell in enumerate(surface.cell.tolist()):
-        for other in over.setdefault(cell, []):
-            yield patch, other
-        over[cell].append(patch)
+    yield from surface.over.tolist()
     rim, (lines, back) = surface.rim, surface.lines
     order = np.argsort(lines, kind="stable")
     low, high = (np.searchsorted(lines[order], back[rim], side) for side in ("left", "right"))

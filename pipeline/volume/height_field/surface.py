@@ -12,6 +12,7 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.volume.height_field.groups import FloorGroups, cells_over
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.network import SurveyNetwork
@@ -37,8 +38,8 @@ class FloorSurface:
         Each triangle's patch: the floor that some pieces share over one cell.
     pieces : list of list of int
         Of each patch.
-    cell : (n,) int64
-        Of each patch: patches over each other have one cell.
+    over : (m, 2) int64
+        Patches that lie over each other.
     mates : (k, 2) int64
         Edges that two triangles share; edge 3 t + i begins at corner i of triangle t.
     """
@@ -47,7 +48,7 @@ class FloorSurface:
     spots: np.ndarray
     patch: np.ndarray
     pieces: list[list[int]]
-    cell: np.ndarray
+    over: np.ndarray
     mates: np.ndarray
 
     @cached_property
@@ -107,19 +108,20 @@ def weld(count: int, mates: np.ndarray) -> np.ndarray:
 def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> FloorSurface:
     """Return the surface of the floors of all pieces that are flat enough to drive on.
 
-    Seen from above, outlines and legs part the plane into cells. Over each cell the pieces that share a floor are one
-    patch, so that the floors of passages over each other are patches of one cell. Patches of cells beside each other
-    are joined where they have a piece in common, or where pieces that share a floor follow each other.
+    Seen from above, outlines and legs of a group part the plane into cells. Over each cell the pieces that share a
+    floor are one patch, so that the floors of passages over each other are patches of one cell, or of two groups.
+    Patches of cells beside each other are joined where they have a piece in common, or where pieces that share a floor
+    follow each other.
     """
     shared = SharedFloors(network, pieces, floors)
-    drivable = np.flatnonzero([piece.is_drivable for piece in pieces])
-    cells = _cells(network, pieces, floors.outlines[drivable])
-    middle = shapely.point_on_surface(cells)
-    number, row = shapely.STRtree(floors.outlines[drivable]).query(middle, predicate="dwithin", distance=TOUCH_M)
-    height = floors.heights_at(drivable[row], shapely.get_coordinates(middle)[number])
+    lines = _lines(network, pieces, floors)
+    groups = FloorGroups(pieces, floors, shared, lines)
+    cells, group = _cells(lines, groups)
     over: list[dict[int, float]] = [{} for _ in cells]
-    for cell, piece, z in zip(number.tolist(), drivable[row].tolist(), height.tolist(), strict=True):
+    for cell, piece, z in _floors_over(cells, group, floors, groups.of_piece):
         over[cell][piece] = z
+    some = np.flatnonzero([len(found) > 0 for found in over])
+    cells, group, over = cells[some], group[some], [over[cell] for cell in some]
     patches = [(cell, some) for cell, found in enumerate(over) for some in _patches(found, shared)]
     cell_of, of_patch = np.array([cell for cell, _ in patches], int), [some for _, some in patches]
     places, triangles, owner = _triangles(cells)
@@ -128,16 +130,53 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     patch = np.repeat(np.arange(len(rows)), [len(some) for some in rows])
     spots = triangles[np.concatenate([np.zeros(0, int), *rows])]
     mates = np.array(list(_mates(places, spots, patch, of_patch, shared, floors)), int).reshape(-1, 2)
-    return FloorSurface(places, spots, patch, of_patch, cell_of, mates)
+    return FloorSurface(places, spots, patch, of_patch, _patches_over(cells, group, cell_of), mates)
 
 
-def _cells(network: SurveyNetwork, pieces: list[Solid], outlines: np.ndarray) -> np.ndarray:
-    """Return the polygons between all outlines and legs; those beside each other have the same corners."""
-    shots = [piece.shot for piece in pieces if piece.is_drivable and is_leg(piece)]
-    legs = shapely.linestrings(network.floors_m[shots][:, :, :2])
-    lines = shapely.union_all(np.concatenate([shapely.get_exterior_ring(outlines), legs]), grid_size=_GRID_M)
-    lines = shapely.segmentize(shapely.get_parts(shapely.node(lines)), _EDGE_M)
-    return np.asarray(shapely.get_parts(shapely.polygonize(lines)))
+def _lines(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> dict[int, list[shapely.Geometry]]:
+    """Return what each piece parts floors by: its outline, and the leg."""
+    found = {}
+    for number, piece in enumerate(pieces):
+        if piece.is_drivable:
+            leg = [shapely.LineString(network.floors_m[piece.shot][:, :2])] if is_leg(piece) else []
+            found[number] = [floors.outlines[number].exterior, *leg]
+    return found
+
+
+def _cells(lines: dict[int, list[shapely.Geometry]], groups: FloorGroups) -> tuple[np.ndarray, np.ndarray]:
+    """Return the polygons (n,) between the lines of each group and the group (n,) of each.
+
+    Those beside each other have the same corners: a line that two groups have is parted from the same end.
+    """
+    found, owner = [], []
+    for group, pieces in groups.pieces_by_group().items():
+        all_lines = np.array([line for piece in sorted(pieces) for line in lines[piece]], object)
+        parts = shapely.get_parts(shapely.node(shapely.union_all(all_lines, grid_size=_GRID_M)))
+        parted = shapely.segmentize(shapely.normalize(parts), _EDGE_M)
+        found.append(shapely.get_parts(shapely.polygonize(parted)))
+        owner += [group] * len(found[-1])
+    return np.concatenate([np.zeros(0, object), *found]), np.array(owner, int)
+
+
+def _floors_over(
+    cells: np.ndarray, group: np.ndarray, floors: SectionFloors, of_piece: np.ndarray
+) -> Iterator[tuple[int, int, float]]:
+    """Yield each cell with each piece of its group that has its floor there, and the height, m."""
+    middle = shapely.point_on_surface(cells)
+    drivable = np.flatnonzero(of_piece >= 0)
+    cell, row = shapely.STRtree(floors.outlines[drivable]).query(middle, predicate="dwithin", distance=TOUCH_M)
+    ours = of_piece[drivable[row]] == group[cell]
+    cell, piece = cell[ours], drivable[row[ours]]
+    height = floors.heights_at(piece, shapely.get_coordinates(middle)[cell])
+    yield from zip(cell.tolist(), piece.tolist(), height.tolist(), strict=True)
+
+
+def _patches_over(cells: np.ndarray, group: np.ndarray, cell_of: np.ndarray) -> np.ndarray:
+    """Return the pairs (k, 2) of patches that lie over each other, of one cell (n,) each."""
+    first = np.searchsorted(cell_of, np.arange(len(cells) + 1)).tolist()
+    both = [(cell, cell) for cell in range(len(cells))] + cells_over(cells, group).tolist()
+    found = [(p, q) for a, b in both for p in range(*first[a : a + 2]) for q in range(*first[b : b + 2]) if p < q]
+    return np.array(found, int).reshape(-1, 2)
 
 
 def _patches(heights: dict[int, float], shared: SharedFloors) -> Iterator[list[int]]:
