@@ -17,7 +17,8 @@ import numpy as np
 
 from pipeline.store.files import write_atomically
 
-_KM, _EXTENT_M = 218.0, (5600.0, 7700.0)  # roadways, and what they extend over to the east and north
+_KM = 218.0  # of roadways
+_EXTENT_M = (5600.0, 7700.0)  # of a mine so long: to the east, to the north
 HALF_M = 2.5  # of its roadways
 _MAINS, _GATES = 5, 2  # parallel roadways of the mains and of a panel
 _APART_M, _CROSSCUT_M = 30.0, 60.0  # between neighbouring roadways; between cross cuts
