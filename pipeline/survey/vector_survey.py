@@ -46,7 +46,14 @@ from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
-from pipeline.survey.whole_survey import WholeSurvey, footprint, read_whole, whole_in_frame
+from pipeline.survey.whole_survey import (
+    WholeSurvey,
+    built_piece,
+    footprint,
+    read_whole,
+    seen_from_above,
+    whole_in_frame,
+)
 from pipeline.types import (
     METRIC,
     NO_FLOORS,
@@ -166,13 +173,16 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
     whole = read_whole(path, params)
     _require_short(path, whole.legs)
-    built = _level_workings(path, whole.legs, params) if whole.is_level else footprint(path, whole.legs)
-    shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
-    place = Georeference("m", 1.0, georeference.origin, whole.crs)
     if whole.is_level:
+        built = _level_workings(path, whole.legs, params)
+        shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
+        place = Georeference("m", 1.0, georeference.origin, whole.crs)
         return _Workings(as_polygons(shapely.union_all(shapes)), place)
-    surveyed, seen = whole_in_frame(path, whole, params, georeference.origin)
-    return _Workings(seen, place, legs=surveyed)
+    piece = built_piece(path, whole, params.piece)
+    _, georeference = locate(path, Shapes([footprint(path, piece.legs)], "m"), "m", params.origin)
+    surveyed = whole_in_frame(piece, params, georeference.origin)
+    place = Georeference("m", 1.0, georeference.origin, whole.crs)
+    return _Workings(seen_from_above(path, surveyed), place, legs=surveyed)
 
 
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
@@ -186,8 +196,9 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     _require_short(path, legs)
     if not has_relief(legs):
         return _Workings(as_polygons(_level_workings(path, legs, params)), georeference)
-    surveyed, seen = whole_in_frame(path, WholeSurvey(legs, is_level=False, is_named=False), params, (0.0, 0.0))
-    return _Workings(seen, georeference, legs=surveyed)
+    piece = built_piece(path, WholeSurvey(legs, is_level=False, is_named=False), params.piece)
+    surveyed = whole_in_frame(piece, params, (0.0, 0.0))
+    return _Workings(seen_from_above(path, surveyed), georeference, legs=surveyed)
 
 
 def _level_workings(

@@ -70,46 +70,52 @@ def entrances_of(survey: SolvedSurvey) -> list[str]:
     return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
 
 
-def surveyed_legs(
-    path: Path,
-    survey: WholeSurvey,
-    params: PassageSurveyParams | CentrelineSurveyParams,
-    origin: tuple[float, float],
-) -> SurveyedLegs:
-    """Return the legs of the longest piece, or of the one that the user names, in the mine frame.
+@dataclass(frozen=True)
+class BuiltPiece:
+    """The legs that are built, in the survey's own frame: one piece whose legs share stations.
 
-    Others are listed. The frame's height 0 is the lowest floor, rounded down to metres.
+    `others` has a station and the length (m) of each other piece, `surveyed_m` is the length of all.
     """
-    kept, others = _pieces(path, survey, params.piece)
-    places = [_places(leg) for leg in kept]
-    lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in kept])
+
+    legs: list[SurveyLeg]
+    others: list[tuple[str, float]]
+    entrances: list[str]
+    surveyed_m: float
+
+
+def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> BuiltPiece:
+    """Return the longest piece of a survey, or the one that the user names; others are listed in a warning."""
+    legs, others = _pieces(path, survey, piece)
+    stations = {name for leg in legs for name in leg.stations}
+    entrances = [name for name in survey.entrances if name in stations]
+    return BuiltPiece(legs, others, entrances, sum(map(_length_m, survey.legs)))
+
+
+def whole_in_frame(
+    piece: BuiltPiece, params: PassageSurveyParams | CentrelineSurveyParams, origin: tuple[float, float]
+) -> SurveyedLegs:
+    """Return the legs in the mine frame, whose height 0 is their lowest floor, rounded down to metres."""
+    places = [_places(leg) for leg in piece.legs]
+    lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in piece.legs])
     floors = np.concatenate(places)[:, 2] - np.nan_to_num(lrud[:, 3])
     datum = float(np.floor(floors.min()))
-    start = start_over(params.entrance_m, datum)
-    stations = [name for leg in kept for name in leg.stations]
     return SurveyedLegs(
         np.concatenate(places) - np.array([*origin, datum]),
         lrud,
-        np.concatenate([[0], np.cumsum([len(leg.stations) for leg in kept])]).astype(np.int32),
-        text_array(stations),
-        text_array([name for name in survey.entrances if name in set(stations)]),
-        start,
-        text_array([name for name, _ in others]),
-        np.array([length for _, length in others]),
-        sum(map(_length_m, survey.legs)),
+        np.concatenate([[0], np.cumsum([len(leg.stations) for leg in piece.legs])]).astype(np.int32),
+        text_array([name for leg in piece.legs for name in leg.stations]),
+        text_array(piece.entrances),
+        start_over(params.entrance_m, datum),
+        text_array([name for name, _ in piece.others]),
+        np.array([length for _, length in piece.others]),
+        piece.surveyed_m,
         datum,
     )
 
 
-def whole_in_frame(
-    path: Path,
-    survey: WholeSurvey,
-    params: PassageSurveyParams | CentrelineSurveyParams,
-    origin: tuple[float, float],
-) -> tuple[SurveyedLegs, MultiPolygon]:
-    """Return the legs that are built, in the mine frame, and their view from above; see `surveyed_legs`."""
-    legs = surveyed_legs(path, survey, params, origin)
-    return legs, as_polygons(footprint(path, legs_of(legs)))
+def seen_from_above(path: Path, legs: SurveyedLegs) -> MultiPolygon:
+    """Return the view of legs from above, m, mine frame; `InputError` if it has no area."""
+    return as_polygons(footprint(path, legs_of(legs)))
 
 
 def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:

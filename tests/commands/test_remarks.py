@@ -28,6 +28,12 @@ from tests.project import ROOT
         ),
         ("m.3d: 217 of 268 stations have no measured roof", "217 of 268", "stations have no measured roof", ""),
         ("other.tif: 9 heights lie outside", "9", "other.tif: heights lie outside", ""),
+        (
+            "m.3d: 2 pieces; built is that about no_surface.a.1; --piece builds another",
+            "2",
+            "pieces; built is",
+            "--piece",
+        ),
         ("survey.half_width_m = 2 is taken", "", "survey.half_width_m = 2 is taken", "survey.half_width_m"),
     ],
 )

@@ -49,6 +49,12 @@ def test_the_longest_piece_is_built_and_the_others_are_listed_with_the_option_th
     assert "20 m about 8" in said
 
 
+def test_pieces_may_lie_farther_apart_than_a_mine_may_reach(tmp_path):
+    far = RAMP + "X,8,40000,0,5,2,2,3,0\nX,9,40020,0,5,2,2,3,0\n"
+    assert set(places_of(legs_of_table(far, tmp_path))) == {"1", "2", "3"}
+    assert places_of(legs_of_table(far, tmp_path, piece="9"))["8"] == pytest.approx([0, 0, 0], abs=15)
+
+
 @pytest.mark.parametrize("piece", ["9", (220.0, 1.0, 5.0)])
 def test_a_station_or_a_place_chooses_another_piece(piece, tmp_path):
     legs = legs_of_table(APART, tmp_path, piece=piece)
