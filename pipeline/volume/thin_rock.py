@@ -12,7 +12,9 @@ from pipeline.volume.union import Label, Volume
 
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
-_ROUNDS = ((0.027, 1e-4), (0.03, 1e-5))
+_ROUNDS = ((0.027, 1e-4), (0.03, 1e-5), (0.033, 1e-5), (0.036, 1e-5), (0.04, 1e-5), (0.045, 1e-5))
+_ALWAYS = 2  # rounds; others if there is more left than this, m2
+_LEFT_M2 = 0.02
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 
 
@@ -25,11 +27,11 @@ def without_thin_rock(volume: Volume) -> Volume:
     round looks about the rock of the one before.
     """
     some: np.ndarray | None = None
-    for half_m, least_m2 in _ROUNDS:
+    for number, (half_m, least_m2) in enumerate(_ROUNDS):
         area = np.linalg.norm(volume.normals, axis=1) / 2
         facets = np.array(list(facets_without_part(volume, some)), int)
         facets = facets[(area[facets] > least_m2) & (volume.label[facets] != Label.FLOOR)]
-        if not len(facets):
+        if not len(facets) or (number >= _ALWAYS and area[facets].sum() < _LEFT_M2):
             break
         changed = volume.vertices[volume.faces[facets]]
         volume = without_slivers(_thickened(volume, facets, half_m))

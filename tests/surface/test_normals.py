@@ -42,6 +42,12 @@ def test_a_crease_keeps_each_side_of_a_cube_flat():
     assert np.abs(apart).max() < 1e-12
 
 
+def test_a_vertex_of_a_face_without_area_has_a_normal_too():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]])
+    shaded = shade_mesh(vertices, np.array([[0, 1, 2], [0, 1, 3]]))
+    np.testing.assert_allclose(np.linalg.norm(shaded.normals, axis=1), 1.0)
+
+
 def test_no_normal_lies_behind_a_face_even_where_none_is_in_front_of_all():
     rng = np.random.default_rng(0)
     row, col = np.divmod(np.arange(400), 20)

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 _TILTS = 16  # rounds at most; of 48,000 vertices of the default world they tilt 38,000, and more rounds hardly any more
 _FRONT = 0.02  # cosine of the widest angle between a normal and its faces' that counts as in front
+_NONE, _UP = 0.5, (0.0, 0.0, 1.0)  # length of a normal that is none: all faces at its vertex have no area
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = 180.
         former, corner = _split(corner, group)
         source, mean = source[former], mean[former]
         mean[corner[alone]] = normal[np.nonzero(alone)[0]]
+    mean[np.linalg.norm(mean, axis=1) < _NONE] = _UP
     return ShadedMesh(source, mean, corner.astype(np.int32))
 
 
