@@ -119,7 +119,7 @@ class Facets:
     def crossing_pairs(
         self, some: ConvexBodies, body: np.ndarray, facet: np.ndarray, enough_m: float = np.inf
     ) -> Contacts:
-        """Return those pairs of a body and a facet (n,) of which the facet reaches into the body, as `crossing` does."""
+        """Return those pairs of a body and a facet (n,) that `crossing` would return."""
         bodies, pairs = _Apart(some), Contacts(body, facet, np.full(len(body), np.inf))
         for number in range(len(bodies.directions)):
             pairs = pairs.within(self._over(bodies, number, pairs).max(axis=0))
