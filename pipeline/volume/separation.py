@@ -35,6 +35,12 @@ class ConvexBodies:
         """Return how many there are."""
         return len(self.corners)
 
+    def counts(self) -> np.ndarray:
+        """Return how many corners (n,) each body has without the repeated ones at the end of its list."""
+        same = (self.corners == self.corners[:, -1:]).all(axis=2)
+        found: np.ndarray = self.corners.shape[1] - np.maximum(np.argmin(same[:, ::-1], axis=1) - 1, 0)
+        return found
+
     def some(self, chosen: slice | np.ndarray) -> ConvexBodies:
         """Return those that are chosen."""
         return ConvexBodies(self.corners[chosen], self.directions[chosen], self.edges[chosen], self.owner[chosen])
@@ -81,11 +87,18 @@ class Facets:
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
         self._points, self._ways = _apart(self.corners), _apart(self.normals[:, None])[0]
 
-    def crossing(self, bodies: ConvexBodies, enough_m: float = np.inf, tried: np.ndarray | None = None) -> Contacts:
+    def crossing(
+        self,
+        bodies: ConvexBodies,
+        enough_m: float = np.inf,
+        tried: np.ndarray | None = None,
+        of: np.ndarray | None = None,
+    ) -> Contacts:
         """Return the facets that reach into each body; those of its owner are not tried.
 
         Of a body in which a corner of a facet is deeper than `enough_m`, m, that facet alone is returned. Facets of
-        `tried`, a mask (f,), are bodies themselves: a pair of two is tried once.
+        `tried`, a mask (f,), are bodies themselves: a pair of two is tried once. With numbers `of` (f,), only facets of
+        the owner's number are tried.
 
         Tried are a body's directions, the facets' planes and the products of edges, which is all there is of planes
         that can separate two convex bodies.
@@ -97,20 +110,27 @@ class Facets:
             other = self.owner[facet] != some.owner[body]
             if tried is not None:
                 other &= ~tried[facet] | (facet > some.owner[body])
-            pairs = self._crossing(_Apart(some), body[other], facet[other], enough_m)
+            if of is not None:
+                other &= of[facet] == of[some.owner[body]]
+            pairs = self.crossing_pairs(some, body[other], facet[other], enough_m)
             found.append(Contacts(pairs.body + start, pairs.facet, pairs.depth_m))
         return Contacts.joined(found)
 
-    def _crossing(self, bodies: _Apart, body: np.ndarray, facet: np.ndarray, enough_m: float) -> Contacts:
-        pairs = Contacts(body, facet, np.full(len(body), np.inf))
+    def crossing_pairs(
+        self, some: ConvexBodies, body: np.ndarray, facet: np.ndarray, enough_m: float = np.inf
+    ) -> Contacts:
+        """Return those pairs of a body and a facet (n,) that `crossing` would return."""
+        bodies, pairs = _Apart(some), Contacts(body, facet, np.full(len(body), np.inf))
         for number in range(len(bodies.directions)):
             pairs = pairs.within(self._over(bodies, number, pairs).max(axis=0))
             if number == 0:
                 pairs = pairs.within(self._past_planes(bodies, pairs))
-        inside = self._deepest_corner(bodies, pairs) > enough_m
-        first = np.flatnonzero(inside)[np.unique(pairs.body[inside], return_index=True)[1]]
-        left = ~np.isin(pairs.body, pairs.body[first])
-        clear, pairs = pairs.some(first), pairs.some(left)
+        clear = NO_CONTACTS
+        if np.isfinite(enough_m):
+            inside = self._deepest_corner(bodies, pairs) > enough_m
+            first = np.flatnonzero(inside)[np.unique(pairs.body[inside], return_index=True)[1]]
+            left = ~np.isin(pairs.body, pairs.body[first])
+            clear, pairs = pairs.some(first), pairs.some(left)
         for number in range(len(bodies.edges)):
             pairs = pairs.within(self._between_edges(bodies, number, pairs))
         return Contacts.joined([clear, pairs])

@@ -114,10 +114,11 @@ class _Shell:
             shared[k] = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[k]))
         least = np.where(tried.areas_m2 > SLIVER_M2, THIN_M, _LEAST_M)
         good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
+        count = bodies.counts()
         for n in np.flatnonzero(good).tolist():
             self.parts.append(
                 ShellPart(
-                    bodies.corners[n],
+                    bodies.corners[n, : count[n]],
                     self.facets_of(int(tried.numbers[n])),
                     f"{kind} {depth_m:g}",
                     float(depth[n]),

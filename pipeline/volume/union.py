@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.tubes import Tube, solids_through
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _HUB_SIDES = 12
@@ -21,7 +21,6 @@ _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors 
 _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
-_OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 _RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
@@ -83,76 +82,21 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
 
 def solids_of(network: SurveyNetwork, pieces: list[Solid], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
     """Return the solids of tubes and single pieces; enter the number of each piece by manifold3d's."""
-    solids, tube = [], list[int]()
+    tubes, open_tube = list[Tube](), Tube([], [])
+    for number, piece in enumerate(pieces):
+        if len(piece.sections) == 1:
+            continue
+        open_tube.sections.append(piece.sections)
+        open_tube.shots.append(number)
+        if not network.joined[piece.shot, 1]:
+            tubes.append(open_tube)
+            open_tube = Tube([], [])
+    solids = solids_through(tubes, numbers)
     for number, piece in enumerate(pieces):
         if len(piece.sections) == 1:
             solids.append(manifold3d.Manifold.hull_points(piece.sections[0]).as_original())
             numbers[solids[-1].original_id()] = number
-            continue
-        tube.append(number)
-        if not network.joined[piece.shot, 1]:
-            solids += _tube([pieces[k].sections for k in tube], tube, numbers)
-            tube = []
     return solids
-
-
-def _tube(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
-    """Return the solid through rows of sections, each row's first the last of the row before; enter its numbers.
-
-    Legs that would cross others of the tube, as between skew sections of different widths, are the hulls of their
-    sections.
-    """
-    rings = np.concatenate([sections[0], *(row[1:] for row in sections[1:])])
-    count, k = len(rings), rings.shape[1]
-    i, j = np.arange(k), (np.arange(k) + 1) % k
-    wall = np.concatenate([np.column_stack([i, j + k, j]), np.column_stack([i, i + k, j + k])])
-    cap = np.column_stack([np.zeros(k - 2, int), np.arange(1, k - 1), np.arange(2, k)])
-    faces = [wall + k * n for n in range(count - 1)]
-    faces[0] = np.concatenate([cap, faces[0]])
-    faces[-1] = np.concatenate([faces[-1], cap[:, ::-1] + k * (count - 1)])
-    ends = np.cumsum([len(row) - 1 for row in sections])
-    sizes = np.cumsum([0, *map(len, faces)])
-    runs = sizes[[0, *ends]]
-    pairs = crossing_facets(rings.reshape(-1, 3), np.concatenate(faces), CROSSING_M)
-    if len(pairs):
-        return _parted(sections, shots, numbers, set(np.searchsorted(runs, pairs.ravel(), side="right") - 1))
-    first = manifold3d.Manifold.reserve_ids(len(shots))
-    numbers |= {first + n: shot for n, shot in enumerate(shots)}
-    mesh = manifold3d.Mesh64(
-        rings.reshape(-1, 3),
-        np.concatenate(faces).astype(np.uint64),
-        run_index=3 * runs,
-        run_original_id=first + np.arange(len(shots)),
-    )
-    solid = manifold3d.Manifold(mesh)
-    if solid.status() != manifold3d.Error.NoError:
-        raise ValueError(f"volume: legs {shots}: {solid.status()}")
-    return [solid]
-
-
-def _parted(
-    sections: list[np.ndarray], shots: list[int], numbers: dict[int, int], crossing: set[int]
-) -> list[manifold3d.Manifold]:
-    """Return the hulls of the legs that cross others of their tube, and the tubes between them."""
-    found, start = [], 0
-    for n in [*sorted(crossing), len(shots)]:
-        if n > start:
-            found += _tube(sections[start:n], shots[start:n], numbers)
-        found += _hulls(sections[n : n + 1], shots[n : n + 1], numbers)
-        start = n + 1
-    return found
-
-
-def _hulls(sections: list[np.ndarray], shots: list[int], numbers: dict[int, int]) -> list[manifold3d.Manifold]:
-    """Return the hulls of sections that follow each other, a little longer than these, so that they overlap."""
-    found = []
-    for row, shot in zip(sections, shots, strict=True):
-        for one, two in pairwise(row):
-            ahead = two.mean(axis=0) - one.mean(axis=0)
-            ahead *= _OVERLAP_M / max(float(np.linalg.norm(ahead)), _OVERLAP_M)
-            found.append(manifold3d.Manifold.hull_points(np.concatenate([one - ahead, two + ahead])).as_original())
-            numbers[found[-1].original_id()] = shot
-    return found
 
 
 def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[int, int]) -> Volume:

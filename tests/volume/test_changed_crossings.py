@@ -45,3 +45,15 @@ def test_the_legs_near_a_leg_are_those_that_shortest_ways_between_stations_find(
         wanted = near[:, network.shots].any(axis=2)
         assert 0 < wanted.sum() < wanted.size
         assert (network.near_legs(reach_m).has(one, other) == wanted).all()
+
+
+def test_meshes_that_are_tried_together_cross_themselves_as_each_does_alone(tee):
+    moved = tee.vertices.copy()
+    moved[tee.faces[0, 0]] += 100 * np.array([0.6, 0.8, 0])
+    places = [tee.vertices, moved, tee.vertices + 0.5]
+    count, n = len(tee.faces), len(tee.vertices)
+    faces = np.concatenate([tee.faces + n * k for k in range(3)])
+    of = np.repeat(np.arange(3), count)
+    found = crossing_facets(np.concatenate(places), faces, CROSSING_M, of=of)
+    assert (found == count + crossing_facets(moved, tee.faces, CROSSING_M)).all()
+    assert len(crossing_facets(np.concatenate(places), faces, CROSSING_M)) > len(found) > 0

@@ -2,7 +2,7 @@
 
 `python -m benchmarks volume-large` measures what of Sakany's cave is within some distances of its middle, and mines of
 some levels; `--deep KM` measures another mine. The steps are the union, the floors, the parts and the certificate's
-booleans. Each survey is measured in a process of its own.
+booleans. Each survey is measured in a process of its own, which is set up as a stage is.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.resume import Row, resume, run_benchmark
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
+from pipeline.memory import keep_memory
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import SurveyNetwork
@@ -49,6 +50,7 @@ def network_of_size(kind: str, size: float, folder: Path) -> SurveyNetwork:
 
 def measure(name: str) -> Row:
     """Build a survey as one volume, and return the processor seconds of each step and the peak of memory."""
+    keep_memory()
     kind, size = name.split()
     with tempfile.TemporaryDirectory() as folder:
         network = network_of_size(kind, float(size), Path(folder))

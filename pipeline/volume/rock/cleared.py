@@ -22,25 +22,30 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
     convex bodies.
     """
     facets = Facets(volume.vertices, volume.faces)
-    left = _quickly(facets, parts, outward)
+    part, facet = _quickly(facets, parts, outward)
+    left, body = np.unique(part, return_inverse=True)
+    order = np.argsort(body, kind="stable")
+    starts = np.searchsorted(body[order], np.arange(0, len(left) + _TOGETHER, _TOGETHER))
     found = [np.zeros(0, int)]
-    for start in range(0, len(left), _TOGETHER):
+    for number, rows in enumerate(map(slice, starts[:-1], starts[1:])):
+        start = _TOGETHER * number
         some = left[start : start + _TOGETHER]
         solids = [manifold3d.Manifold.hull_points(parts[k]) for k in some.tolist()]
         fronts = np.array([parts[k][:3] for k in some.tolist()])
         bodies = bodies_of(solids, fronts, outward[some], np.full(len(some), -1))
-        found.append(some[np.unique(facets.crossing(bodies).body)])
+        pairs = facets.crossing_pairs(bodies, body[order[rows]] - start, facet[order[rows]])
+        found.append(some[np.unique(pairs.body)])
     return np.concatenate(found)
 
 
-def _quickly(facets: Facets, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
-    """Return the numbers of the parts that the first planes do not separate from some facet."""
+def _quickly(facets: Facets, parts: PartCorners, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pairs of a part (n,) and a facet (n,) that the first planes do not separate, by their numbers."""
     count = np.diff(parts.first)
     along = np.einsum("nk,nk->n", parts.corners, np.repeat(outward, count, axis=0))
     reach = np.maximum.reduceat(along, parts.first[:-1])
     middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
     part, facet = facets.near(*parts.boxes())
-    found = [np.zeros(0, int)]
+    found = [(part[:0], facet[:0])]
     for start in range(0, len(part), _PAIRS):
         p, f = part[start : start + _PAIRS], facet[start : start + _PAIRS]
         meets = reach[p] - _least(facets.corners[f], outward[p]) > ROUNDING_M
@@ -52,8 +57,10 @@ def _quickly(facets: Facets, parts: PartCorners, outward: np.ndarray) -> np.ndar
         p, f = p[meets], f[meets]
         way = facets.corners[f].mean(axis=1) - middles[p]
         way /= np.maximum(np.sqrt((way**2).sum(axis=1, keepdims=True)), 1e-30)
-        found.append(p[_between(parts, p, way)[1] - _least(facets.corners[f], way) > ROUNDING_M])
-    return np.unique(np.concatenate(found))
+        meets = _between(parts, p, way)[1] - _least(facets.corners[f], way) > ROUNDING_M
+        found.append((p[meets], f[meets]))
+    part, facet = map(np.concatenate, zip(*found, strict=True))
+    return part, facet
 
 
 def _least(corners: np.ndarray, ways: np.ndarray) -> np.ndarray:

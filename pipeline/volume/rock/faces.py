@@ -15,6 +15,7 @@ ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
 _INSIDE = 1e-6  # of a part's face, beyond its edges
 _WHOLE = 1e-9  # of a facet's area that rounding may leave
 _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
+_ON_EDGE_M = 1e-10  # a facet's corner that is so little outside a part's face is on its edge: rounding is 1e-13
 _GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
 
@@ -33,7 +34,8 @@ class PartFaces:
     holds_middle : (n,) bool
         Whether the facet's middle is on the face.
     shared : (n,) shapely.Polygon
-        What the face covers of the facet, in the facet's plane and along its normal.
+        What the face covers of the facet, in the facet's plane and along its normal; nothing where another face covers
+        all of that facet.
     """
 
     part: np.ndarray
@@ -61,9 +63,11 @@ class PartFaces:
         """Return what (f,) m2 of each facet no part's face covers; `areas_m2` (f,) are those of the facets."""
         most = np.zeros(len(areas_m2))
         np.maximum.at(most, self.facet, shapely.area(self.shared))
-        left = np.flatnonzero(most < (1 - _WHOLE) * areas_m2)
-        for facet in left[most[left] > 0].tolist():
-            most[facet] = shapely.union_all(self.shared[self.facet == facet], grid_size=_GRID_M).area
+        left = np.flatnonzero((most > 0) & (most < (1 - _WHOLE) * areas_m2))
+        order = np.argsort(self.facet, kind="stable")
+        first, end = (np.searchsorted(self.facet[order], left, side) for side in ("left", "right"))
+        for facet, rows in zip(left.tolist(), map(slice, first.tolist(), end.tolist()), strict=True):
+            most[facet] = shapely.union_all(self.shared[order[rows]], grid_size=_GRID_M).area
         return np.maximum(0.0, areas_m2 - most)
 
 
@@ -115,16 +119,24 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
     on = np.abs(depth) < ON_PLANE_M
     flat = np.einsum("nk,njk->nj", (parts.corners[rows] - middles[pair])[on], across[pair[on]])
     face = shapely.convex_hull(shapely.multipoints(flat, indices=pair[on]))
-    corners = shapely.polygons(np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across))
+    corners = np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across)
     holds_middle = shapely.distance(face, shapely.Point(0, 0)) < _INSIDE
-    shared = polygons_shared(face, corners)
+    shared = np.full(len(part), shapely.Polygon(), object)
+    whole = holds_middle.copy()
+    for corner in range(3):
+        near = np.flatnonzero(whole)
+        whole[near] = shapely.dwithin(face[near], shapely.points(corners[near, corner]), _ON_EDGE_M)
+    shared[whole] = shapely.polygons(corners[whole])
+    left = np.flatnonzero(~np.isin(facet, facet[whole]))
+    shared[left] = polygons_shared(face[left], shapely.polygons(corners[left]))
     return PartFaces(part, facet, shapely.area(face), np.maximum.reduceat(depth, starts), holds_middle, shared)
 
 
 def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return what each of some polygons (n,) shares with the other of its number, also where GEOS first loses it."""
     shared: np.ndarray = shapely.intersection(some, others)
-    lost = (shapely.area(shared) <= 0) & shapely.intersects(some, others)  # or they only touch
+    lost = np.flatnonzero(shapely.area(shared) <= 0)
+    lost = lost[shapely.intersects(some[lost], others[lost])]  # or they only touch
     shared[lost] = shapely.intersection(some[lost], others[lost], grid_size=_GRID_M)
     return shared
 

@@ -25,6 +25,8 @@ from tests.heights import HEADER
 DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
 BESIDE = DRIFT + "B,3,0,4.1,2,2,0,3,0\nB,4,20,4.1,2,2,0,3,0\n"  # 10 cm of rock between two drifts
 
+FORK = DRIFT + "B,1,0,0,2,2,0,3,0\nB,4,20,8,1.5,1.5,2,2.5,0\n"  # a wedge of rock between two drifts
+
 
 def built(rows, folder):
     network = GateCase("test", HEADER + rows).network(folder)
@@ -182,3 +184,21 @@ def test_parts_behind_facets_that_are_a_micrometre_off_one_plane_have_nothing_in
     assert any(len(part.facets) > 1 for part in parts)
     assert sum(Tiles(solid).shared_m3(manifold3d.Manifold.hull_points(part.corners)) for part in parts) < 1e-10
     assert measure_enclosure(uneven, parts, 4, np.random.default_rng(0)).missing_m2 < 1e-3
+
+
+def test_a_facet_that_one_face_covers_shares_nothing_with_others(drift):
+    volume, parts = drift
+    area = np.linalg.norm(volume.normals, axis=1) / 2
+    found = faces_on_facets(volume, PartCorners.of([part.corners for part in [*parts, *parts[:3]]]))
+    once = faces_on_facets(volume, PartCorners.of([part.corners for part in parts]))
+    assert np.bincount(once.facet, shapely.area(once.shared), len(area)) == pytest.approx(area, rel=1e-9)
+    twice = np.isin(np.arange(len(area)), [k for part in parts[:3] for k in part.facets])
+    shared = np.bincount(found.facet, shapely.area(found.shared), len(area))
+    assert shared == pytest.approx(np.where(twice, 2, 1) * area, rel=1e-9)
+    assert found.uncovered_m2(area).sum() < 1e-9
+
+
+def test_no_part_repeats_its_last_corner(tmp_path):
+    parts = build_shell(built(FORK, tmp_path))
+    assert any(part.shape.startswith("cut") for part in parts)
+    assert all((part.corners[:-1] != part.corners[-1]).any(axis=1).all() for part in parts)
