@@ -19,6 +19,7 @@ from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.solids.closing import ClosedSolids, close_solids
 from pipeline.survey.solids.decimate import decimated
 from pipeline.survey.solids.files import Triangles, read_triangles
+from pipeline.survey.solids.unstated import ON_SIDE, facets_of_mesh, size_remark, stands_on_side
 from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
@@ -29,7 +30,6 @@ _SCANNED_M = 0.03  # of meshes with more facets than a world has: scanners make 
 _SAMPLES = 200_000  # points on such a mesh, which the world is compared with
 _LEAST_M2 = 0.01  # of a part of the plan view
 _NAMED = 5
-_SIDE_RATIO = 1.5  # a file with so many times as much area square to y as to x and to z stands on its side
 
 
 @dataclass(frozen=True)
@@ -127,13 +127,12 @@ def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
 def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurveyParams, up: str) -> None:
     """Warn of what was guessed, closed, turned and left out."""
     say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
+    found = closed.solid.to_mesh64()
+    facets = facets_of_mesh(np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts))
     if params.unit is None and read.unit is None:
-        low, high = read.vertices.min(axis=0), read.vertices.max(axis=0)
-        size = " x ".join(f"{side:.4g}" for side in high - low)
-        say(f"states no unit; read as metres, {size} m; --unit states another")
-    side = _standing_on_side(read)
-    if params.up is None and up == "z" and side:
-        say("most level surfaces face along its y axis; z is taken as up; --up y turns it")
+        say(f"states no unit; {size_remark(facets)}")
+    if params.up is None and up == "z" and stands_on_side(facets):
+        say(ON_SIDE)
     if closed.holes:
         widest = sorted(closed.holes, key=lambda hole: -hole.edge_m)
         listed = ", ".join(
@@ -148,13 +147,3 @@ def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurvey
         say(f"{closed.flipped} triangles are turned the way of their neighbours")
     if closed.dropped:
         say(f"{closed.dropped} pieces of {closed.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
-
-
-def _standing_on_side(read: Triangles) -> bool:
-    """Return whether far more of the surface is square to y than to z, as it is where y is up."""
-    a, b, c = np.moveaxis(read.vertices[read.faces], 1, 0)
-    normal = np.cross(b - a, c - a)
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    along = (np.abs(normal) > 0.9 * size) * size
-    across = along.sum(axis=0)
-    return bool(across[1] > _SIDE_RATIO * max(across[0], across[2]))
