@@ -267,9 +267,7 @@ def test_a_laz_whose_table_states_more_chunks_than_it_can_hold_is_refused(drift,
     table = int.from_bytes(data[(at := int.from_bytes(data[96:100], "little")) : at + 8], "little")
     data[table + 4 : table + 8] = b"\xff" * 4
     (tmp_path / "a.laz").write_bytes(data)
-    with pytest.raises(
-        InputError, match=r"a\.laz: its table states 4,294,967,295 packed chunks, more than it can"
-    ):
+    with pytest.raises(InputError, match=r"a\.laz: its table states 4,294,967,295 packed chunks, more than it can"):
         list(read_blocks(tmp_path / "a.laz", 1.0))
 
 

@@ -69,7 +69,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     try:
         closed = close_solids(vertices, read.faces, params.weld_m, params.close_m)
         tolerance = params.simplify_m if is_stated else _tolerance(closed, params.simplify_m)
-        corners, faces = _simplified(closed, tolerance)
+        corners, faces, moved_m = _simplified(closed, tolerance)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     points = np.zeros((0, 3))
@@ -82,7 +82,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         if tolerance > KEPT_M:
             warn_user(
                 f"{path.name}: {closed.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
-                f"fifths move by at most {tolerance:g} m; --simplify M"
+                f"fifths move by at most {max(tolerance, round(moved_m, 3)):g} m; --simplify M"
             )
     solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
@@ -102,12 +102,12 @@ def _tolerance(closed: ClosedSolids, stated_m: float) -> float:
     return stated_m if closed.solid.simplify(KEPT_M).num_tri() <= MOST_FACETS else max(stated_m, _SCANNED_M)
 
 
-def _simplified(closed: ClosedSolids, tolerance_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _simplified(closed: ClosedSolids, tolerance_m: float) -> tuple[np.ndarray, np.ndarray, float]:
     found = closed.solid.to_mesh64()
     vertices, faces = np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
     if tolerance_m > KEPT_M:
         return decimated(vertices, faces, tolerance_m, MOST_FACETS)
-    return vertices, faces
+    return vertices, faces, 0.0
 
 
 def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
