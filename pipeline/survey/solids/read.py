@@ -18,8 +18,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.solids.closing import ClosedSolids, close_solids
 from pipeline.survey.solids.decimate import decimated
-from pipeline.survey.solids.files import Triangles, read_triangles
-from pipeline.survey.solids.unstated import ON_SIDE, facets_of_mesh, size_remark, stands_on_side
+from pipeline.survey.solids.files import read_triangles
 from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
@@ -34,12 +33,17 @@ _NAMED = 5
 
 @dataclass(frozen=True)
 class SolidReading:
-    """A closed mesh (m, mine frame), its view from above, where the frame lies, and how far it was simplified, m."""
+    """A closed mesh (m, mine frame), its view from above, where the frame lies, and how far it was simplified, m.
+
+    Metres and z are guesses where neither the file, nor its format, nor an option states a unit or the upright axis.
+    """
 
     solid: ClosedMesh
     workings: MultiPolygon
     georeference: Georeference
     simplify_m: float
+    unit_is_guess: bool
+    up_is_guess: bool
 
 
 def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReading:
@@ -78,7 +82,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
             0
         ]
     if not is_stated:
-        _warn(path, read, closed, params, up)
+        _warn(path, closed, params)
         if tolerance > KEPT_M:
             warn_user(
                 f"{path.name}: {closed.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
@@ -86,7 +90,8 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
             )
     solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
-    return SolidReading(solid, view_from_above(closed.solid), place, tolerance)
+    unit_is_guess, up_is_guess = not (params.unit or read.unit), params.up is None and read.up == "z"
+    return SolidReading(solid, view_from_above(closed.solid), place, tolerance, unit_is_guess, up_is_guess)
 
 
 def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
@@ -124,15 +129,9 @@ def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
     return MultiPolygon(found)
 
 
-def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurveyParams, up: str) -> None:
-    """Warn of what was guessed, closed, turned and left out."""
+def _warn(path: Path, closed: ClosedSolids, params: SolidSurveyParams) -> None:
+    """Warn of what was closed, turned and left out."""
     say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
-    found = closed.solid.to_mesh64()
-    facets = facets_of_mesh(np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts))
-    if params.unit is None and read.unit is None:
-        say(f"states no unit; {size_remark(facets)}")
-    if params.up is None and up == "z" and stands_on_side(facets):
-        say(ON_SIDE)
     if closed.holes:
         widest = sorted(closed.holes, key=lambda hole: -hole.edge_m)
         listed = ", ".join(

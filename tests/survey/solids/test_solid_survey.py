@@ -22,7 +22,7 @@ def read(path, **values):
 
 def remarks_of(path, **values):
     with collect_remarks() as found:
-        read_solid(PARAMS.model_copy(update={"file": path.as_posix(), **values}), is_stated=False)
+        detect_survey(path, StatedOptions(**values))
     return " ".join(remark.what for remark in found)
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import trimesh
 
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import Unit
 from pipeline.survey.clouds.normals import planes_of
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import REACH, cells_at, grown, is_in, keys_of
 from pipeline.survey.vector.shapes import METRES
 
-ON_SIDE = "most level surfaces face along its y axis; z is taken as up; --up y turns it"
 _POINTS, _FACETS, _ACROSS = 200_000, 20_000, 2000  # spread over the rock, with normals, from which it is looked across
 _ALONG = 0.9  # of a normal along an axis
 _SIDE_RATIO = 1.5  # of facets across y to those across x and z: 1.9 and more across z in ten random mines with z up
@@ -53,6 +54,14 @@ def facets_of_mesh(vertices: np.ndarray, faces: np.ndarray) -> Facets:
     return Facets(np.ptp(vertices, axis=0), points, rows, normals, np.ones(len(rows)))
 
 
+def warn_of_guesses(path: Path, facets: Facets, unit: bool, up: bool) -> None:
+    """Warn of a file's size if its unit is a guess, and that it seems to stand on its side if z is one."""
+    if unit:
+        warn_user(f"{path.name}: {size_remark(facets)}")
+    if up and stands_on_side(facets):
+        warn_user(f"{path.name}: most level surfaces face along its y axis; z is taken as up; --up y turns it")
+
+
 def stands_on_side(facets: Facets) -> bool:
     """Return whether far more of the surface is square to y than to x and z, as it is where y is up.
 
@@ -67,8 +76,8 @@ def size_remark(facets: Facets) -> str:
     size = " x ".join(f"{side:.4g}" for side in facets.size_m)
     across = across_m(facets)
     if across is None:
-        return f"read as metres, {size} m; --unit states another"
-    text = f"read as metres, {size} m, its passages {across:.3g} m across"
+        return f"states no unit; read as metres, {size} m; --unit states another"
+    text = f"states no unit; read as metres, {size} m, its passages {across:.3g} m across"
     least, most = _USUAL_M
     fits = {unit: across * METRES[unit] for unit in _NAMES if least <= across * METRES[unit] <= most}
     if least <= across <= most or not fits:
