@@ -135,7 +135,7 @@ def _text(path: Path, stream: BinaryIO, head: PcdHeader) -> Iterator[np.ndarray]
         raise InputError(f"{path}: {found} rows, but its header states {head.points} points; is it truncated?")
 
 
-def _unpacked(path: Path, stream: BinaryIO, wanted: int) -> bytes:
+def _unpacked(path: Path, stream: BinaryIO, wanted: int) -> bytearray:
     packed, size = (int.from_bytes(stream.read(4), "little") for _ in range(2))
     data, most = stream.read(), reader_limits().cloud_bytes
     if size > most:
@@ -147,13 +147,13 @@ def _unpacked(path: Path, stream: BinaryIO, wanted: int) -> bytes:
     try:
         found = _unpack(data[:packed], size)
     except (IndexError, ValueError):
-        found = b""
+        found = bytearray()
     if len(found) != size:
         raise InputError(f"{path}: its packed points cannot be unpacked to {size} bytes; copy or export it again")
     return found
 
 
-def _unpack(data: bytes, most: int) -> bytes:
+def _unpack(data: bytes, most: int) -> bytearray:
     """Return what LZF has packed, no more than `most` bytes and a copy."""
     out, at = bytearray(), 0
     while at < len(data) and len(out) <= most:
@@ -173,4 +173,4 @@ def _unpack(data: bytes, most: int) -> bytes:
             raise ValueError(back)
         piece = bytes(out[-back:][: length + _LEAST_COPY])
         out += (piece * ((length + _LEAST_COPY) // len(piece) + 1))[: length + _LEAST_COPY]  # a copy may repeat itself
-    return bytes(out)
+    return out
