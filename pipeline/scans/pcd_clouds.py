@@ -74,24 +74,24 @@ def pcd_blocks(path: Path) -> Iterator[np.ndarray]:
 
 
 def _read_header(path: Path, stream: BinaryIO) -> PcdHeader:
-    said: dict[str, list[str]] = {}
+    stated: dict[str, list[str]] = {}
     lines = 0
-    while "DATA" not in said:
+    while "DATA" not in stated:
         line, lines = stream.readline(_LINE_BYTES), lines + 1
         words = line.split(b"#")[0].decode("latin-1").split()
         if not line or stream.tell() > _HEAD_BYTES:
             raise InputError(f"{path}: no line DATA within {_HEAD_BYTES:,} bytes; it is no PCD file, or truncated")
         if words:
-            said[words[0].upper()] = words[1:]
-    fields = said.get("FIELDS", said.get("COLUMNS", []))
-    sizes = _numbers(path, "SIZE", said.get("SIZE", []))
-    counts = _numbers(path, "COUNT", said.get("COUNT", ["1"] * len(fields)))
-    kinds = [kind.upper() for kind in said.get("TYPE", [])]
+            stated[words[0].upper()] = words[1:]
+    fields = stated.get("FIELDS", stated.get("COLUMNS", []))
+    sizes = _numbers(path, "SIZE", stated.get("SIZE", []))
+    counts = _numbers(path, "COUNT", stated.get("COUNT", ["1"] * len(fields)))
+    kinds = [kind.upper() for kind in stated.get("TYPE", [])]
     if not len(fields) == len(sizes) == len(kinds) == len(counts) or not {"x", "y", "z"} <= set(fields):
         raise InputError(f"{path}: its header has no FIELDS x y z with a SIZE, TYPE and COUNT each")
-    width, height = (_numbers(path, name, said.get(name, ["1"]))[:1] or [1] for name in ("WIDTH", "HEIGHT"))
-    points = (_numbers(path, "POINTS", said.get("POINTS", [])) or [width[0] * height[0]])[0]
-    kind = " ".join(said["DATA"]).lower()
+    width, height = (_numbers(path, name, stated.get(name, ["1"]))[:1] or [1] for name in ("WIDTH", "HEIGHT"))
+    points = (_numbers(path, "POINTS", stated.get("POINTS", [])) or [width[0] * height[0]])[0]
+    kind = " ".join(stated["DATA"]).lower()
     if kind not in ("ascii", "binary", "binary_compressed") or not points:
         raise InputError(f"{path}: its header states {points} points, and DATA {kind[:40] or 'of no kind'}")
     bytes_at, words_at = (

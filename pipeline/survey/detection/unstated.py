@@ -24,7 +24,7 @@ _NAMES: dict[Unit, str] = {"mm": "millimetres", "cm": "centimetres", "in": "inch
 
 
 @dataclass(frozen=True)
-class Facets:
+class SampledFacets:
     """Points (n, 3) m spread over the rock, and of some of them, `rows` (k,), the normals (k, 3) and areas (k,).
 
     Normals show to either side. Areas are relative. `size_m` (3,) is that of the whole.
@@ -37,24 +37,24 @@ class Facets:
     area: np.ndarray
 
 
-def facets_of_scan(cloud: ThinnedCloud) -> Facets:
+def facets_of_scan(cloud: ThinnedCloud) -> SampledFacets:
     """Return those of a scan: the planes of points, as large as they reach."""
     some = cloud.some(_spread(len(cloud), _POINTS))
     rows = _spread(len(some), _FACETS)
     planes = planes_of(some, rows)
-    return Facets(np.ptp(cloud.points_m, axis=0), some.points_m, rows, planes.normals, planes.reach_m**2)
+    return SampledFacets(np.ptp(cloud.points_m, axis=0), some.points_m, rows, planes.normals, planes.reach_m**2)
 
 
-def facets_of_mesh(vertices: np.ndarray, faces: np.ndarray) -> Facets:
+def facets_of_mesh(vertices: np.ndarray, faces: np.ndarray) -> SampledFacets:
     """Return those of a mesh, at points that are as dense all over it."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     points, face = trimesh.sample.sample_surface(mesh, _POINTS, seed=0)
     rows = _spread(_POINTS, _FACETS)
     normals = np.asarray(mesh.face_normals[face[rows]])
-    return Facets(np.ptp(vertices, axis=0), points, rows, normals, np.ones(len(rows)))
+    return SampledFacets(np.ptp(vertices, axis=0), points, rows, normals, np.ones(len(rows)))
 
 
-def warn_of_guesses(path: Path, facets: Facets, unit: bool, up: bool) -> None:
+def warn_of_guesses(path: Path, facets: SampledFacets, unit: bool, up: bool) -> None:
     """Warn of a file's size if its unit is a guess, and that it seems to stand on its side if z is one."""
     if unit:
         warn_user(f"{path.name}: {size_remark(facets)}")
@@ -62,7 +62,7 @@ def warn_of_guesses(path: Path, facets: Facets, unit: bool, up: bool) -> None:
         warn_user(f"{path.name}: most level surfaces face along its y axis; z is taken as up; --up y turns it")
 
 
-def stands_on_side(facets: Facets) -> bool:
+def stands_on_side(facets: SampledFacets) -> bool:
     """Return whether far more of the surface is square to y than to x and z, as it is where y is up.
 
     Floors and roofs are all square to one axis, walls to all that lie across it.
@@ -71,7 +71,7 @@ def stands_on_side(facets: Facets) -> bool:
     return bool(y > _SIDE_RATIO * max(x, z))
 
 
-def size_remark(facets: Facets) -> str:
+def size_remark(facets: SampledFacets) -> str:
     """Return as what a file without a unit is read: its size, and the unit that gives its passages a usual width."""
     size = " x ".join(f"{side:.4g}" for side in facets.size_m)
     across = across_m(facets)
@@ -86,7 +86,7 @@ def size_remark(facets: Facets) -> str:
     return f"{text}; in {_NAMES[unit]} they are {fits[unit]:.3g} m across: --unit {unit}"
 
 
-def across_m(facets: Facets) -> float | None:
+def across_m(facets: SampledFacets) -> float | None:
     """Return how far it is from half of the places along their normals to the next wall, m; None if there is none."""
     some = _spread(len(facets.rows), _ACROSS)
     from_m, normals = facets.points_m[facets.rows[some]], facets.normals[some]
