@@ -216,7 +216,7 @@ def table(results: dict[str, dict[str, Any]], page: str = "") -> str:
     names = ("reader", *counted, "memory, GB", "slowest, CPU s", "")
     rows: list[Sequence[object]] = []
     earlier = _rows_of(page)
-    for reader in SAMPLES:
+    for reader in dict.fromkeys([*SAMPLES, *earlier]):  # a reader of an extra may stand there alone
         kept = earlier.get(reader, [])
         if reader not in results or any(int(cells[1]) > results[reader]["cases"] for cells in kept):
             rows += kept

@@ -77,6 +77,16 @@ def ply(count: str, more: str = "", body: bytes = b"") -> bytes:
     return (text + more + "end_header\n").encode() + body
 
 
+def packed_pcd(size: int) -> bytes:
+    """Return a PCD of one byte that LZF copies: about `size` bytes in a ninetieth of that."""
+    copies = size // 264
+    size = (1 + 264 * copies) // 12 * 12
+    head = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+    head += f"POINTS {size // 12}\nDATA binary_compressed\n"
+    data = b"\0\0" + b"\xe0\xff\0" * copies
+    return head.encode() + struct.pack("<II", len(data), size) + data
+
+
 def listing(*names: str) -> Files:
     """Return a bundle's record that lists files."""
     record = {"format": FORMAT, "files": dict.fromkeys(names, "0" * 64), "world_sha256": "0" * 64}

@@ -38,6 +38,13 @@ def _pcd(points: np.ndarray) -> Files:
     return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS %d\nDATA binary\n" % count + _bytes_of(points)}
 
 
+def _open3d_pcd(points: np.ndarray, **how: bool) -> Files:
+    import open3d
+
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    return saved("c.pcd", lambda path: open3d.io.write_point_cloud(str(path), cloud, **how))
+
+
 def _bytes_of(points: np.ndarray) -> bytes:
     return points.astype("<f4").tobytes()
 
@@ -103,6 +110,8 @@ SCANS: dict[str, Callable[[], Files]] = {
     "xyz scan": lambda: _xyz(_drift()),
     "ply scan": lambda: _ply(_drift()),
     "pcd scan": lambda: _pcd(_drift()),
+    "pcd text scan": lambda: _open3d_pcd(_drift(), write_ascii=True),
+    "pcd packed scan": lambda: _open3d_pcd(_drift(), compressed=True),
     "las scan": lambda: _las(_drift()),
     "laz scan": lambda: _las(_drift(), "c.laz"),
     "csv scan": lambda: _csv(_drift()),

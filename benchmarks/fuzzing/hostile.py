@@ -50,6 +50,7 @@ HOSTILE: dict[str, Named] = {
         },
         "empty blocks, ten to the tenth": lambda: {"mine.dxf": make.chained_blocks(10, 10)},
     },
+    "pcd packed scan": {"bomb of 3 GB": lambda: {"c.pcd": make.packed_pcd(3_000_000_000)}},
     "geojson": {
         "collections 500 deep": lambda: {"mine.geojson": make.nested_collections(450)},
         "star of 20,000 rays": lambda: {

@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.e57_clouds import e57_blocks
+from pipeline.scans.pcd_clouds import pcd_blocks
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
@@ -20,7 +21,8 @@ _UNPACKED = 4  # times as large as its zip file is a cloud of text
 _MESHES = (".stl", ".obj")
 CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57")
 _BLOCK = 1_000_000
-_LAS_HEAD, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 100, 243  # bytes of the header and in it
+_LAS_HEAD, _LAS_POINTS_AT, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 96, 100, 243  # bytes of the header and in it
+_LAZ_CHUNK = 20  # bytes of its first point, which is not packed
 _PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
 
@@ -29,15 +31,15 @@ def run_on_cloud(task: str, arguments: dict[str, Any], path: Path) -> Payload:
     """Run a task that reads a cloud, in a process with limits; its time grows with the file."""
     limits, is_zip = reader_limits(), path.suffix.lower() == ".zip"
     extra_s = limits.cloud_s_per_gb * path.stat().st_size / 1e9 * (_UNPACKED if is_zip else 1)
-    fresh = is_zip or path.suffix.lower() == ".pcd"  # Open3D reads it, whose threads do not survive a fork
-    return run_limited(task, arguments, str(path), extra_s, fresh, limits.unpacked_bytes if is_zip else 0)
+    scratch_bytes = limits.unpacked_bytes if is_zip else 0
+    return run_limited(task, arguments, str(path), extra_s, scratch_bytes=scratch_bytes)
 
 
 def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
 
-    Text and LAS files are read block by block, E57 files scan by scan. PLY, PCD and meshes are read at once. Meshes are
-    sampled. The clouds of a zip file are read one after the other.
+    Text, PCD and LAS files are read block by block, E57 files scan by scan. PLY files, meshes and packed PCD files are
+    read at once. Meshes are sampled. The clouds of a zip file are read one after the other.
 
     Parameters
     ----------
@@ -60,11 +62,13 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
         return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2))
     if suffix in {".las", ".laz"}:
         return _las_blocks(path)
-    if suffix in {".ply", ".pcd", *_MESHES}:
+    if suffix == ".pcd":
+        return (_require_finite(path, block) for block in pcd_blocks(path))
+    if suffix in {".ply", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
             raise InputError(
-                f"{path}: {path.stat().st_size:,} bytes; the limit for PLY, PCD and meshes is {most:,} "
+                f"{path}: {path.stat().st_size:,} bytes; the limit for PLY and meshes is {most:,} "
                 f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
         return _whole_file(path, suffix, points_per_unit2)
@@ -72,8 +76,6 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
 
 
 def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np.ndarray]:
-    if suffix == ".pcd":
-        return iter([_pcd_points(path)])
     if suffix == ".ply" and not read_ply_header(path).get("face"):
         return iter([_ply_points(path)])
     return _mesh_blocks(path, points_per_unit2)
@@ -95,7 +97,10 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
                     f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
                 )
     except (laspy.errors.LaspyException, OSError, ValueError, RuntimeError, OverflowError) as error:
-        raise InputError(f"{path}: cannot be read as LAS or LAZ; it is broken or cut off") from error
+        raise InputError(
+            f"{path}: cannot be read as LAS or LAZ; it is broken or cut off, and behind a wrong byte of a LAZ file no "
+            "point can be unpacked; copy or export it again"
+        ) from error
 
 
 def _require_records(path: Path) -> None:
@@ -114,43 +119,24 @@ def _require_records(path: Path) -> None:
                 f"{path}: its header states {count:,} variable length records, which need {count * least:,} bytes; "
                 f"the file has {size:,}"
             )
+    _require_chunks(path, int.from_bytes(head[_LAS_POINTS_AT : _LAS_POINTS_AT + 4], "little"), size)
 
 
-def _pcd_points(path: Path) -> np.ndarray:
-    import open3d
-
-    cloud = open3d.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
-    if not len(cloud.points):
-        raise InputError(f"{path}: has no points, is truncated, or is not a PCD file")
-    _require_rows(path, len(cloud.points))
-    return _require_finite(path, np.asarray(cloud.points))
-
-
-def _require_rows(path: Path, points: int) -> None:
-    """Refuse a PCD file with another number of points than its header states, which Open3D would read in part."""
-    sizes: dict[bytes, list[bytes]] = {}
+def _require_chunks(path: Path, points_at: int, size: int) -> None:
+    """Refuse a LAZ file whose table states more chunks than it can hold; lazrs would reserve memory for each."""
+    if path.suffix.lower() != ".laz":
+        return
     with path.open("rb") as stream:
-        for line in stream:
-            words = line.split()
-            if words[:1] == [b"DATA"]:
-                kind, begin = words[1:2], stream.tell()
-                break
-            sizes[words[0] if words else b""] = words[1:]
-        else:
+        stream.seek(points_at)
+        table_at = int.from_bytes(stream.read(8), "little")
+        if not points_at < table_at < size:  # at the end of the file, or nowhere
             return
-        if kind == [b"ascii"]:
-            rows = sum(1 for row in stream if row.strip())
-            if rows != points:
-                raise InputError(f"{path}: {rows} rows, but its header states {points} points; is it truncated?")
-        elif kind == [b"binary"]:
-            widths = sizes.get(b"SIZE", [])
-            pairs = zip(widths, sizes.get(b"COUNT", [b"1"] * len(widths)), strict=False)
-            wanted = points * sum(int(a) * int(b) for a, b in pairs if a.isdigit() and b.isdigit())
-            found = path.stat().st_size - begin
-            if found != wanted:
-                raise InputError(
-                    f"{path}: {found} bytes of points, but its header states {points} points, which take {wanted}"
-                )
+        stream.seek(table_at + 4)
+        chunks = int.from_bytes(stream.read(4), "little")
+    if chunks * _LAZ_CHUNK > size:
+        raise InputError(
+            f"{path}: its table states {chunks:,} packed chunks, more than it can hold; copy or export it again"
+        )
 
 
 def _ply_points(path: Path) -> np.ndarray:

@@ -59,7 +59,7 @@ def text_blocks(path: Path) -> Iterator[np.ndarray]:
         number = len(list(itertools.islice(stream, layout.above)))
         found = False
         while lines := list(itertools.islice(stream, _BLOCK)):
-            yield _parse_rows(path, lines, number, layout)
+            yield parse_rows(path, lines, number, layout)
             number, found = number + len(lines), True
     if not found:
         raise InputError(f"{path}: no rows")
@@ -96,7 +96,14 @@ def _layout(path: Path, head: list[str]) -> TextLayout:
     return TextLayout(above, delimiter, columns)
 
 
-def _parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) -> np.ndarray:
+def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) -> np.ndarray:
+    """Return the columns (n, k) of lines that `before` others precede.
+
+    Raises
+    ------
+    InputError
+        If a row is too short, or not of finite numbers. The message names the line.
+    """
     columns = layout.columns
     try:
         block = np.loadtxt(lines, usecols=columns, ndmin=2, comments="#", delimiter=layout.delimiter)

@@ -37,10 +37,10 @@ def write_las(path, points, scale=0.001):
     las.write(path)
 
 
-def write_open3d(path, points):
+def write_open3d(path, points, **how):
     import open3d  # takes a second to load, in each worker
 
-    open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)))
+    open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)), **how)
 
 
 WRITERS = {
@@ -48,6 +48,8 @@ WRITERS = {
     "a.xyz": lambda path, points: np.savetxt(path, points, fmt="%.4f"),
     "a.ply": write_open3d,
     "a.pcd": write_open3d,
+    "text.pcd": lambda path, points: write_open3d(path, points, write_ascii=True),
+    "packed.pcd": lambda path, points: write_open3d(path, points, compressed=True),
     "a.las": write_las,
     "a.laz": write_las,
 }
@@ -106,7 +108,7 @@ def test_a_faulty_cloud_is_refused_with_its_line(text, message, tmp_path):
         read_cloud(tmp_path / "a.dat", "m", LIMITS)
 
 
-@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd"])
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd", "packed.pcd"])
 def test_a_truncated_binary_cloud_is_refused(name, drift, tmp_path):
     WRITERS[name](tmp_path / name, drift)
     data = (tmp_path / name).read_bytes()
@@ -226,6 +228,47 @@ def test_a_ply_of_which_a_part_would_be_read_is_refused(head, message, tmp_path)
     path.write_text(f"ply\nformat ascii 1.0\n{head}end_header\n{rows}")
     with pytest.raises(InputError, match=message):
         list(read_blocks(path, 1.0))
+
+
+@pytest.mark.parametrize("how", [{}, {"write_ascii": True}, {"compressed": True}])
+def test_a_pcd_with_other_fields_holds_the_points_that_open3d_reads(how, drift, tmp_path):
+    import open3d
+
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.tile(drift, (2, 1)).round(1)))
+    cloud.colors = open3d.utility.Vector3dVector(np.full((len(cloud.points), 3), 0.5))
+    cloud.normals = open3d.utility.Vector3dVector(np.tile([0.0, 0.0, 1.0], (len(cloud.points), 1)))
+    open3d.io.write_point_cloud(str(tmp_path / "a.pcd"), cloud, **how)
+    theirs = np.asarray(open3d.io.read_point_cloud(str(tmp_path / "a.pcd")).points)
+    assert np.concatenate(list(read_blocks(tmp_path / "a.pcd", 1.0))).tolist() == theirs.tolist()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error"),
+    [
+        ("SIZE 4 4 4", "SIZE 4 4", "no FIELDS x y z with a SIZE, TYPE and COUNT each"),
+        ("FIELDS x y z", "FIELDS x y i", "no FIELDS x y z"),
+        ("SIZE 4 4 4", "SIZE 4 4 -4", "its header states SIZE 4 4 -4; want numbers"),
+        ("SIZE 4 4 4", "SIZE 4 4 3", "states z as 1 numbers F of 3 bytes"),
+        ("POINTS 200", "POINTS 0", "its header states 0 points, and DATA ascii"),
+        ("DATA ascii", "DATA", "DATA of no kind"),
+        ("DATA ascii", "DATA binary_compressed", "bytes, which hold .*; its header states points of 2400"),
+    ],
+)
+def test_a_pcd_whose_header_is_not_whole_is_refused(old, new, error, tmp_path):
+    head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 200\nDATA ascii\n"
+    (tmp_path / "a.pcd").write_text(head.replace(old, new) + "1.5 2 3\n" * 200)
+    with pytest.raises(InputError, match=rf"a\.pcd: .*{error}"):
+        list(read_blocks(tmp_path / "a.pcd", 1.0))
+
+
+def test_a_laz_whose_table_states_more_chunks_than_it_can_hold_is_refused(drift, tmp_path):
+    write_las(tmp_path / "a.laz", drift)
+    data = bytearray((tmp_path / "a.laz").read_bytes())
+    table = int.from_bytes(data[(at := int.from_bytes(data[96:100], "little")) : at + 8], "little")
+    data[table + 4 : table + 8] = b"\xff" * 4
+    (tmp_path / "a.laz").write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.laz: its table states 4,294,967,295 packed chunks, more than it can"):
+        list(read_blocks(tmp_path / "a.laz", 1.0))
 
 
 def test_a_binary_pcd_of_more_points_than_it_states_is_refused(tmp_path):

@@ -47,9 +47,9 @@ class PointPlanes:
         return rest, PointPlanes(normals, reach)
 
 
-def planes_of(cloud: ThinnedCloud) -> PointPlanes:
-    """Return the plane of each point."""
-    return PointPlanes(*_planes(cKDTree(cloud.points_m), cloud.points_m))
+def planes_of(cloud: ThinnedCloud, rows: np.ndarray | slice = slice(None)) -> PointPlanes:
+    """Return the plane of each point, or of some."""
+    return PointPlanes(*_planes(cKDTree(cloud.points_m), cloud.points_m[rows]))
 
 
 def sided(cloud: ThinnedCloud, planes: PointPlanes, free: np.ndarray, size_m: float) -> SidedPoints:

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
-from pipeline.survey.vector.shapes import REACH_M
+from pipeline.survey.vector.shapes import METRES, REACH_M
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm
 _LOOKED_AT = 2_000_000  # voxels that the spacing and the size of a scan are measured of
@@ -98,7 +98,11 @@ def _within_reach(path: Path, blocks: Iterator[np.ndarray]) -> Iterator[np.ndarr
     for block in blocks:
         far = np.abs(block).max(initial=0.0)
         if not far <= REACH_M:
-            raise InputError(f"reaches {far:.0f} m from its first points, beyond {REACH_M:g} m; --unit states its unit")
+            least = far * min(METRES.values())
+            cure = (
+                "--unit states its unit" if least <= REACH_M else "it is broken, or has points far outside the workings"
+            )
+            raise InputError(f"reaches {far:.4g} m from its first points, beyond {REACH_M:g} m; {cure}")
         yield block
 
 

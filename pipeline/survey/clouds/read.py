@@ -91,6 +91,11 @@ def _listed(texts: list[str]) -> str:
 def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
     """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
+    if found.moved_m > params.simplify_m:
+        warn_user(
+            f"{name}: of its surface, simplified to {len(found.faces):,} triangles, four fifths move by at most "
+            f"{found.moved_m:.2g} m; {params.simplify_m:g} m (--simplify M) would take more triangles than a world has"
+        )
     if found.things:
         listed = [
             f"{a:.1f} x {b:.1f} x {c:.1f} m at {_place(thing.middle_m, down)}"

@@ -54,15 +54,14 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
     """
     from pipeline.survey.clouds.read import thinned_scan  # open3d takes a second to load
     from pipeline.survey.clouds.thinned import spacing_of
+    from pipeline.survey.detection.unstated import facets_of_scan, warn_of_guesses
 
     options = stated.model_dump(include={"unit", "up", "close_m", "simplify_m", "voxel_m"}, exclude_none=True)
     params = CloudSurveyParams.model_validate({"kind": "cloud", "name": "detect", "file": "data/x", **options})
     cloud, origin = thinned_scan(params.model_copy(update={"file": path.as_posix()}), _FINEST_M / 2, look=True)
     spacing = spacing_of(cloud.points_m)
     voxel_m = stated.voxel_m or resolution(cloud.points_m, spacing)
-    if stated.unit is None:
-        size = " x ".join(f"{side:.4g}" for side in np.ptp(cloud.points_m, axis=0))
-        warn_user(f"{path.name}: read as metres, {size} m; --unit states another")
+    warn_of_guesses(path, facets_of_scan(cloud), unit=stated.unit is None, up=stated.up is None)
     if stated.voxel_m is None:
         warn_user(f"{path.name}: points are {spacing:.2f} m apart; its surface is found to {voxel_m:g} m; --voxel M")
     values = {

@@ -18,11 +18,14 @@ def detect_solid(path: Path, stated: StatedOptions) -> Detection:
     InputError
         If they cannot be read, or have a hole wider than `--close` allows.
     """
+    from pipeline.survey.detection.unstated import facets_of_mesh, warn_of_guesses
     from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load
 
     options = stated.model_dump(include={"layers", "unit", "close_m", "up", "simplify_m"}, exclude_none=True)
     params = SolidSurveyParams.model_validate({"kind": "solid", "name": "detect", "file": "data/x", **options})
     read = read_solid(params.model_copy(update={"file": path.as_posix()}), is_stated=False)
+    facets = facets_of_mesh(read.solid.vertices, read.solid.faces)
+    warn_of_guesses(path, facets, read.unit_is_guess, read.up_is_guess)
     place = read.georeference
     values = {
         "kind": "solid",

@@ -18,7 +18,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.solids.closing import ClosedSolids, close_solids
 from pipeline.survey.solids.decimate import decimated
-from pipeline.survey.solids.files import Triangles, read_triangles
+from pipeline.survey.solids.files import read_triangles
 from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
@@ -29,17 +29,21 @@ _SCANNED_M = 0.03  # of meshes with more facets than a world has: scanners make 
 _SAMPLES = 200_000  # points on such a mesh, which the world is compared with
 _LEAST_M2 = 0.01  # of a part of the plan view
 _NAMED = 5
-_SIDE_RATIO = 1.5  # a file with so many times as much area square to y as to x and to z stands on its side
 
 
 @dataclass(frozen=True)
 class SolidReading:
-    """A closed mesh (m, mine frame), its view from above, where the frame lies, and how far it was simplified, m."""
+    """A closed mesh (m, mine frame), its view from above, where the frame lies, and how far it was simplified, m.
+
+    Metres and z are guesses where neither the file, nor its format, nor an option states a unit or the upright axis.
+    """
 
     solid: ClosedMesh
     workings: MultiPolygon
     georeference: Georeference
     simplify_m: float
+    unit_is_guess: bool
+    up_is_guess: bool
 
 
 def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReading:
@@ -69,7 +73,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     try:
         closed = close_solids(vertices, read.faces, params.weld_m, params.close_m)
         tolerance = params.simplify_m if is_stated else _tolerance(closed, params.simplify_m)
-        corners, faces = _simplified(closed, tolerance)
+        corners, faces, moved_m = _simplified(closed, tolerance)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     points = np.zeros((0, 3))
@@ -78,15 +82,16 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
             0
         ]
     if not is_stated:
-        _warn(path, read, closed, params, up)
+        _warn(path, closed, params)
         if tolerance > KEPT_M:
             warn_user(
                 f"{path.name}: {closed.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
-                f"fifths move by at most {tolerance:g} m; --simplify M"
+                f"fifths move by at most {max(tolerance, round(moved_m, 3)):g} m; --simplify M"
             )
     solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
-    return SolidReading(solid, view_from_above(closed.solid), place, tolerance)
+    unit_is_guess, up_is_guess = not (params.unit or read.unit), params.up is None and read.up == "z"
+    return SolidReading(solid, view_from_above(closed.solid), place, tolerance, unit_is_guess, up_is_guess)
 
 
 def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
@@ -102,12 +107,12 @@ def _tolerance(closed: ClosedSolids, stated_m: float) -> float:
     return stated_m if closed.solid.simplify(KEPT_M).num_tri() <= MOST_FACETS else max(stated_m, _SCANNED_M)
 
 
-def _simplified(closed: ClosedSolids, tolerance_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _simplified(closed: ClosedSolids, tolerance_m: float) -> tuple[np.ndarray, np.ndarray, float]:
     found = closed.solid.to_mesh64()
     vertices, faces = np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
     if tolerance_m > KEPT_M:
         return decimated(vertices, faces, tolerance_m, MOST_FACETS)
-    return vertices, faces
+    return vertices, faces, 0.0
 
 
 def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
@@ -124,16 +129,9 @@ def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
     return MultiPolygon(found)
 
 
-def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurveyParams, up: str) -> None:
-    """Warn of what was guessed, closed, turned and left out."""
+def _warn(path: Path, closed: ClosedSolids, params: SolidSurveyParams) -> None:
+    """Warn of what was closed, turned and left out."""
     say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
-    if params.unit is None and read.unit is None:
-        low, high = read.vertices.min(axis=0), read.vertices.max(axis=0)
-        size = " x ".join(f"{side:.4g}" for side in high - low)
-        say(f"states no unit; read as metres, {size} m; --unit states another")
-    side = _standing_on_side(read)
-    if params.up is None and up == "z" and side:
-        say("most level surfaces face along its y axis; z is taken as up; --up y turns it")
     if closed.holes:
         widest = sorted(closed.holes, key=lambda hole: -hole.edge_m)
         listed = ", ".join(
@@ -148,13 +146,3 @@ def _warn(path: Path, read: Triangles, closed: ClosedSolids, params: SolidSurvey
         say(f"{closed.flipped} triangles are turned the way of their neighbours")
     if closed.dropped:
         say(f"{closed.dropped} pieces of {closed.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
-
-
-def _standing_on_side(read: Triangles) -> bool:
-    """Return whether far more of the surface is square to y than to z, as it is where y is up."""
-    a, b, c = np.moveaxis(read.vertices[read.faces], 1, 0)
-    normal = np.cross(b - a, c - a)
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    along = (np.abs(normal) > 0.9 * size) * size
-    across = along.sum(axis=0)
-    return bool(across[1] > _SIDE_RATIO * max(across[0], across[2]))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.scans.truth import mesh_of, truth_of
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
@@ -110,8 +111,37 @@ def test_what_is_guessed_is_listed_with_its_option(tmp_path, points):
     with collect_remarks() as said:
         detect_survey(write(tmp_path / "a.laz", points))
     text = " ".join(remark.what for remark in said)
-    assert re.search(r"read as metres, 14\.\d+ x 4\.\d+ x 3\.\d+ m; --unit states another", text)
+    assert re.search(
+        r"read as metres, 14\.\d+ x 4\.\d+ x 3\.\d+ m, its passages [23]\.\d+ m across; --unit states", text
+    )
+    assert "y axis" not in text
     assert re.search(r"points are 0\.\d\d m apart; its surface is found to 0\.\d+ m; --voxel M", text)
+
+
+def test_a_world_in_feet_with_y_up_is_noticed_as_a_scan_and_as_a_solid_and_changed_by_neither(tmp_path):
+    _, world = truth_of(2)
+    mesh = mesh_of(world)
+    vertices = mesh.vertices[:, [0, 2, 1]] * [1, 1, -1] / 0.3048
+    trimesh.Trimesh(vertices, mesh.faces, process=False).export(tmp_path / "a.obj")
+    write(tmp_path / "a.las", noisy(sampled(world, 20))[:, [0, 2, 1]] * [1, 1, -1] / 0.3048)
+    for name in ("a.obj", "a.las"):
+        with collect_remarks() as said:
+            found = detect_survey(tmp_path / name)
+        text = " ".join(remark.what for remark in said)
+        assert "most level surfaces face along its y axis; z is taken as up; --up y turns it" in text
+        assert re.search(r"its passages 1\d\.\d m across; in feet they are 3\.\d+ m across: --unit ft", text)
+        assert found.values["unit"] in (None, "m")
+        assert found.values["up"] is None
+        with collect_remarks() as said:
+            detect_survey(tmp_path / name, StatedOptions(unit="ft", up="y"))
+        assert not re.search("y axis|in feet", " ".join(remark.what for remark in said))
+
+
+def test_points_that_no_unit_brings_near_are_called_broken(tmp_path, points):
+    with pytest.raises(
+        InputError, match=r"a\.ply: reaches .* m from its first points, .*; it is broken, or has points"
+    ):
+        read(write(tmp_path / "a.ply", points * 1e7))
 
 
 def test_a_hole_of_the_scan_is_listed_with_place_and_width(tmp_path, points):

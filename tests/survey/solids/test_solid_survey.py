@@ -22,7 +22,7 @@ def read(path, **values):
 
 def remarks_of(path, **values):
     with collect_remarks() as found:
-        read_solid(PARAMS.model_copy(update={"file": path.as_posix(), **values}), is_stated=False)
+        detect_survey(path, StatedOptions(**values))
     return " ".join(remark.what for remark in found)
 
 
@@ -63,7 +63,7 @@ def test_what_is_guessed_closed_and_turned_is_listed(tmp_path):
     end = np.flatnonzero((vertices[faces][:, :, 0] == 0).all(axis=1))
     write(tmp_path / "a.obj", vertices, np.delete(faces, end, axis=0)[:, ::-1])
     said = remarks_of(tmp_path / "a.obj")
-    assert "states no unit; read as metres, 12 x 8 x 3 m" in said
+    assert "states no unit; read as metres, 12 x 8 x 3 m, its passages 2.99 m across; --unit" in said
     assert "1 holes are closed: 3.50 m at (0.0, 1.5, 1.2)" in said
     assert "the normals of 1 of 1 pieces point into the workings" in said
 
