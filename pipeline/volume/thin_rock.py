@@ -22,21 +22,28 @@ def without_thin_rock(volume: Volume) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
     In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
-    between them stay two, and folds of rock without a thickness get one. Nothing is put
-    on floors, so that they keep their heights: what is on the other side of the rock below them is a facet too. Each
-    round looks about the rock of the one before.
+    between them stay two, and folds of rock without a thickness get one. Nothing is put on floors, so that they keep
+    their heights: what a part below them reaches gets the rock. Each round looks about the rock of the one before.
     """
     some: np.ndarray | None = None
     for number, (half_m, least_m2) in enumerate(_ROUNDS):
-        area = np.linalg.norm(volume.normals, axis=1) / 2
-        facets = np.array(list(facets_without_part(volume, some)), int)
-        facets = facets[(area[facets] > least_m2) & (volume.label[facets] != Label.FLOOR)]
-        if not len(facets) or (number >= _ALWAYS and area[facets].sum() < _LEFT_M2):
+        facets, thin_m2 = _to_thicken(volume, some, least_m2)
+        if not len(facets) or (number >= _ALWAYS and thin_m2 < _LEFT_M2):
             break
         changed = volume.vertices[volume.faces[facets]]
         volume = without_slivers(_thickened(volume, facets, half_m))
         some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
     return volume
+
+
+def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:
+    """Return the facets in front of which rock is put, and the area of those with thin rock, m2."""
+    area = np.linalg.norm(volume.normals, axis=1) / 2
+    is_floor = volume.label == Label.FLOOR
+    thin = {k: reached for k, reached in facets_without_part(volume, some).items() if area[k] > least_m2}
+    facets = {below for k, reached in thin.items() for below in (reached if is_floor[k] else [k])}
+    found = np.array(sorted(facets), int)
+    return found[~is_floor[found]], float(area[list(thin)].sum())
 
 
 def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
