@@ -6,14 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples
+from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import STEEPEST, Label, Volume
+from pipeline.volume.union import STEEPEST, Label, Volume, pieces_of
 
 _SAMPLE_M = 0.25
 _OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is listed
@@ -70,11 +72,11 @@ class Ledge:
     length_m: float
 
 
-def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> FloorFigures:
+def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     """Measure the floor along the drivable legs, and the steps beside its facets.
 
-    A place lies in another working if the floor of the union under it is that of another leg and deeper by more than 1
-    cm. There one floor cannot have both heights. Such places are listed where the floor is more than 1 cm off.
+    A place lies in another working if the section of another leg holds it, whose floor is deeper by more than 1 cm.
+    There one floor cannot have both heights. Such places are listed where the floor is more than 1 cm off.
     """
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
@@ -82,7 +84,7 @@ def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> Floo
     hit, height = drop(volume.vertices, volume.faces, start)
     off = height - places[:, 2]
     on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(off) < _STEP_MOST_M)
-    other = _other_working(union, network, places, owner)
+    other = _other_working(network, places, owner)
     listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
     error = np.abs(off)[on_floor & ~listed]
     ledges, steps = _steps(volume, network, places)
@@ -111,17 +113,28 @@ def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     return float(weight[inside].sum() / weight.sum())
 
 
-def _other_working(union: Volume, network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def _other_working(network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Return the leg (n,) in whose working each place lies, -1 for its own.
 
     A prism on a station is the working of the legs near it.
     """
-    hit, height = drop(union.vertices, union.faces, places + np.array([0, 0, _ABOVE_M]))
-    piece = union.source[hit]
-    leg = np.array([one.shot for one in union.pieces])[piece]
-    is_leg = np.array([len(one.sections) > 1 for one in union.pieces])[piece]
-    is_other = np.where(is_leg, leg != owner, ~network.near_legs(NEAR_M).has(leg, owner))
-    found: np.ndarray = np.where((hit >= 0) & is_other & (places[:, 2] - height > _OFF_M), leg, -1)
+    pieces = pieces_of(network)
+    floors = SectionFloors.of(network, pieces)
+    some = np.flatnonzero([not piece.is_plumb for piece in pieces])
+    place, row = shapely.STRtree(floors.outlines[some]).query(shapely.points(places[:, :2]), predicate="intersects")
+    piece = some[row]
+    leg = np.array([one.shot for one in pieces])[piece]
+    is_other = np.where(
+        np.array([is_leg(one) for one in pieces])[piece],
+        leg != owner[place],
+        ~network.near_legs(NEAR_M).has(leg, owner[place]),
+    )
+    deeper = places[place, 2] - floors.heights_at(piece, places[place, :2])
+    is_over = deeper > floors.tall_at(piece, places[place, :2])
+    good = np.flatnonzero(is_other & (deeper > _OFF_M) & ~is_over)
+    good = good[np.argsort(deeper[good], kind="stable")]  # the deepest is last
+    found = np.full(len(places), -1)
+    found[place[good]] = leg[good]
     return found
 
 

@@ -214,8 +214,8 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     middle, half = (left + right) / 2, (left - right) / 2
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + left, floors + right, floors + right + _LOW * tall]
-    ring += [*(floors + middle + side * _HIGH * half + tall for side in (-1, 1)), floors + left + _LOW * tall]
+    ring = [floors + right + _LOW * tall, *(floors + middle + side * _HIGH * half + tall for side in (-1, 1))]
+    ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
     heading = step[:2] / max(run, 1e-9)
     slope = heading * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9)

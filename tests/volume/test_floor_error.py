@@ -24,17 +24,17 @@ def built(table, folder):
 
 def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
     network, rough = built(HEADER + PARTING, tmp_path)
-    assert measure_floor(rough, network, rough).step_m > 0.4
-    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
+    assert measure_floor(rough, network).step_m > 0.4
+    assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
 
 def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_path):
     network, rough = built(table_of("cave", 15), tmp_path)
-    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
+    assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
 
 def test_a_leg_over_the_deeper_prism_of_a_station_elsewhere_lies_in_that_working(tmp_path):
     network, rough = built(HEADER + OVER_A_STATION, tmp_path)
-    found = measure_floor(rough, network, rough)
+    found = measure_floor(rough, network)
     over_prism = sum(place.share for place in found.elsewhere if place.leg == "f to g")
     assert over_prism > 0.15  # 8 m of 34 m

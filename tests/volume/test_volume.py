@@ -74,8 +74,8 @@ def test_a_part_that_is_moved_into_the_drift_is_found(box):
 def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_survey(tmp_path):
     network = CASES["tee"].network(tmp_path)
     rough = unite(network, pieces_of(network))
-    assert max(abs(place.off_m) for place in measure_floor(rough, network, rough).elsewhere) > 0.1
-    found = measure_floor(solve_floors(rough, network), network, rough)
+    assert max(abs(place.off_m) for place in measure_floor(rough, network).elsewhere) > 0.1
+    found = measure_floor(solve_floors(rough, network), network)
     assert found.error_m < 0.01
     assert found.elsewhere == ()
     assert max(found.step_m, found.other_step_m) < 0.01
@@ -86,7 +86,7 @@ def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
     network, rough = built(PITCH, tmp_path)
     volume = solve_floors(rough, network)
     assert len(volume.solid.decompose()) == 1
-    found = measure_floor(volume, network, rough)
+    found = measure_floor(volume, network)
     assert found.share_built == 1
     assert 0 < found.over_floor < 1  # there is none over the pitch
     assert found.error_m < 0.01
@@ -134,7 +134,7 @@ def test_a_prism_on_a_wide_station_ends_where_its_shortest_leg_does(tmp_path):
 
 def test_a_leg_over_the_deeper_floor_of_another_is_listed_by_station_and_its_own_floors_keep_the_survey(tmp_path):
     network, rough = built(BOX + "B,3,10,-10,2,2,-0.3,3,0\nB,4,10,10,2,2,-0.3,3,0\n", tmp_path)
-    found = measure_floor(rough, network, rough)
+    found = measure_floor(rough, network)
     (entry,) = found.elsewhere
     assert (entry.leg, entry.other) == ("1 to 2", "3 to 4")
     assert entry.off_m == pytest.approx(-0.3)

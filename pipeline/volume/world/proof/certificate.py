@@ -26,7 +26,7 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import Inside, measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.shell import ShellPart
-from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.union import Volume, pieces_of
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
@@ -212,12 +212,11 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
 
 
 def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
-    """Return how the floors follow the survey; the union of its legs says what lies in another working."""
+    """Return how the floors follow the survey."""
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
-    union = unite(network, pieces_of(network))
     about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
-    about = dataclasses.replace(about, pieces=union.pieces)  # the first of them are the legs, by number
-    found = measure_floor(about, network, union)
+    about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
+    found = measure_floor(about, network)
     return {
         "error_mm": round(_MM * found.error_m, 6),
         "median_mm": round(_MM * found.median_m, 6),
