@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
-from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples
+from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST, Label, Volume, pieces_of
@@ -106,9 +106,8 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
 
 def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     """Return the share of the surveyed length that is in the free space."""
-    places, owner = leg_floor_samples(network, np.arange(len(network.shots)), _SAMPLE_M)
-    above = np.minimum(_ABOVE_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
-    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -ON_WALL_M
+    places, owner = way_samples(network, _SAMPLE_M)
+    inside = Inside(volume).distance_m(places) > -ON_WALL_M
     weight = network.lengths_m[owner] / np.bincount(owner)[owner]
     return float(weight[inside].sum() / weight.sum())
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.height_field.heights import solve_heights
-from pipeline.volume.height_field.leg_lines import along_legs
+from pipeline.volume.height_field.leg_lines import along_legs, way_samples
 from pipeline.volume.height_field.slabs import PassageFloors, slabs_of
 from pipeline.volume.keyed import simplified
 from pipeline.volume.network import SurveyNetwork
@@ -17,6 +17,7 @@ from pipeline.volume.union import Label, Solid, Volume, mesh_of, solids_of, with
 
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
+_SAMPLE_M = 0.1  # along the ways on which no rock is put
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 _STEEP_NZ = 0.7  # of a floor's, at least: where it is steeper, 4 mm along the normal are more in height
 
@@ -34,7 +35,7 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == Label.WALL)] = Label.ROOF
     along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == Label.FLOOR)
     coarse = coarse_floors(simple, along.facet, along.weights, along.height_m)
-    return without_thin_rock(without_slivers(coarse))
+    return without_thin_rock(without_slivers(coarse), way_samples(network, _SAMPLE_M)[0])
 
 
 def _upward(volume: Volume) -> np.ndarray:

@@ -32,7 +32,7 @@ def spiral(tmp_path_factory):
 
 
 def test_a_spiral_has_fewer_than_four_parts_a_metre_and_floors_within_a_centimetre_of_the_survey(spiral):
-    network, rough, _, _, volume = spiral
+    network, _rough, _, _, volume = spiral
     assert len(build_shell(volume)) / network.lengths_m.sum() < 4
     assert measure_floor(volume, network).error_m < 0.01
 
@@ -57,7 +57,7 @@ def test_a_mesh_without_the_vertices_that_it_does_not_need_is_closed_and_does_no
 
 
 def test_a_floor_keeps_7_mm_to_the_survey_all_along_its_legs_as_vertices_go(tmp_path):
-    network, rough, before, after, _ = solved(GateCase("mine 14", table_of("mine", 14)), tmp_path)
+    network, _rough, before, after, _ = solved(GateCase("mine 14", table_of("mine", 14)), tmp_path)
     assert measure_floor(before, network).error_m < 0.007
     assert measure_floor(after, network).error_m < 0.0071
 
@@ -65,7 +65,7 @@ def test_a_floor_keeps_7_mm_to_the_survey_all_along_its_legs_as_vertices_go(tmp_
 def test_a_floor_from_which_a_wall_goes_down_keeps_its_step(tmp_path):
     rows = "A,1,-20,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
     rows += "B,3,-8,-24,2,2,2,3,0\nB,4,0,-12,2,2,0.4,3,0\nB,5,0,12,2,2,0.4,3,0\nB,6,8,24,2,2,2,3,0\n"
-    network, rough, before, after, _ = solved(GateCase("over", HEADER + rows), tmp_path)
+    network, _rough, before, after, _ = solved(GateCase("over", HEADER + rows), tmp_path)
     step = measure_floor(before, network).other_step_m
     assert step == pytest.approx(0.4, abs=0.01)
     assert measure_floor(after, network).other_step_m == pytest.approx(step, abs=1e-6)

@@ -71,7 +71,7 @@ def test_the_floors_of_a_spiral_over_itself_are_closed_slabs_that_do_not_cross_t
 
 @pytest.mark.parametrize("rows", [PARTING, UNDER], ids=["parting", "under"])
 def test_ways_that_part_slowly_and_ways_under_a_floor_have_no_step_and_keep_the_survey(rows, tmp_path):
-    network, rough, volume = solved(rows, tmp_path)
+    network, _rough, volume = solved(rows, tmp_path)
     found = measure_floor(volume, network)
     assert found.error_m < 0.01
     assert found.step_m < 0.01

@@ -104,7 +104,7 @@ def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
 def test_a_narrow_raise_that_leans_into_a_high_passage_is_built_from_floor_to_floor(east, up, tmp_path):
     place = f"{20 + east},0,0.4,0.4,{up},6,0.2"
     rows = DRIFT + f"B,2,20,0,0.4,0.4,0,3,0\nB,3,{place}\nC,3,{place}\nC,4,{40 + east},0,2,2,{up},3,0\n"
-    network, rough, volume = built(rows, tmp_path)
+    network, _rough, volume = built(rows, tmp_path)
     assert measure_floor(volume, network).share_built == 1
 
 
@@ -117,13 +117,13 @@ def test_the_floor_of_a_wide_slope_is_level_across_to_its_far_wall(tmp_path):
 
 def test_a_steep_leg_begins_on_its_own_floor_and_is_built_whole(tmp_path):
     rows = DRIFT + "B,2,20,0,2,2,0,3,0\nB,3,30,0,2,2,-6,3,0\n"
-    network, rough, volume = built(rows, tmp_path)
+    network, _rough, volume = built(rows, tmp_path)
     assert measure_floor(volume, network).share_built == 1
 
 
 def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
     rows = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,-1,3,0\nA,3,40,5,2,2,-2,3,0\nB,2,20,0,2,2,-1,3,0\nB,4,40,-5,2,2,1,3,0\n"
-    network, rough, volume = built(rows, tmp_path)
+    network, _rough, volume = built(rows, tmp_path)
     found = measure_floor(volume, network)
     assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
     assert found.error_m < 0.01

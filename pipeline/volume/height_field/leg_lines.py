@@ -13,6 +13,7 @@ from pipeline.volume.union import Volume
 
 _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _OWN_FLOOR_M = 0.01  # of a steep leg: a floor that is deeper is that of another
+_OVER_M = 0.1  # over a surveyed floor
 _PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
 _DEEPEST_M = 0.6  # under a surveyed floor: what is deeper is another floor
 
@@ -39,6 +40,16 @@ def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) 
     share = np.clip(share, end, 1 - end)[:, None]
     ways = network.ways_m[owner]
     return ways[:, 0] + share * (ways[:, 1] - ways[:, 0]), owner
+
+
+def way_samples(network: SurveyNetwork, step_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 3) m over the surveyed floors of all shots, and their shots (n,): what of a leg is free.
+
+    They are 0.1 m over the floor, or half of the least height.
+    """
+    places, owner = leg_floor_samples(network, np.arange(len(network.shots)), step_m)
+    above = np.minimum(_OVER_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
+    return places + above[:, None] * np.array([0, 0, 1.0]), owner
 
 
 def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
