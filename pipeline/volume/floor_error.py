@@ -26,6 +26,8 @@ _OVER_M = 0.3  # over an edge, where it is free for a robot
 ON_WALL_M = 0.005  # in rock: stations may be on a wall, which is where it was within 4 mm
 _ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
 _ROUNDING = 1e-6  # of a slope: a leg may be as steep as the steepest that is driven on
+_TRACK_M = 0.25  # of wheels, beside a leg
+_STOREY_M = 2.0  # between two floors that are over each other
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
 
@@ -44,6 +46,8 @@ class FloorFigures:
     step_m: float  # where legs meet
     other_step_m: float
     steep_share: float  # of the floor's area over 20 deg
+    tracks_m: float  # 0.25 m beside the legs, over or under what the sections state: the largest
+    steepest: float  # rise over run along the legs and 0.25 m beside them, where all sections state one floor
     share_built: float  # of all the surveyed length
     elsewhere: tuple[InOtherWorking, ...]
     ledges: tuple[Ledge, ...]
@@ -98,10 +102,38 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
         float(on_floor.mean()),
         *steps,
         float(steep),
+        *_tracks(volume, network, shots),
         _share_built(volume, network),
         tuple(_in_other_working(network, owner, other, listed, off)),
         ledges,
     )
+
+
+def _tracks(volume: Volume, network: SurveyNetwork, shots: np.ndarray) -> tuple[float, float]:
+    """Return how far the floor where wheels go is from what the sections of drivable legs state, and how steep it is.
+
+    Sections may state several floors of one place, as where two legs part; between these the floor is as stated.
+    """
+    pieces = pieces_of(network)[: len(network.shots)]
+    floors = SectionFloors.of(network, pieces)
+    tree = shapely.STRtree(floors.outlines[shots])
+    off, slope = [0.0], [0.0]
+    for aside_m in (0.0, -_TRACK_M, _TRACK_M):
+        places = leg_floor_samples(network, shots, _SAMPLE_M, aside_m)[0]
+        hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, _STEP_MOST_M]))
+        on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(height - places[:, 2]) < _STEP_MOST_M)
+        place, row = tree.query(shapely.points(places[:, :2]), predicate="intersects")
+        stated = floors.heights_at(shots[row], places[place, :2])
+        near = np.abs(stated - places[place, 2]) < _STOREY_M
+        low, high = places[:, 2].copy(), places[:, 2].copy()
+        np.minimum.at(low, place[near], stated[near])
+        np.maximum.at(high, place[near], stated[near])
+        beyond = np.maximum(height - high, low - height)[on_floor]
+        one = on_floor & (high - low < _OFF_M)
+        normal = volume.normals[hit[one]]
+        off.append(float(beyond.max(initial=0.0)))
+        slope.append(float((np.hypot(normal[:, 0], normal[:, 1]) / np.maximum(-normal[:, 2], 1e-12)).max(initial=0.0)))
+    return max(off), max(slope)
 
 
 def _share_built(volume: Volume, network: SurveyNetwork) -> float:

@@ -47,15 +47,14 @@ def _upward(volume: Volume) -> np.ndarray:
 def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     """Return the union of slabs and passages; its facets are floors or walls."""
     field = solve_heights(network, pieces)
-    passages, numbers = PassageFloors(field, pieces), dict[int, int]()
-    cut = []
+    numbers, keys, cut = dict[int, int](), dict[int, int](), []
+    passages = PassageFloors(field, pieces, keys)
     for solid in solids_of(network, pieces, numbers):
         found = {numbers[int(number)] for number in solid.to_mesh64().run_original_id}
         cut.append(passages.cut(solid, sorted(found)))
-    keys = {number: len(Label) * piece + Label.WALL for number, piece in numbers.items()}
+    keys |= {number: len(Label) * piece + Label.WALL for number, piece in numbers.items()}
     # Slabs first: once a passage has cut one of two walls that are the same, rounding leaves a membrane between them.
     slabs = manifold3d.Manifold.batch_boolean(slabs_of(field, pieces, keys), manifold3d.OpType.Add)
     union = without_crumbs(manifold3d.Manifold.batch_boolean([slabs, *cut], manifold3d.OpType.Add))
     vertices, faces, key = mesh_of(union, keys)
-    key = np.where(key < 0, Label.WALL, key)
     return Volume(union, vertices, faces, key // len(Label), key % len(Label), pieces, numbers)

@@ -89,11 +89,15 @@ class SurveyNetwork:
 
     @cached_property
     def ways_m(self) -> np.ndarray:
-        """Return the way along each shot's floor, both ends (m, 2, 3) m: the floors, at least 5 mm from the walls.
+        """Return the way along each shot's floor, both ends (m, 2, 3) m, at least 5 mm from the walls.
 
         A line that runs on a wall has a floor on one side alone.
         """
-        aside = np.clip(0, WITHIN_M - self.lrud_m[:, :, 1], self.lrud_m[:, :, 0] - WITHIN_M)
+        return self.beside_m(0.0)
+
+    def beside_m(self, aside_m: float) -> np.ndarray:
+        """Return lines along each shot's floor (m, 2, 3) m, so far to the left, but 5 mm from the walls at least."""
+        aside = np.clip(aside_m, WITHIN_M - self.lrud_m[:, :, 1], self.lrud_m[:, :, 0] - WITHIN_M)
         ways = self.floors_m.copy()
         ways[:, :, :2] += aside[:, :, None] * self.across
         return ways

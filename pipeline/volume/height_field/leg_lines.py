@@ -28,17 +28,20 @@ class AlongLegs:
     shot: np.ndarray
 
 
-def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndarray]:
+def leg_floor_samples(
+    network: SurveyNetwork, shots: np.ndarray, step_m: float, aside_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Return places (n, 3) m on the surveyed floors along some shots, from end to end, and their shots (n,).
 
-    Places are 5 mm inside the section: a line that runs on a wall, or ends at one, has a floor on one side alone.
+    With `aside_m` they are so far to the left, or as far as there is room. They are 5 mm inside the section: a line that
+    runs on a wall, or ends at one, has a floor on one side alone.
     """
     counts = np.maximum(2, np.ceil(network.lengths_m[shots] / step_m).astype(int) + 1)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts]) if len(shots) else np.zeros(0)
     owner = np.repeat(shots, counts)
     end = np.minimum(WITHIN_M / network.lengths_m[owner], 0.5)
     share = np.clip(share, end, 1 - end)[:, None]
-    ways = network.ways_m[owner]
+    ways = network.beside_m(aside_m)[owner]
     return ways[:, 0] + share * (ways[:, 1] - ways[:, 0]), owner
 
 

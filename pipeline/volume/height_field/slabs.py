@@ -74,9 +74,9 @@ def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> l
 class PassageFloors:
     """What is cut from passages: all from below their floors up to half the depth of the slab over these."""
 
-    def __init__(self, field: HeightField, pieces: list[Solid]) -> None:
-        """Sort the triangles by the pieces whose floor they are."""
-        self._surface, self._pieces = field.surface, pieces
+    def __init__(self, field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> None:
+        """Sort the triangles by the pieces whose floor they are; `keys` get those of cut facets, as in `slabs_of`."""
+        self._surface, self._pieces, self._keys = field.surface, pieces, keys
         self._top = field.heights_m + np.minimum(_DEPTH_M, field.tall_m / 2) / 2
         self._bottom = np.minimum(field.heights_m, field.low_m) - _UNDER_M
         triangle, piece = field.surface.of_pieces
@@ -113,9 +113,10 @@ class PassageFloors:
             out = ~np.isin(back.reshape(-1, 3)[part].ravel()[own], ours)
             out &= ~shapely.dwithin(shapely.centroid(lines), stays, _ON_SECTION_M)
             aside = _CUT_ASIDE_M * _ways_out(own[out], corners, places)
-            yield _mesh_over(
-                corners, own, part, places + aside, self._bottom[vertex], self._top[vertex], vertex
-            ).solid()
+            slab = _mesh_over(corners, own, part, places + aside, self._bottom[vertex], self._top[vertex], vertex)
+            body = slab.solid()
+            self._keys[body.original_id()] = len(Label) * number + Label.WALL
+            yield body
 
 
 def _next(corners: np.ndarray) -> np.ndarray:

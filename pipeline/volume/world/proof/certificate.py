@@ -224,6 +224,8 @@ def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets
         "step_mm": round(_MM * found.step_m, 6),
         "other_step_mm": round(_MM * found.other_step_m, 6),
         "steep_share": round(found.steep_share, 6),
+        "tracks_mm": round(_MM * found.tracks_m, 6),
+        "steepest": round(found.steepest, 6),
         "in_other_workings": len(found.elsewhere),
         "ledges": len(found.ledges),
     }
