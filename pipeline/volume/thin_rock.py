@@ -15,6 +15,7 @@ from pipeline.volume.union import Label, Volume
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
 _ROUNDS = ((0.027, 1e-4), (0.03, 1e-5))
+_BEHIND_M = 0.002  # a place that is so far behind a facet may be before it
 _POCKET_M3 = 1e-3  # of free space that becomes rock
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 
@@ -56,7 +57,7 @@ def _on_ways(volume: Volume, facets: np.ndarray, ways: cKDTree, half_m: float) -
     triangles = shapely.polygons(np.einsum("nik,nck->nci", plane, corners - middle[:, None]))
     beside = shapely.distance(triangles[row], shapely.points(np.einsum("nik,nk->ni", plane[row], step)))
     found = np.zeros(len(facets), bool)
-    found[row[(depth > -half_m) & (depth < 2 * half_m) & (beside < 2 * half_m)]] = True
+    found[row[(depth > -_BEHIND_M) & (depth < 2 * half_m) & (beside < 2 * half_m)]] = True
     return found
 
 

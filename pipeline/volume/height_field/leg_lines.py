@@ -33,8 +33,8 @@ def leg_floor_samples(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return places (n, 3) m on the surveyed floors along some shots, from end to end, and their shots (n,).
 
-    With `aside_m` they are so far to the left, or as far as there is room. They are 5 mm inside the section: a line that
-    runs on a wall, or ends at one, has a floor on one side alone.
+    With `aside_m` they are so far to the left, or as far as there is room. They are 5 mm inside the section: a line
+    that runs on a wall, or ends at one, has a floor on one side alone.
     """
     counts = np.maximum(2, np.ceil(network.lengths_m[shots] / step_m).astype(int) + 1)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts]) if len(shots) else np.zeros(0)
