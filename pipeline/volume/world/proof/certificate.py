@@ -18,6 +18,7 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
 from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
+from pipeline.remarks import warn_user
 from pipeline.store.codecs import decode
 from pipeline.store.files import describe_field
 from pipeline.store.verify import verify_world
@@ -44,6 +45,7 @@ from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
 _SAMPLES = 100_000  # points on the surface of a solid
+_NAMED = 10  # pairs of legs that break through each other
 _PLACES = 5  # where bodies are thrown in a mine that is too large for one model: most of the time goes by parts
 
 
@@ -217,6 +219,13 @@ def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets
     about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
     about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
     found = measure_floor(about, network)
+    through = [f"{one.leg} through {one.other} ({one.off_m:+.2f} m)" for one in found.elsewhere[:_NAMED]]
+    through += [f"and {len(found.elsewhere) - _NAMED} more"] if len(found.elsewhere) > _NAMED else []
+    if through:
+        warn_user(
+            f"validation: {len(found.elsewhere)} pairs of legs break through each other's floors, as surveyed: "
+            f"{', '.join(through)}"
+        )
     return {
         "error_mm": round(_MM * found.error_m, 6),
         "median_mm": round(_MM * found.median_m, 6),
@@ -227,6 +236,7 @@ def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets
         "tracks_mm": round(_MM * found.tracks_m, 6),
         "steepest": round(found.steepest, 6),
         "in_other_workings": len(found.elsewhere),
+        **({"through": ", ".join(through)} if through else {}),
         "ledges": len(found.ledges),
     }
 
