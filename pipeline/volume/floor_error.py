@@ -9,13 +9,14 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import STEEPEST, Label, Volume, pieces_of
+from pipeline.volume.union import STEEPEST, Volume, pieces_of
 
 _SAMPLE_M = 0.25
 _OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is listed
@@ -87,12 +88,12 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     start = places + np.array([0, 0, _ABOVE_M])
     hit, height = drop(volume.vertices, volume.faces, start)
     off = height - places[:, 2]
-    on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(off) < _STEP_MOST_M)
+    on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(off) < _STEP_MOST_M)
     other = _other_working(network, places, owner)
     listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
     error = np.abs(off)[on_floor & ~listed]
     ledges, steps = _steps(volume, network, places)
-    normal = volume.normals[volume.label == Label.FLOOR]
+    normal = volume.normals[volume.label == FacetLabel.FLOOR]
     area = np.linalg.norm(normal, axis=1)
     steep = area[-normal[:, 2] < np.cos(np.radians(20)) * area].sum() / area.sum()
     return FloorFigures(
@@ -121,7 +122,7 @@ def _tracks(volume: Volume, network: SurveyNetwork, shots: np.ndarray) -> tuple[
     for aside_m in (0.0, -_TRACK_M, _TRACK_M):
         places = leg_floor_samples(network, shots, _SAMPLE_M, aside_m)[0]
         hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, _STEP_MOST_M]))
-        on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(height - places[:, 2]) < _STEP_MOST_M)
+        on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(height - places[:, 2]) < _STEP_MOST_M)
         place, row = tree.query(shapely.points(places[:, :2]), predicate="intersects")
         stated = floors.heights_at(shots[row], places[place, :2])
         near = np.abs(stated - places[place, 2]) < _STOREY_M
@@ -191,7 +192,7 @@ def _steps(
     floor about its end is steeper, and no robot comes there. Legs meet that are within 5 m of each other along the
     survey.
     """
-    floor = volume.label == Label.FLOOR
+    floor = volume.label == FacetLabel.FLOOR
     east, north, down = volume.normals.T
     drivable = np.hypot(east, north) <= -(STEEPEST + _ROUNDING) * down
     beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.height_field.heights import solve_heights
 from pipeline.volume.height_field.leg_lines import along_legs, way_samples
@@ -13,7 +14,7 @@ from pipeline.volume.keyed import simplified
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.union import Label, Solid, Volume, mesh_of, solids_of, without_crumbs
+from pipeline.volume.union import Solid, Volume, mesh_of, solids_of, without_crumbs
 
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
@@ -30,10 +31,10 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     off within the slab, so that no two floors are near each other when all is united.
     """
     united = _united(network, volume.pieces)
-    steep = (united.label == Label.FLOOR) & (_upward(united) > -_STEEP_NZ)
+    steep = (united.label == FacetLabel.FLOOR) & (_upward(united) > -_STEEP_NZ)
     simple = simplified(united, steep, _SIMPLE_M)
-    simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == Label.WALL)] = Label.ROOF
-    along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == Label.FLOOR)
+    simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == FacetLabel.WALL)] = FacetLabel.ROOF
+    along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == FacetLabel.FLOOR)
     coarse = coarse_floors(simple, along.facet, along.weights, along.height_m)
     return without_thin_rock(without_slivers(coarse), way_samples(network, _SAMPLE_M)[0])
 
@@ -52,9 +53,9 @@ def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     for solid in solids_of(network, pieces, numbers):
         found = {numbers[int(number)] for number in solid.to_mesh64().run_original_id}
         cut.append(passages.cut(solid, sorted(found)))
-    keys |= {number: len(Label) * piece + Label.WALL for number, piece in numbers.items()}
+    keys |= {number: len(FacetLabel) * piece + FacetLabel.WALL for number, piece in numbers.items()}
     # Slabs first: once a passage has cut one of two walls that are the same, rounding leaves a membrane between them.
     slabs = manifold3d.Manifold.batch_boolean(slabs_of(field, pieces, keys), manifold3d.OpType.Add)
     union = without_crumbs(manifold3d.Manifold.batch_boolean([slabs, *cut], manifold3d.OpType.Add))
     vertices, faces, key = mesh_of(union, keys)
-    return Volume(union, vertices, faces, key // len(Label), key % len(Label), pieces, numbers)
+    return Volume(union, vertices, faces, key // len(FacetLabel), key % len(FacetLabel), pieces, numbers)

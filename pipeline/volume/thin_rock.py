@@ -7,10 +7,11 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
@@ -33,7 +34,7 @@ def without_thin_rock(volume: Volume, ways: np.ndarray) -> Volume:
     for half_m, least_m2 in _ROUNDS:
         area = np.linalg.norm(volume.normals, axis=1) / 2
         facets = np.array(list(facets_without_part(volume, some)), int)
-        facets = facets[(area[facets] > least_m2) & (volume.label[facets] != Label.FLOOR)]
+        facets = facets[(area[facets] > least_m2) & (volume.label[facets] != FacetLabel.FLOOR)]
         facets = facets[~_on_ways(volume, facets, tree, half_m)]
         if not len(facets):
             break
@@ -83,7 +84,7 @@ def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
     keys, bodies = dict(one.keys), []
     for k, points, spread in zip(facets.tolist(), corners, ball, strict=True):
         body = manifold3d.Manifold.hull_points((points[:, None] + spread).reshape(-1, 3)).as_original()
-        keys[body.original_id()] = len(Label) * int(volume.source[k]) + Label.WALL
+        keys[body.original_id()] = len(FacetLabel) * int(volume.source[k]) + FacetLabel.WALL
         bodies.append(body)
     solid = manifold3d.Manifold.batch_boolean([one.solid, *bodies], manifold3d.OpType.Subtract)
     parts = solid.decompose()
@@ -91,5 +92,5 @@ def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
         solid = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
     found = volume_of(KeyedSolid(solid, keys), volume)
     up = found.normals[:, 2] > _ROOF_NZ * np.linalg.norm(found.normals, axis=1)
-    found.label[up & (found.label == Label.WALL)] = Label.ROOF
+    found.label[up & (found.label == FacetLabel.WALL)] = FacetLabel.ROOF
     return found

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.comparisons.volume.random_volumes import beyond, judge
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.volume.crossings import crossing_facets
@@ -18,7 +19,7 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
-from pipeline.volume.union import Label, Volume, pieces_of, unite
+from pipeline.volume.union import Volume, pieces_of, unite
 from tests.heights import HEADER
 
 DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -33,7 +34,7 @@ def built(rows, folder):
 
 
 def floor_heights(volume):
-    return volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR]), 2]
+    return volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR]), 2]
 
 
 def test_facets_cross_where_two_bodies_overlap_and_not_where_they_share_corners(tmp_path):
@@ -96,7 +97,7 @@ def test_two_drifts_with_a_centimetre_of_rock_between_them_stay_two_with_rock_th
 def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
     _, rough, volume = built(UNDER, tmp_path)
     assert np.unique(floor_heights(rough).round(9)) == pytest.approx(np.unique(floor_heights(volume).round(9)))
-    below = volume.vertices[np.unique(volume.faces[volume.label == Label.ROOF])][:, 2]
+    below = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.ROOF])][:, 2]
     assert below[below < floor_heights(volume).max()].max() < floor_heights(volume).max() - 0.05
 
 
@@ -110,7 +111,7 @@ def test_a_narrow_raise_that_leans_into_a_high_passage_is_built_from_floor_to_fl
 
 def test_the_floor_of_a_wide_slope_is_level_across_to_its_far_wall(tmp_path):
     _, _, volume = built("A,1,0,0,1,10,0,3,0\nA,2,4,0,1,10,1,3,0\n", tmp_path)
-    places = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    places = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     off = places[:, 2] - places[:, 0] / 4
     assert np.ptp(off) < 0.01
 

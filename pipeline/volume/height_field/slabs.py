@@ -11,10 +11,11 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.height_field.heights import HeightField
 from pipeline.volume.height_field.section_floors import is_leg
 from pipeline.volume.height_field.surface import FloorSurface, weld
-from pipeline.volume.union import Label, Solid
+from pipeline.volume.union import Solid
 
 _DEPTH_M = 0.3  # of a slab over its floor, at most half of the passage's height
 _UNDER_M = 0.1  # below the lowest floor, where what is cut from a passage ends
@@ -41,7 +42,7 @@ class SlabPart:
 
 
 def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> list[manifold3d.Manifold]:
-    """Return the slabs over all floors; enter the keys of their facets, `len(Label) * piece + label`, by number.
+    """Return the slabs over all floors; enter the keys of their facets, `len(FacetLabel) * piece + label`, by number.
 
     A slab is at least 0.3 m high, or half of the lowest passage on it, over its floor and over the sections'. No part
     of a solid lies over another. Parts have exactly the same wall where they meet, so that their union has none.
@@ -56,7 +57,7 @@ def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> l
         some = np.flatnonzero(part == number)
         slab = _over(surface, some, surface.plan_m + aside, field.heights_m, top)
         floor = np.arange(len(slab.faces)) < len(some)
-        key = len(Label) * owner[surface.patch[slab.triangle]] + np.where(floor, Label.FLOOR, Label.WALL)
+        key = len(FacetLabel) * owner[surface.patch[slab.triangle]] + np.where(floor, FacetLabel.FLOOR, FacetLabel.WALL)
         order = np.argsort(key, kind="stable")
         kinds, starts = np.unique(key[order], return_index=True)
         first = manifold3d.Manifold.reserve_ids(len(kinds))
@@ -115,7 +116,7 @@ class PassageFloors:
             aside = _CUT_ASIDE_M * _ways_out(own[out], corners, places)
             slab = _mesh_over(corners, own, part, places + aside, self._bottom[vertex], self._top[vertex], vertex)
             body = slab.solid()
-            self._keys[body.original_id()] = len(Label) * number + Label.WALL
+            self._keys[body.original_id()] = len(FacetLabel) * number + FacetLabel.WALL
             yield body
 
 
