@@ -9,7 +9,7 @@ from benchmarks.comparisons.volume.cases import CASES, GateCase
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.floor_error import measure_floor
-from pipeline.volume.floors import solve_floors
+from pipeline.volume.floors import _united, solve_floors
 from pipeline.volume.height_field.heights import solve_heights
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.height_field.section_floors import SectionFloors
@@ -113,3 +113,14 @@ def test_a_drift_far_below_does_not_part_a_floor_and_a_floor_goes_on_through_the
     assert len(surface.over) > 0
     links = coo_matrix((np.ones(len(surface.mates)), (surface.mates // 3).T), (len(surface.spots),) * 2)
     assert connected_components(links, directed=False)[0] == 1
+
+
+def test_facets_beside_a_steep_leg_are_of_the_leg_that_they_bound(tmp_path):
+    rows = "A,1,-10,0,2,2,0,3,0\nA,2,0,0,2,2,0,3,0\nA,3,10,2,2,2,5,3,0\nA,4,20,0,2,2,5,3,0\n"
+    network = GateCase("test", HEADER + rows).network(tmp_path)
+    united = _united(network, pieces_of(network))
+    corners = [piece.sections.reshape(-1, 3) for piece in united.pieces]
+    low, high = (np.array([f(some, axis=0) for some in corners])[united.source] for f in (np.min, np.max))
+    middles = united.vertices[united.faces].mean(axis=1)
+    assert (middles > low - 0.05).all()
+    assert (middles < high + 0.05).all()
