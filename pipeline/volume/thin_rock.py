@@ -25,9 +25,9 @@ def without_thin_rock(volume: Volume, ways: np.ndarray) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
     In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
-    between them stay two, and folds of rock without a thickness get one. Nothing is put
-    on floors, so that they keep their heights: what is on the other side of the rock below them is a facet too. Each
-    round looks about the rock of the one before.
+    between them stay two, and rock without a thickness gets one. Nothing is put on floors, so that they keep their
+    heights, nor on places (n, 3) m of surveyed ways, which may run on a wall: what is on the other side of that rock is
+    a facet too. Each round looks about the rock of the one before.
     """
     some: np.ndarray | None = None
     tree = cKDTree(ways)
