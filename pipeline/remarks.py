@@ -14,7 +14,7 @@ _MOST_REMARKS = 100  # of one collection: a hostile file may cause any number
 _MOST_CHARACTERS = 600
 _NAMED = r"--[a-z][a-z-]*[a-z]|(?:survey|contours|compile3d|surface|realism)\.[a-z]\w*(?:\.[a-z]\w*)*(?:=\w+)?"
 _OPTION = rf"(?<![\w.])(?:{_NAMED})"  # a station's name may end like one
-_SOURCE = re.compile(r"(?:[^:\s][^:]*\.\w{1,8}|contours|compile3d|surface|realism): ")
+_SOURCE = re.compile(r"(?:[^:\s][^:]*\.\w{1,8}|contours|compile3d|surface|realism|validation): ")
 _COUNT = re.compile(r"(\d[\d,]*(?:\.\d+)?(?: (?:m2|m|%))?(?: of (?:its )?\d[\d,]*)?) (?=[^\d\s])")
 _ADVICE = re.compile(rf"(?:; |, )(?:{_OPTION})(?: \(\S+\))?(?: \S+){{1,3}}$")  # of an option and what it does
 _sinks: list[list[Remark]] = []  # collections that are open, the innermost last

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import manifold3d
 import numpy as np
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.crossings import CROSSING_M, crosses_more
 from pipeline.volume.height_field.plan_weights import second_and_third
 from pipeline.volume.keyed import keyed, near_facets, volume_of
 from pipeline.volume.mesh_edges import MeshEdges, ranges
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 
 _OFF_M = 0.01  # of the floor from where it was, in height
 _LEG_OFF_M = 0.007  # of the floor from the survey along its legs, which may be 1 cm
@@ -68,7 +69,7 @@ def _samples(volume: Volume, hit: np.ndarray, weights: np.ndarray, surveyed: np.
 
     All of these: between every fifth, 25 cm apart, Wheal Pell's floor was 10 mm off the survey.
     """
-    floor = np.flatnonzero(volume.label == Label.FLOOR)
+    floor = np.flatnonzero(volume.label == FacetLabel.FLOOR)
     vertex, first = np.unique(volume.faces[floor], return_index=True)
     corners = volume.vertices[volume.faces]
     on_legs = np.einsum("nc,nck->nk", weights, corners[hit])
@@ -144,7 +145,7 @@ class _Floors:
         self._places, self.faces = volume.vertices, volume.faces.copy()
         self.alive = np.ones(len(self.faces), bool)
         self._label, self._samples, self._of_sample = volume.label, samples, samples.facets.copy()
-        normal, is_floor = volume.normals, volume.label == Label.FLOOR
+        normal, is_floor = volume.normals, volume.label == FacetLabel.FLOOR
         steep = is_floor & (-normal[:, 2] < _LEVEL * np.linalg.norm(normal, axis=1))
         self._may_go = np.zeros(len(self._places), bool)
         self._may_go[self.faces[is_floor]] = True
@@ -157,7 +158,7 @@ class _Floors:
         """Return the facets (f,) at the ends of edges from which a wall goes down: a floor's slope is a step there."""
         edges = MeshEdges(self.faces, np.flatnonzero(self.alive), self._label, len(self._places))
         height = self._places[:, 2]
-        hangs = edges.is_rim & (self._label[edges.facet] != Label.FLOOR)
+        hangs = edges.is_rim & (self._label[edges.facet] != FacetLabel.FLOOR)
         hangs &= height[edges.third] < np.minimum(height[edges.start], height[edges.end]) - _OFF_M
         over = np.zeros(len(self._places), bool)
         over[edges.start[hangs]] = over[edges.end[hangs]] = True
@@ -219,7 +220,7 @@ class _Floors:
         number, edge = number[changes], edge[changes]
         corners = np.column_stack([stays[changes], edges.end[edge], edges.third[edge]])
         facet = edges.facet[edge]
-        return number, corners, facet, self._label[facet] == Label.FLOOR
+        return number, corners, facet, self._label[facet] == FacetLabel.FLOOR
 
     def _turned(self, corners: np.ndarray, facet: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
         """Return which new facets (n,) turn over or are low."""
@@ -234,7 +235,7 @@ class _Floors:
         """Return which new facets (n,) of walls have a corner of the old ones off their plane."""
         new = _shape(self._places[corners])
         row, edge = edges.around(tries[number])
-        wall = self._label[edges.facet[edge]] != Label.FLOOR
+        wall = self._label[edges.facet[edge]] != FacetLabel.FLOOR
         row, edge = row[wall], edge[wall]
         found = np.zeros(len(number), bool)
         for vertex in (edges.start[edge], edges.end[edge], edges.third[edge]):

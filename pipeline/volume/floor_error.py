@@ -6,14 +6,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
-from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples
+from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
+from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import STEEPEST, Label, Volume
+from pipeline.volume.union import STEEPEST, Volume, pieces_of
 
 _SAMPLE_M = 0.25
 _OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is listed
@@ -24,6 +27,8 @@ _OVER_M = 0.3  # over an edge, where it is free for a robot
 ON_WALL_M = 0.005  # in rock: stations may be on a wall, which is where it was within 4 mm
 _ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
 _ROUNDING = 1e-6  # of a slope: a leg may be as steep as the steepest that is driven on
+_TRACK_M = 0.25  # of wheels, beside a leg
+_STOREY_M = 2.0  # between two floors that are over each other
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
 
 
@@ -42,6 +47,8 @@ class FloorFigures:
     step_m: float  # where legs meet
     other_step_m: float
     steep_share: float  # of the floor's area over 20 deg
+    tracks_m: float  # 0.25 m beside the legs, over or under what the sections state: the largest
+    steepest: float  # rise over run along the legs and 0.25 m beside them, where all sections state one floor
     share_built: float  # of all the surveyed length
     elsewhere: tuple[InOtherWorking, ...]
     ledges: tuple[Ledge, ...]
@@ -70,23 +77,23 @@ class Ledge:
     length_m: float
 
 
-def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> FloorFigures:
+def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     """Measure the floor along the drivable legs, and the steps beside its facets.
 
-    A place lies in another working if the floor of the union under it is that of another leg and deeper by more than 1
-    cm. There one floor cannot have both heights. Such places are listed where the floor is more than 1 cm off.
+    A place lies in another working if the section of another leg holds it, whose floor is deeper by more than 1 cm.
+    There one floor cannot have both heights. Such places are listed where the floor is more than 1 cm off.
     """
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
     start = places + np.array([0, 0, _ABOVE_M])
     hit, height = drop(volume.vertices, volume.faces, start)
     off = height - places[:, 2]
-    on_floor = (hit >= 0) & (volume.label[hit] == Label.FLOOR) & (np.abs(off) < _STEP_MOST_M)
-    other = _other_working(union, network, places, owner)
+    on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(off) < _STEP_MOST_M)
+    other = _other_working(network, places, owner)
     listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
     error = np.abs(off)[on_floor & ~listed]
     ledges, steps = _steps(volume, network, places)
-    normal = volume.normals[volume.label == Label.FLOOR]
+    normal = volume.normals[volume.label == FacetLabel.FLOOR]
     area = np.linalg.norm(normal, axis=1)
     steep = area[-normal[:, 2] < np.cos(np.radians(20)) * area].sum() / area.sum()
     return FloorFigures(
@@ -96,32 +103,70 @@ def measure_floor(volume: Volume, network: SurveyNetwork, union: Volume) -> Floo
         float(on_floor.mean()),
         *steps,
         float(steep),
+        *_tracks(volume, network, shots),
         _share_built(volume, network),
         tuple(_in_other_working(network, owner, other, listed, off)),
         ledges,
     )
 
 
+def _tracks(volume: Volume, network: SurveyNetwork, shots: np.ndarray) -> tuple[float, float]:
+    """Return how far the floor where wheels go is from what the sections of drivable legs state, and how steep it is.
+
+    Sections may state several floors of one place, as where two legs part; between these the floor is as stated.
+    """
+    pieces = pieces_of(network)[: len(network.shots)]
+    floors = SectionFloors.of(network, pieces)
+    tree = shapely.STRtree(floors.outlines[shots])
+    off, slope = [0.0], [0.0]
+    for aside_m in (0.0, -_TRACK_M, _TRACK_M):
+        places = leg_floor_samples(network, shots, _SAMPLE_M, aside_m)[0]
+        hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, _STEP_MOST_M]))
+        on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(height - places[:, 2]) < _STEP_MOST_M)
+        place, row = tree.query(shapely.points(places[:, :2]), predicate="intersects")
+        stated = floors.heights_at(shots[row], places[place, :2])
+        near = np.abs(stated - places[place, 2]) < _STOREY_M
+        low, high = places[:, 2].copy(), places[:, 2].copy()
+        np.minimum.at(low, place[near], stated[near])
+        np.maximum.at(high, place[near], stated[near])
+        beyond = np.maximum(height - high, low - height)[on_floor]
+        one = on_floor & (high - low < _OFF_M)
+        normal = volume.normals[hit[one]]
+        off.append(float(beyond.max(initial=0.0)))
+        slope.append(float((np.hypot(normal[:, 0], normal[:, 1]) / np.maximum(-normal[:, 2], 1e-12)).max(initial=0.0)))
+    return max(off), max(slope)
+
+
 def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     """Return the share of the surveyed length that is in the free space."""
-    places, owner = leg_floor_samples(network, np.arange(len(network.shots)), _SAMPLE_M)
-    above = np.minimum(_ABOVE_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
-    inside = Inside(volume).distance_m(places + above[:, None] * [0, 0, 1.0]) > -ON_WALL_M
+    places, owner = way_samples(network, _SAMPLE_M)
+    inside = Inside(volume).distance_m(places) > -ON_WALL_M
     weight = network.lengths_m[owner] / np.bincount(owner)[owner]
     return float(weight[inside].sum() / weight.sum())
 
 
-def _other_working(union: Volume, network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def _other_working(network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Return the leg (n,) in whose working each place lies, -1 for its own.
 
     A prism on a station is the working of the legs near it.
     """
-    hit, height = drop(union.vertices, union.faces, places + np.array([0, 0, _ABOVE_M]))
-    piece = union.source[hit]
-    leg = np.array([one.shot for one in union.pieces])[piece]
-    is_leg = np.array([len(one.sections) > 1 for one in union.pieces])[piece]
-    is_other = np.where(is_leg, leg != owner, ~network.near_legs(NEAR_M).has(leg, owner))
-    found: np.ndarray = np.where((hit >= 0) & is_other & (places[:, 2] - height > _OFF_M), leg, -1)
+    pieces = pieces_of(network)
+    floors = SectionFloors.of(network, pieces)
+    some = np.flatnonzero([not piece.is_plumb for piece in pieces])
+    place, row = shapely.STRtree(floors.outlines[some]).query(shapely.points(places[:, :2]), predicate="intersects")
+    piece = some[row]
+    leg = np.array([one.shot for one in pieces])[piece]
+    is_other = np.where(
+        np.array([is_leg(one) for one in pieces])[piece],
+        leg != owner[place],
+        ~network.near_legs(NEAR_M).has(leg, owner[place]),
+    )
+    deeper = places[place, 2] - floors.heights_at(piece, places[place, :2])
+    is_over = deeper > floors.tall_at(piece, places[place, :2])
+    good = np.flatnonzero(is_other & (deeper > _OFF_M) & ~is_over)
+    good = good[np.argsort(deeper[good], kind="stable")]  # the deepest is last
+    found = np.full(len(places), -1)
+    found[place[good]] = leg[good]
     return found
 
 
@@ -147,7 +192,7 @@ def _steps(
     floor about its end is steeper, and no robot comes there. Legs meet that are within 5 m of each other along the
     survey.
     """
-    floor = volume.label == Label.FLOOR
+    floor = volume.label == FacetLabel.FLOOR
     east, north, down = volume.normals.T
     drivable = np.hypot(east, north) <= -(STEEPEST + _ROUNDING) * down
     beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}

@@ -5,18 +5,20 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.height_field.heights import solve_heights
-from pipeline.volume.height_field.leg_lines import along_legs
+from pipeline.volume.height_field.leg_lines import along_legs, way_samples
 from pipeline.volume.height_field.slabs import PassageFloors, slabs_of
 from pipeline.volume.keyed import simplified
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.union import Label, Solid, Volume, mesh_of, solids_of, without_crumbs
+from pipeline.volume.union import Solid, Volume, mesh_of, solids_of, without_crumbs
 
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
+_SAMPLE_M = 0.1  # along the ways on which no rock is put
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 _STEEP_NZ = 0.7  # of a floor's, at least: where it is steeper, 4 mm along the normal are more in height
 
@@ -29,12 +31,12 @@ def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
     off within the slab, so that no two floors are near each other when all is united.
     """
     united = _united(network, volume.pieces)
-    steep = (united.label == Label.FLOOR) & (_upward(united) > -_STEEP_NZ)
+    steep = (united.label == FacetLabel.FLOOR) & (_upward(united) > -_STEEP_NZ)
     simple = simplified(united, steep, _SIMPLE_M)
-    simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == Label.WALL)] = Label.ROOF
-    along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == Label.FLOOR)
+    simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == FacetLabel.WALL)] = FacetLabel.ROOF
+    along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == FacetLabel.FLOOR)
     coarse = coarse_floors(simple, along.facet, along.weights, along.height_m)
-    return without_thin_rock(without_slivers(coarse))
+    return without_thin_rock(without_slivers(coarse), way_samples(network, _SAMPLE_M)[0])
 
 
 def _upward(volume: Volume) -> np.ndarray:
@@ -46,15 +48,14 @@ def _upward(volume: Volume) -> np.ndarray:
 def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     """Return the union of slabs and passages; its facets are floors or walls."""
     field = solve_heights(network, pieces)
-    passages, numbers = PassageFloors(field, pieces), dict[int, int]()
-    cut = []
+    numbers, keys, cut = dict[int, int](), dict[int, int](), []
+    passages = PassageFloors(field, pieces, keys)
     for solid in solids_of(network, pieces, numbers):
         found = {numbers[int(number)] for number in solid.to_mesh64().run_original_id}
         cut.append(passages.cut(solid, sorted(found)))
-    keys = {number: len(Label) * piece + Label.WALL for number, piece in numbers.items()}
+    keys |= {number: len(FacetLabel) * piece + FacetLabel.WALL for number, piece in numbers.items()}
     # Slabs first: once a passage has cut one of two walls that are the same, rounding leaves a membrane between them.
     slabs = manifold3d.Manifold.batch_boolean(slabs_of(field, pieces, keys), manifold3d.OpType.Add)
     union = without_crumbs(manifold3d.Manifold.batch_boolean([slabs, *cut], manifold3d.OpType.Add))
     vertices, faces, key = mesh_of(union, keys)
-    key = np.where(key < 0, Label.WALL, key)
-    return Volume(union, vertices, faces, key // len(Label), key % len(Label), pieces, numbers)
+    return Volume(union, vertices, faces, key // len(FacetLabel), key % len(FacetLabel), pieces, numbers)

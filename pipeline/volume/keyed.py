@@ -8,8 +8,9 @@ import manifold3d
 import numpy as np
 import shapely
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.union import Label, Volume, mesh_of
+from pipeline.volume.union import Volume, mesh_of
 
 _ROUNDS = 4
 _BESIDE_M = 0.1  # of facets that cross: facets so near are not simplified
@@ -17,7 +18,7 @@ _BESIDE_M = 0.1  # of facets that cross: facets so near are not simplified
 
 @dataclass(frozen=True)
 class KeyedSolid:
-    """A solid, and manifold3d's number of each part of its surface to its key: `len(Label) * piece + label`.
+    """A solid, and manifold3d's number of each part of its surface to its key: `len(FacetLabel) * piece + label`.
 
     manifold3d remembers which facets were coplanar before they moved, so that the solid is made anew of a mesh.
     """
@@ -31,7 +32,7 @@ def keyed(volume: Volume, vertices: np.ndarray, label: np.ndarray, kept: np.ndar
 
     Facets of `kept` (f,) are parts of the surface by themselves, so that they are not simplified.
     """
-    key_of = len(Label) * volume.source + label
+    key_of = len(FacetLabel) * volume.source + label
     part = key_of if kept is None else np.where(kept, key_of.max() + 1 + np.arange(len(key_of)), key_of)
     order = np.argsort(part, kind="stable")
     found, starts = np.unique(part[order], return_index=True)
@@ -52,7 +53,7 @@ def volume_of(one: KeyedSolid, volume: Volume) -> Volume:
     solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
     if solid.status() != manifold3d.Error.NoError:
         raise ValueError(f"volume: the moved mesh is not closed ({solid.status()})")
-    return Volume(solid, vertices, faces, key // len(Label), key % len(Label), volume.pieces, volume.numbers)
+    return Volume(solid, vertices, faces, key // len(FacetLabel), key % len(FacetLabel), volume.pieces, volume.numbers)
 
 
 def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from heapq import heappop, heappush
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ from pipeline.survey.passages.legs import SurveyLeg
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
+WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
@@ -78,12 +80,27 @@ class SurveyNetwork:
         """Return the shots' lengths (m,) m."""
         return np.linalg.norm(np.diff(self.ends_m, axis=1)[:, 0], axis=1)
 
-    @property
+    @cached_property
     def floors_m(self) -> np.ndarray:
         """Return the floor (m, 2, 3) m under the stations of each shot."""
         floors = self.ends_m.copy()
         floors[:, :, 2] -= self.lrud_m[:, :, 3]
         return floors
+
+    @cached_property
+    def ways_m(self) -> np.ndarray:
+        """Return the way along each shot's floor, both ends (m, 2, 3) m, at least 5 mm from the walls.
+
+        A line that runs on a wall has a floor on one side alone.
+        """
+        return self.beside_m(0.0)
+
+    def beside_m(self, aside_m: float) -> np.ndarray:
+        """Return lines along each shot's floor (m, 2, 3) m, so far to the left, but 5 mm from the walls at least."""
+        aside = np.clip(aside_m, WITHIN_M - self.lrud_m[:, :, 1], self.lrud_m[:, :, 0] - WITHIN_M)
+        ways = self.floors_m.copy()
+        ways[:, :, :2] += aside[:, :, None] * self.across
+        return ways
 
     @property
     def grades(self) -> np.ndarray:

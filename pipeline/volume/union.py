@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
 
@@ -12,6 +11,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.tubes import Tube, solids_through
 
@@ -24,14 +24,6 @@ _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 _RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
-
-
-class Label(IntEnum):
-    """What a facet of the free space is."""
-
-    FLOOR = 0  # of a leg that is flat enough to drive on
-    WALL = 1
-    ROOF = 2
 
 
 @dataclass(frozen=True)
@@ -58,7 +50,7 @@ class Volume:
     vertices: np.ndarray
     faces: np.ndarray
     source: np.ndarray  # (f,) number of the piece in `pieces`
-    label: np.ndarray  # (f,) of Label
+    label: np.ndarray  # (f,) of FacetLabel
     pieces: list[Solid]
     numbers: dict[int, int]  # manifold3d's number of a hull to that of its piece
 
@@ -106,7 +98,9 @@ def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[
     normal = np.cross(b - a, c - a)
     z = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
     drivable = np.array([piece.is_drivable for piece in pieces])[source]
-    label = np.where((z < _FLOOR_NZ) & drivable, Label.FLOOR, np.where(z > -_FLOOR_NZ, Label.ROOF, Label.WALL))
+    label = np.where(
+        (z < _FLOOR_NZ) & drivable, FacetLabel.FLOOR, np.where(z > -_FLOOR_NZ, FacetLabel.ROOF, FacetLabel.WALL)
+    )
     return Volume(solid, vertices, faces, source, label, pieces, numbers)
 
 
@@ -158,8 +152,8 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     middle, half = (left + right) / 2, (left - right) / 2
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + left, floors + right, floors + right + _LOW * tall]
-    ring += [*(floors + middle + side * _HIGH * half + tall for side in (-1, 1)), floors + left + _LOW * tall]
+    ring = [floors + right + _LOW * tall, *(floors + middle + side * _HIGH * half + tall for side in (-1, 1))]
+    ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
     heading = step[:2] / max(run, 1e-9)
     slope = heading * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9)

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.comparisons.volume import throw_bodies
 from benchmarks.comparisons.volume.throw_bodies import mine_of, table_of, throw_everywhere
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import InputError
-from pipeline.volume.union import Label
 from pipeline.volume.world.proof.region import region_of, regions_over
 
 
@@ -48,7 +48,7 @@ def test_no_body_gets_out_of_a_t_a_ball_is_pushed_at_each_facet_and_a_second_run
 
 
 def test_bodies_get_out_where_walls_have_no_parts(tee, tmp_path):
-    shut = [part for part in tee.parts if tee.volume.label[part.facets[0]] != Label.WALL]
+    shut = [part for part in tee.parts if tee.volume.label[part.facets[0]] != FacetLabel.WALL]
     rows = throw_everywhere(dataclasses.replace(tee, parts=shut), tmp_path / "regions.jsonl", 20_000, 500)
     assert sum(row["balls"]["escapes"] for row in rows) > 0
     assert sum(row["robots"]["escapes"] for row in rows) > 0

@@ -5,13 +5,14 @@ import pytest
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume import floors
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import Label, pieces_of, unite
+from pipeline.volume.union import pieces_of, unite
 from tests.heights import HEADER
 
 
@@ -32,20 +33,20 @@ def spiral(tmp_path_factory):
 
 
 def test_a_spiral_has_fewer_than_four_parts_a_metre_and_floors_within_a_centimetre_of_the_survey(spiral):
-    network, rough, _, _, volume = spiral
+    network, _rough, _, _, volume = spiral
     assert len(build_shell(volume)) / network.lengths_m.sum() < 4
-    assert measure_floor(volume, network, rough).error_m < 0.01
+    assert measure_floor(volume, network).error_m < 0.01
 
 
 def test_a_floor_moves_by_a_centimetre_at_most_and_two_fifths_of_its_facets_go(spiral):
     _, _, before, after, _ = spiral
-    is_floor = before.label == Label.FLOOR
-    assert (after.label == Label.FLOOR).sum() < 0.6 * is_floor.sum()
+    is_floor = before.label == FacetLabel.FLOOR
+    assert (after.label == FacetLabel.FLOOR).sum() < 0.6 * is_floor.sum()
     wide = is_floor & (np.linalg.norm(before.normals, axis=1) > 0.1)  # the rim may move by 2 mm, from under slivers
     assert wide.sum() > is_floor.sum() / 2
     places = before.vertices[before.faces[wide]].mean(axis=1)
     hit, height = drop(after.vertices, after.faces, places + np.array([0, 0, 0.1]))
-    assert (after.label[hit] == Label.FLOOR).all()
+    assert (after.label[hit] == FacetLabel.FLOOR).all()
     assert np.abs(height - places[:, 2]).max() < 0.0101
 
 
@@ -57,19 +58,19 @@ def test_a_mesh_without_the_vertices_that_it_does_not_need_is_closed_and_does_no
 
 
 def test_a_floor_keeps_7_mm_to_the_survey_all_along_its_legs_as_vertices_go(tmp_path):
-    network, rough, before, after, _ = solved(GateCase("mine 14", table_of("mine", 14)), tmp_path)
-    assert measure_floor(before, network, rough).error_m < 0.007
-    assert measure_floor(after, network, rough).error_m < 0.0071
+    network, _rough, before, after, _ = solved(GateCase("mine 14", table_of("mine", 14)), tmp_path)
+    assert measure_floor(before, network).error_m < 0.007
+    assert measure_floor(after, network).error_m < 0.0071
 
 
 def test_a_floor_from_which_a_wall_goes_down_keeps_its_step(tmp_path):
     rows = "A,1,-20,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
     rows += "B,3,-8,-24,2,2,2,3,0\nB,4,0,-12,2,2,0.4,3,0\nB,5,0,12,2,2,0.4,3,0\nB,6,8,24,2,2,2,3,0\n"
-    network, rough, before, after, _ = solved(GateCase("over", HEADER + rows), tmp_path)
-    step = measure_floor(before, network, rough).other_step_m
+    network, _rough, before, after, _ = solved(GateCase("over", HEADER + rows), tmp_path)
+    step = measure_floor(before, network).other_step_m
     assert step == pytest.approx(0.4, abs=0.01)
-    assert measure_floor(after, network, rough).other_step_m == pytest.approx(step, abs=1e-6)
-    assert (after.label == Label.FLOOR).sum() < (before.label == Label.FLOOR).sum() / 2
+    assert measure_floor(after, network).other_step_m == pytest.approx(step, abs=1e-6)
+    assert (after.label == FacetLabel.FLOOR).sum() < (before.label == FacetLabel.FLOOR).sum() / 2
 
 
 def test_edges_about_a_vertex_are_all_that_start_there():

@@ -1,5 +1,7 @@
 """Which differences and steps of floors are measured against a survey."""
 
+import pytest
+
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
 from pipeline.volume.floor_error import measure_floor
@@ -24,17 +26,52 @@ def built(table, folder):
 
 def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
     network, rough = built(HEADER + PARTING, tmp_path)
-    assert measure_floor(rough, network, rough).step_m > 0.4
-    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
+    assert measure_floor(rough, network).step_m > 0.4
+    assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
 
 def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_path):
     network, rough = built(table_of("cave", 15), tmp_path)
-    assert measure_floor(solve_floors(rough, network), network, rough).step_m < 0.01
+    assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
 
 def test_a_leg_over_the_deeper_prism_of_a_station_elsewhere_lies_in_that_working(tmp_path):
     network, rough = built(HEADER + OVER_A_STATION, tmp_path)
-    found = measure_floor(rough, network, rough)
+    found = measure_floor(rough, network)
     over_prism = sum(place.share for place in found.elsewhere if place.leg == "f to g")
     assert over_prism > 0.15  # 8 m of 34 m
+
+
+def test_a_leg_along_its_own_wall_is_judged_by_its_own_floor(tmp_path):
+    beside = "A,1,0,0,0,4,0,3,0\nA,2,20,0,0,4,0,3,0\nB,3,2,1,1,1,0.09,3,0\nB,4,18,1,1,1,0.09,3,0\n"
+    network, rough = built(HEADER + beside, tmp_path)
+    found = measure_floor(solve_floors(rough, network), network)
+    assert found.error_m < 0.01
+    assert found.elsewhere == ()
+    assert found.share_built == 1
+
+
+def test_rock_is_put_before_a_thin_wall_where_no_leg_runs(tmp_path):
+    beside = "A,1,0,0,0,4,0,3,0\nA,2,20,0,0,4,0,3,0\nB,3,0,1.01,1,1,0,3,0\nB,4,20,1.01,1,1,0,3,0\n"
+    network, rough = built(HEADER + beside, tmp_path)
+    volume = solve_floors(rough, network)
+    assert len(volume.solid.decompose()) == 2
+    assert volume.solid.volume() < rough.solid.volume() - 20 * 0.04
+    assert measure_floor(volume, network).share_built == 1
+
+
+def test_a_steep_leg_between_skew_sections_is_free_along_its_way(tmp_path):
+    skew = "A,1,-6,-3,1,1,0,1,0.5\nA,2,0,0,5.5,1.6,0,1,0.5\nA,3,4.7,0,0.3,2.4,3.7,1,0.5\n"
+    network, rough = built(HEADER + skew, tmp_path)
+    assert network.joined[1, 0]
+    assert not rough.pieces[1].is_drivable
+    assert measure_floor(rough, network).share_built == 1
+
+
+def test_wheels_beside_a_leg_are_on_the_stated_floor_and_a_bank_between_two_legs_is_steep(tmp_path):
+    network, rough = built(HEADER + "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,2,3,0\n", tmp_path)
+    found = measure_floor(solve_floors(rough, network), network)
+    assert found.tracks_m < 0.01
+    assert found.steepest == pytest.approx(0.1, abs=0.01)
+    network, rough = built(HEADER + PARTING, tmp_path)
+    assert measure_floor(solve_floors(rough, network), network).tracks_m > found.tracks_m

@@ -6,14 +6,15 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.floor_error import measure_floor
-from pipeline.volume.floors import solve_floors
+from pipeline.volume.floors import _united, solve_floors
 from pipeline.volume.height_field.heights import solve_heights
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.height_field.section_floors import SectionFloors
 from pipeline.volume.height_field.slabs import slabs_of
-from pipeline.volume.union import Label, pieces_of, unite
+from pipeline.volume.union import pieces_of, unite
 from tests.heights import HEADER
 
 BEND = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,4,3,0\nA,3,20,20,2,2,8,3,0\n"  # 90 deg on a ramp of 20 %
@@ -66,13 +67,13 @@ def test_the_floors_of_a_spiral_over_itself_are_closed_slabs_that_do_not_cross_t
         mesh = slab.to_mesh64()
         assert slab.volume() > 0
         assert not len(crossing_facets(np.array(mesh.vert_properties), np.asarray(mesh.tri_verts, int), CROSSING_M))
-    assert {key % len(Label) for key in keys.values()} == {Label.FLOOR, Label.WALL}
+    assert {key % len(FacetLabel) for key in keys.values()} == {FacetLabel.FLOOR, FacetLabel.WALL}
 
 
 @pytest.mark.parametrize("rows", [PARTING, UNDER], ids=["parting", "under"])
 def test_ways_that_part_slowly_and_ways_under_a_floor_have_no_step_and_keep_the_survey(rows, tmp_path):
-    network, rough, volume = solved(rows, tmp_path)
-    found = measure_floor(volume, network, rough)
+    network, _rough, volume = solved(rows, tmp_path)
+    found = measure_floor(volume, network)
     assert found.error_m < 0.01
     assert found.step_m < 0.01
     assert found.share_built == 1
@@ -85,7 +86,7 @@ def test_the_inner_corner_of_a_bend_on_a_ramp_is_smooth(tmp_path):
     x, y = np.meshgrid(np.arange(-3, -1, 0.05), np.arange(1, 3, 0.05))
     grid = np.stack([x + middle[0], y + middle[1], np.full(x.shape, network.places_m[1, 2] + 1.5)], axis=2)
     hit, height = drop(volume.vertices, volume.faces, grid.reshape(-1, 3))
-    height = np.where(volume.label[hit] == Label.FLOOR, height, np.nan).reshape(x.shape)
+    height = np.where(volume.label[hit] == FacetLabel.FLOOR, height, np.nan).reshape(x.shape)
     assert np.isfinite(height).sum() > 500
     assert np.nanmax(np.abs(height[:, 5:] - height[:, :-5])) < 0.15
     assert np.nanmax(np.abs(height[5:] - height[:-5])) < 0.15
@@ -94,7 +95,7 @@ def test_the_inner_corner_of_a_bend_on_a_ramp_is_smooth(tmp_path):
 def test_a_straight_drift_is_level_across_on_its_slope(tmp_path):
     network, _, volume = solved("A,1,0,0,2,2,0,3,0\nA,2,40,10,2,2,6,3,0\n", tmp_path)
     way = (network.places_m[1] - network.places_m[0])[:2] / np.hypot(40, 10)
-    floor = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    floor = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     along = (floor[:, :2] - network.places_m[0, :2]) @ way
     assert floor[:, 2] - network.places_m[0, 2] == pytest.approx(along * 6 / np.hypot(40, 10), abs=1e-4)
 
@@ -112,3 +113,14 @@ def test_a_drift_far_below_does_not_part_a_floor_and_a_floor_goes_on_through_the
     assert len(surface.over) > 0
     links = coo_matrix((np.ones(len(surface.mates)), (surface.mates // 3).T), (len(surface.spots),) * 2)
     assert connected_components(links, directed=False)[0] == 1
+
+
+def test_facets_beside_a_steep_leg_are_of_the_leg_that_they_bound(tmp_path):
+    rows = "A,1,-10,0,2,2,0,3,0\nA,2,0,0,2,2,0,3,0\nA,3,10,2,2,2,5,3,0\nA,4,20,0,2,2,5,3,0\n"
+    network = GateCase("test", HEADER + rows).network(tmp_path)
+    united = _united(network, pieces_of(network))
+    corners = [piece.sections.reshape(-1, 3) for piece in united.pieces]
+    low, high = (np.array([f(some, axis=0) for some in corners])[united.source] for f in (np.min, np.max))
+    middles = united.vertices[united.faces].mean(axis=1)
+    assert (middles > low - 0.05).all()
+    assert (middles < high + 0.05).all()

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import NEAR_M, solve_floors
-from pipeline.volume.union import Label, pieces_of, unite
+from pipeline.volume.union import pieces_of, unite
 from tests.heights import HEADER
 
 OVER = "A,1,-20,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\nB,3,0,-20,2,2,{z},3,0\nB,4,0,20,2,2,{z},3,0\n"
@@ -30,20 +31,20 @@ def test_a_floor_beside_a_leg_on_its_wall_does_not_turn_about_it(tmp_path):
     rows = "A,1,0,0,0.08,4,0,3,0\nA,2,10,0,0.08,4,1,3,0\nB,1,0,0,3,0.08,0,3,0\nB,3,10,0.3,3,0.08,0.1,3,0\n"
     network, rough = of_rows(rows, tmp_path)
     volume = solve_floors(rough, network)
-    places = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    places = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     assert places[:, 2].min() > -0.5
     assert places[:, 2].max() < 1.5
-    assert measure_floor(volume, network, rough).error_m < 0.01
+    assert measure_floor(volume, network).error_m < 0.01
 
 
 def test_passages_that_cross_without_a_common_station_keep_their_floors_and_the_ledge(tmp_path):
     network, rough = of_rows(OVER.format(z=0.4), tmp_path)
     volume = solve_floors(rough, network)
-    found = measure_floor(volume, network, rough)
+    found = measure_floor(volume, network)
     assert found.step_m < 0.01
     assert found.other_step_m == pytest.approx(0.4, abs=0.01)
     assert [(ledge.leg, ledge.other) for ledge in found.ledges] == [("1 to 2", "3 to 4")]
-    heights = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR]), 2]
+    heights = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR]), 2]
     assert np.minimum(np.abs(heights), np.abs(heights - 0.4)).max() < 0.005
 
 
@@ -58,6 +59,6 @@ def test_legs_are_near_each_other_along_the_survey_and_not_across_it(tmp_path):
 
 def test_the_inner_corner_of_crossways_leaves_no_ledge_between_its_two_floors(tmp_path):
     network, rough = of_rows(CROSSWAYS, tmp_path)
-    found = measure_floor(solve_floors(rough, network), network, rough)
+    found = measure_floor(solve_floors(rough, network), network)
     assert found.step_m < 0.01
     assert found.ledges == ()

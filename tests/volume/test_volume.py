@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import Label, pieces_of, unite
+from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.proof import physics, throws
 from tests.heights import HEADER
 
@@ -37,7 +38,7 @@ def test_a_straight_drift_has_the_volume_and_the_floor_of_its_section(box):
     _, volume, _ = box
     section = 4 * 1.8 + (4 + 2) / 2 * 1.2  # walls to 0.6 of the height, then a roof half as wide
     assert volume.solid.volume() == pytest.approx(20 * section, rel=1e-7)  # the slab is 0.3 um wider than the walls
-    floor = np.linalg.norm(volume.normals[volume.label == Label.FLOOR], axis=1).sum() / 2
+    floor = np.linalg.norm(volume.normals[volume.label == FacetLabel.FLOOR], axis=1).sum() / 2
     assert floor == pytest.approx(80, rel=1e-6)
 
 
@@ -64,7 +65,7 @@ def test_a_part_that_is_taken_out_is_missing_and_lets_balls_escape(box):
 
 def test_a_part_that_is_moved_into_the_drift_is_found(box):
     _, volume, parts = box
-    floor = next(part for part in parts if volume.label[part.facets[0]] == Label.FLOOR)
+    floor = next(part for part in parts if volume.label[part.facets[0]] == FacetLabel.FLOOR)
     raised = dataclasses.replace(floor, corners=floor.corners + np.array([0, 0, 0.1]))
     kept = [part for part in parts if part is not floor]
     found = measure_enclosure(volume, [raised, *kept], 1000, np.random.default_rng(0))
@@ -74,8 +75,8 @@ def test_a_part_that_is_moved_into_the_drift_is_found(box):
 def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_survey(tmp_path):
     network = CASES["tee"].network(tmp_path)
     rough = unite(network, pieces_of(network))
-    assert max(abs(place.off_m) for place in measure_floor(rough, network, rough).elsewhere) > 0.1
-    found = measure_floor(solve_floors(rough, network), network, rough)
+    assert max(abs(place.off_m) for place in measure_floor(rough, network).elsewhere) > 0.1
+    found = measure_floor(solve_floors(rough, network), network)
     assert found.error_m < 0.01
     assert found.elsewhere == ()
     assert max(found.step_m, found.other_step_m) < 0.01
@@ -86,7 +87,7 @@ def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
     network, rough = built(PITCH, tmp_path)
     volume = solve_floors(rough, network)
     assert len(volume.solid.decompose()) == 1
-    found = measure_floor(volume, network, rough)
+    found = measure_floor(volume, network)
     assert found.share_built == 1
     assert 0 < found.over_floor < 1  # there is none over the pitch
     assert found.error_m < 0.01
@@ -110,7 +111,7 @@ def test_where_no_robot_fits_none_moves_and_none_climbs(tmp_path):
 def test_robots_at_rest_are_judged_where_the_floor_about_them_is_even(tmp_path):
     network, rough = built(PITCH, tmp_path)
     volume = solve_floors(rough, network)
-    top = volume.vertices[volume.faces[volume.label == Label.FLOOR]][..., 2].max()
+    top = volume.vertices[volume.faces[volume.label == FacetLabel.FLOOR]][..., 2].max()
     at = np.array([network.places_m[network.names.index(name)] for name in ("1", "2")])
     away = (at[1] - at[0]) / np.linalg.norm(at[1] - at[0])
     inside, beside = at[0] + 6 * away, at[1] - 1.4 * away
@@ -134,7 +135,7 @@ def test_a_prism_on_a_wide_station_ends_where_its_shortest_leg_does(tmp_path):
 
 def test_a_leg_over_the_deeper_floor_of_another_is_listed_by_station_and_its_own_floors_keep_the_survey(tmp_path):
     network, rough = built(BOX + "B,3,10,-10,2,2,-0.3,3,0\nB,4,10,10,2,2,-0.3,3,0\n", tmp_path)
-    found = measure_floor(rough, network, rough)
+    found = measure_floor(rough, network)
     (entry,) = found.elsewhere
     assert (entry.leg, entry.other) == ("1 to 2", "3 to 4")
     assert entry.off_m == pytest.approx(-0.3)
@@ -145,7 +146,7 @@ def test_a_leg_over_the_deeper_floor_of_another_is_listed_by_station_and_its_own
 def test_a_ledge_whose_corners_are_not_over_each_other_is_folded_without_a_crossing(tmp_path):
     network = CASES["tee"].network(tmp_path)
     volume = solve_floors(unite(network, pieces_of(network)), network)
-    ledge = (volume.label == Label.FLOOR) & (
+    ledge = (volume.label == FacetLabel.FLOOR) & (
         np.abs(volume.normals[:, 2]) < 1e-6 * np.linalg.norm(volume.normals, axis=1)
     )
     assert not ledge.any()

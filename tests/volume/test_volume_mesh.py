@@ -9,6 +9,7 @@ import pytest
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.comparisons.volume.random_volumes import beyond, judge
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.volume.crossings import crossing_facets
@@ -18,7 +19,7 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
-from pipeline.volume.union import Label, Volume, pieces_of, unite
+from pipeline.volume.union import Volume, pieces_of, unite
 from tests.heights import HEADER
 
 DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -33,7 +34,7 @@ def built(rows, folder):
 
 
 def floor_heights(volume):
-    return volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR]), 2]
+    return volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR]), 2]
 
 
 def test_facets_cross_where_two_bodies_overlap_and_not_where_they_share_corners(tmp_path):
@@ -96,7 +97,7 @@ def test_two_drifts_with_a_centimetre_of_rock_between_them_stay_two_with_rock_th
 def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
     _, rough, volume = built(UNDER, tmp_path)
     assert np.unique(floor_heights(rough).round(9)) == pytest.approx(np.unique(floor_heights(volume).round(9)))
-    below = volume.vertices[np.unique(volume.faces[volume.label == Label.ROOF])][:, 2]
+    below = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.ROOF])][:, 2]
     assert below[below < floor_heights(volume).max()].max() < floor_heights(volume).max() - 0.05
 
 
@@ -104,27 +105,27 @@ def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
 def test_a_narrow_raise_that_leans_into_a_high_passage_is_built_from_floor_to_floor(east, up, tmp_path):
     place = f"{20 + east},0,0.4,0.4,{up},6,0.2"
     rows = DRIFT + f"B,2,20,0,0.4,0.4,0,3,0\nB,3,{place}\nC,3,{place}\nC,4,{40 + east},0,2,2,{up},3,0\n"
-    network, rough, volume = built(rows, tmp_path)
-    assert measure_floor(volume, network, rough).share_built == 1
+    network, _rough, volume = built(rows, tmp_path)
+    assert measure_floor(volume, network).share_built == 1
 
 
 def test_the_floor_of_a_wide_slope_is_level_across_to_its_far_wall(tmp_path):
     _, _, volume = built("A,1,0,0,1,10,0,3,0\nA,2,4,0,1,10,1,3,0\n", tmp_path)
-    places = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    places = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     off = places[:, 2] - places[:, 0] / 4
     assert np.ptp(off) < 0.01
 
 
 def test_a_steep_leg_begins_on_its_own_floor_and_is_built_whole(tmp_path):
     rows = DRIFT + "B,2,20,0,2,2,0,3,0\nB,3,30,0,2,2,-6,3,0\n"
-    network, rough, volume = built(rows, tmp_path)
-    assert measure_floor(volume, network, rough).share_built == 1
+    network, _rough, volume = built(rows, tmp_path)
+    assert measure_floor(volume, network).share_built == 1
 
 
 def test_floors_that_part_slowly_meet_without_a_step(tmp_path):
     rows = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,-1,3,0\nA,3,40,5,2,2,-2,3,0\nB,2,20,0,2,2,-1,3,0\nB,4,40,-5,2,2,1,3,0\n"
-    network, rough, volume = built(rows, tmp_path)
-    found = measure_floor(volume, network, rough)
+    network, _rough, volume = built(rows, tmp_path)
+    found = measure_floor(volume, network)
     assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
     assert found.error_m < 0.01
 
@@ -177,6 +178,8 @@ def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), [("mine", 0), ("cave", 0), ("cave", 4), ("cave", 28)])
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("mine", 0), ("cave", 0), ("cave", 4), ("cave", 20), ("cave", 28), ("cave", 38), ("cave", 40)]
+)
 def test_a_random_survey_is_clean(kind, seed):
     assert beyond(judge(kind, seed)) == {}

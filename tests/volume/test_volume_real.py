@@ -14,7 +14,7 @@ def test_the_floors_of_wheal_pell_follow_its_survey_without_a_step(tmp_path):
     network = CASES["pell"].network(tmp_path)
     rough = unite(network, pieces_of(network))
     volume = solve_floors(rough, network)
-    found = measure_floor(volume, network, rough)
+    found = measure_floor(volume, network)
     assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
     assert found.error_m < 0.01
     assert found.share_built > 0.99

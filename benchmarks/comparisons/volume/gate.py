@@ -68,8 +68,8 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
         "parts": len(built),
         "intrusion_m3": sum(abs(part.intrusion_m3) for part in built),
     }
-    row["before"] = dataclasses.asdict(measure_floor(rough, network, rough))
-    row["floor"] = dataclasses.asdict(measure_floor(volume, network, rough))
+    row["before"] = dataclasses.asdict(measure_floor(rough, network))
+    row["floor"] = dataclasses.asdict(measure_floor(volume, network))
     row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, _TILES, rng))
     parts, row["refused"] = without_refused(built)
     row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)

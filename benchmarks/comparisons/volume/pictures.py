@@ -7,15 +7,15 @@ from typing import Any
 
 import matplotlib
 
+from minexplore.floors.volume_arrays import FacetLabel
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import PolyCollection
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-from pipeline.volume.union import Label
-
-_COLOURS = {Label.FLOOR: "#b08d57", Label.WALL: "#7d8597", Label.ROOF: "#c9d1de"}
+_COLOURS = {FacetLabel.FLOOR: "#b08d57", FacetLabel.WALL: "#7d8597", FacetLabel.ROOF: "#c9d1de"}
 _MOST_BYTES = 300_000
 
 
@@ -27,7 +27,7 @@ def draw(volumes: dict[str, Path], path: Path) -> None:
     figure = plt.figure(figsize=(4.0 * len(found), 7.0))
     for number, (title, mesh) in enumerate(found.items()):
         corners = mesh["vertices"][mesh["faces"]]
-        _plan(figure.add_subplot(2, len(found), number + 1), title, corners[mesh["label"] == Label.FLOOR])
+        _plan(figure.add_subplot(2, len(found), number + 1), title, corners[mesh["label"] == FacetLabel.FLOOR])
         _view(figure.add_subplot(2, len(found), len(found) + number + 1, projection="3d"), corners, mesh["label"])
     figure.tight_layout()
     for quality in (85, 70, 50, 30):
@@ -49,10 +49,10 @@ def _plan(axes: Any, title: str, corners: np.ndarray) -> None:
 
 
 def _view(axes: Any, corners: np.ndarray, label: np.ndarray) -> None:
-    seen = label != Label.ROOF
+    seen = label != FacetLabel.ROOF
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shade = 0.65 + 0.35 * np.abs(normal @ [0.4, 0.6, 0.69]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
-    base = np.array([matplotlib.colors.to_rgb(_COLOURS[Label(k)]) for k in label])
+    base = np.array([matplotlib.colors.to_rgb(_COLOURS[FacetLabel(k)]) for k in label])
     axes.add_collection3d(Poly3DCollection(corners[seen], facecolors=(base * shade[:, None])[seen], linewidths=0))
     low, high = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))

@@ -71,7 +71,7 @@ def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
     parts, refused = without_refused(build_shell(volume))
     mine = in_mine_frame(volume, np.zeros(3))
     fronts = fronts_of(volume, labelled_parts(parts, mine, np.zeros(3)))
-    floor = measure_floor(volume, network, rough)
+    floor = measure_floor(volume, network)
     found = measure_enclosure(volume, fronts.parts, _BOXES, np.random.default_rng(0), fronts.faces)
     return {
         "length_m": float(network.lengths_m.sum()),

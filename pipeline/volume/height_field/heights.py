@@ -136,7 +136,7 @@ def _vertices_on_legs(
 ) -> Iterator[tuple[int, int, int, float]]:
     """Yield a vertex, its patch, a leg that it is on seen from above, and the survey's floor there, m."""
     legs = np.array([n for n, piece in enumerate(pieces) if piece.is_drivable and is_leg(piece)], int)
-    ends = network.floors_m[[pieces[n].shot for n in legs]]
+    ends = network.ways_m[[pieces[n].shot for n in legs]]
     tree = shapely.STRtree(shapely.linestrings(ends[:, :, :2]))
     spot, row = tree.query(shapely.points(surface.places), predicate="dwithin", distance=_ON_LINE_M)
     way = ends[row, 1] - ends[row, 0]

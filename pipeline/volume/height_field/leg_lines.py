@@ -8,11 +8,12 @@ import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.height_field.plan_weights import plan_weights
-from pipeline.volume.network import NearLegs, SurveyNetwork
+from pipeline.volume.network import WITHIN_M, NearLegs, SurveyNetwork
 from pipeline.volume.union import Volume
 
 _SAMPLE_M = 0.05  # along a leg: the union's triangles may be as small
 _OWN_FLOOR_M = 0.01  # of a steep leg: a floor that is deeper is that of another
+_OVER_M = 0.1  # over a surveyed floor
 _PLUMB = 0.1  # of a facet's normal: so steep a facet has hardly an area seen from above
 _DEEPEST_M = 0.6  # under a surveyed floor: what is deeper is another floor
 
@@ -27,13 +28,31 @@ class AlongLegs:
     shot: np.ndarray
 
 
-def leg_floor_samples(network: SurveyNetwork, shots: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (n, 3) m on the surveyed floors along some shots, both ends among them, and their shots (n,)."""
-    floors, lengths = network.floors_m[shots], network.lengths_m[shots]
-    counts = np.maximum(2, np.ceil(lengths / step_m).astype(int) + 1)
-    shares = np.concatenate([np.linspace(0, 1, count) for count in counts]) if len(shots) else np.zeros(0)
-    number = np.repeat(np.arange(len(shots)), counts)
-    return floors[number, 0] + shares[:, None] * (floors[number, 1] - floors[number, 0]), shots[number]
+def leg_floor_samples(
+    network: SurveyNetwork, shots: np.ndarray, step_m: float, aside_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 3) m on the surveyed floors along some shots, from end to end, and their shots (n,).
+
+    With `aside_m` they are so far to the left, or as far as there is room. They are 5 mm inside the section: a line
+    that runs on a wall, or ends at one, has a floor on one side alone.
+    """
+    counts = np.maximum(2, np.ceil(network.lengths_m[shots] / step_m).astype(int) + 1)
+    share = np.concatenate([np.linspace(0, 1, count) for count in counts]) if len(shots) else np.zeros(0)
+    owner = np.repeat(shots, counts)
+    end = np.minimum(WITHIN_M / network.lengths_m[owner], 0.5)
+    share = np.clip(share, end, 1 - end)[:, None]
+    ways = network.beside_m(aside_m)[owner]
+    return ways[:, 0] + share * (ways[:, 1] - ways[:, 0]), owner
+
+
+def way_samples(network: SurveyNetwork, step_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (n, 3) m over the surveyed floors of all shots, and their shots (n,): what of a leg is free.
+
+    They are 0.1 m over the floor, or half of the least height.
+    """
+    places, owner = leg_floor_samples(network, np.arange(len(network.shots)), step_m)
+    above = np.minimum(_OVER_M, network.lrud_m[:, :, 2:].sum(axis=2).min(axis=1) / 2)[owner]
+    return places + above[:, None] * np.array([0, 0, 1.0]), owner
 
 
 def drop(vertices: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,11 +20,11 @@ _NO_AREA_M2 = 1e-9
 class SectionFloors:
     """The floors of pieces: a leg's lies between its sections, a hub's is a plane.
 
-    `outlines` are their polygons seen from above (n,), m; `tall_m` (n,) is the least height over the floor.
+    `outlines` are their polygons seen from above (n,), m.
     """
 
     outlines: np.ndarray
-    tall_m: np.ndarray
+    _talls: np.ndarray  # (n, 2) heights m of the passage over the floors at both ends
     _planes: np.ndarray  # (n, 5) x, y, z m of a place, slope east and north
     _corners: np.ndarray  # (n, 4, 2) m left and right at the start, left and right at the end
     _ends: np.ndarray  # (n, 2) heights m of the floors at both ends
@@ -34,7 +34,7 @@ class SectionFloors:
     def of(cls, network: SurveyNetwork, pieces: list[Solid]) -> SectionFloors:
         """Return the floors of all pieces."""
         outlines = np.array([_outline(piece) for piece in pieces], object)
-        tall = np.array([network.lrud_m[piece.shot][:, 2:].sum(axis=1).min() for piece in pieces])
+        talls = np.array([network.lrud_m[piece.shot][:, 2:].sum(axis=1) for piece in pieces])
         planes = np.array([piece.floor for piece in pieces])
         corners, ends, between = np.zeros((len(pieces), 4, 2)), np.zeros((len(pieces), 2)), np.zeros(len(pieces), bool)
         for number, piece in enumerate(pieces):
@@ -43,7 +43,21 @@ class SectionFloors:
                 ends[number] = network.floors_m[piece.shot][:, 2]
                 polygon = shapely.Polygon(piece.footprint)
                 between[number] = polygon.is_valid and polygon.area > _LEAST_M2
-        return cls(outlines, tall, planes, corners, ends, between)
+        return cls(outlines, talls, planes, corners, ends, between)
+
+    @property
+    def tall_m(self) -> np.ndarray:
+        """Return the least height (n,) m of each piece over its floor."""
+        least: np.ndarray = self._talls.min(axis=1)
+        return least
+
+    def tall_at(self, pieces: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return the heights (n,) m over the floors of pieces (n,) at places (n, 2) m, one for each."""
+        found: np.ndarray = self.tall_m[pieces]
+        some = np.flatnonzero(self._between[pieces])
+        start, end = self._talls[pieces[some]].T
+        found[some] = start + self._along(pieces[some], places[some]) * (end - start)
+        return found
 
     def heights_at(self, pieces: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return the heights (n,) m of the floors of pieces (n,) at places (n, 2) m, one for each."""

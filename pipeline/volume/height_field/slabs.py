@@ -11,10 +11,11 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.height_field.heights import HeightField
 from pipeline.volume.height_field.section_floors import is_leg
 from pipeline.volume.height_field.surface import FloorSurface, weld
-from pipeline.volume.union import Label, Solid
+from pipeline.volume.union import Solid
 
 _DEPTH_M = 0.3  # of a slab over its floor, at most half of the passage's height
 _UNDER_M = 0.1  # below the lowest floor, where what is cut from a passage ends
@@ -41,7 +42,7 @@ class SlabPart:
 
 
 def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> list[manifold3d.Manifold]:
-    """Return the slabs over all floors; enter the keys of their facets, `len(Label) * piece + label`, by number.
+    """Return the slabs over all floors; enter the keys of their facets, `len(FacetLabel) * piece + label`, by number.
 
     A slab is at least 0.3 m high, or half of the lowest passage on it, over its floor and over the sections'. No part
     of a solid lies over another. Parts have exactly the same wall where they meet, so that their union has none.
@@ -56,7 +57,7 @@ def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> l
         some = np.flatnonzero(part == number)
         slab = _over(surface, some, surface.plan_m + aside, field.heights_m, top)
         floor = np.arange(len(slab.faces)) < len(some)
-        key = len(Label) * owner[surface.patch[slab.triangle]] + np.where(floor, Label.FLOOR, Label.WALL)
+        key = len(FacetLabel) * owner[surface.patch[slab.triangle]] + np.where(floor, FacetLabel.FLOOR, FacetLabel.WALL)
         order = np.argsort(key, kind="stable")
         kinds, starts = np.unique(key[order], return_index=True)
         first = manifold3d.Manifold.reserve_ids(len(kinds))
@@ -74,9 +75,9 @@ def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> l
 class PassageFloors:
     """What is cut from passages: all from below their floors up to half the depth of the slab over these."""
 
-    def __init__(self, field: HeightField, pieces: list[Solid]) -> None:
-        """Sort the triangles by the pieces whose floor they are."""
-        self._surface, self._pieces = field.surface, pieces
+    def __init__(self, field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> None:
+        """Sort the triangles by the pieces whose floor they are; `keys` get those of cut facets, as in `slabs_of`."""
+        self._surface, self._pieces, self._keys = field.surface, pieces, keys
         self._top = field.heights_m + np.minimum(_DEPTH_M, field.tall_m / 2) / 2
         self._bottom = np.minimum(field.heights_m, field.low_m) - _UNDER_M
         triangle, piece = field.surface.of_pieces
@@ -113,9 +114,10 @@ class PassageFloors:
             out = ~np.isin(back.reshape(-1, 3)[part].ravel()[own], ours)
             out &= ~shapely.dwithin(shapely.centroid(lines), stays, _ON_SECTION_M)
             aside = _CUT_ASIDE_M * _ways_out(own[out], corners, places)
-            yield _mesh_over(
-                corners, own, part, places + aside, self._bottom[vertex], self._top[vertex], vertex
-            ).solid()
+            slab = _mesh_over(corners, own, part, places + aside, self._bottom[vertex], self._top[vertex], vertex)
+            body = slab.solid()
+            self._keys[body.original_id()] = len(FacetLabel) * number + FacetLabel.WALL
+            yield body
 
 
 def _next(corners: np.ndarray) -> np.ndarray:

@@ -138,7 +138,7 @@ def _lines(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -
     found = {}
     for number, piece in enumerate(pieces):
         if piece.is_drivable:
-            leg = [shapely.LineString(network.floors_m[piece.shot][:, :2])] if is_leg(piece) else []
+            leg = [shapely.LineString(network.ways_m[piece.shot][:, :2])] if is_leg(piece) else []
             found[number] = [floors.outlines[number].exterior, *leg]
     return found
 

@@ -22,13 +22,12 @@ from minexplore.bundle import (
     VOLUME_FORMAT,
     world_sha256,
 )
-from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
 from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
 from pipeline.params.realism import LightParams, RealismParams
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.hashing import sha256_bytes
 from pipeline.types import NO_PICTURE, FreeSpace, Image, Survey
-from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, SPAWN
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_xml
@@ -128,7 +127,7 @@ def _figures(volume: VolumeFacets, parts: Parts, cells: FloorSpans, built: Built
         facets=len(volume.faces),
         vertices=len(volume.vertices),
         parts=len(parts),
-        floors=int((parts.label == Label.FLOOR).sum()),
+        floors=int((parts.label == FacetLabel.FLOOR).sum()),
         storeys=int(cells.storey.max(initial=-1)) + 1,
         low_m=round(float(volume.vertices[:, 2].min()), 6),
         high_m=round(float(volume.vertices[:, 2].max()), 6),

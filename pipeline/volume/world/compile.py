@@ -115,7 +115,7 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
 
 def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _VolumeDraft:
     robot = robot_size(params.volume)
-    solved = without_thin_rock(volume_of_solid(solid, robot.steepest))
+    solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)))
     solved = replace(solved, label=labels_of(solved.vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)

@@ -21,14 +21,13 @@ from minexplore.bundle import (
     rock_geom,
     spot_light,
 )
-from minexplore.floors.volume_arrays import Parts
+from minexplore.floors.volume_arrays import FacetLabel, Parts
 from minexplore.looks import EXTENT_M, LOOKS
 from pipeline.mjcf.scene import SpotLight, ZoneStrip
-from pipeline.volume.union import Label
 from pipeline.volume.world.surface.show import show_rock
 
 _DIGITS = 7  # of coordinates about a part's middle, m
-_GROUPS = {Label.WALL: GeomGroup.COLLISION, Label.ROOF: GeomGroup.ROOF}
+_GROUPS = {FacetLabel.WALL: GeomGroup.COLLISION, FacetLabel.ROOF: GeomGroup.ROOF}
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def part_names(parts: Parts, zones: Sequence[ZoneStrip]) -> list[str]:
     """Return the name of each part's geom and mesh: floors by their zone, all in the order of the parts."""
     names, floors = [], 0
     for label, zone in zip(parts.label.tolist(), zone_numbers(parts, zones).tolist(), strict=True):
-        if label == Label.FLOOR:
+        if label == FacetLabel.FLOOR:
             names.append(floor_part(zones[zone].name, floors))
             floors += 1
         else:
@@ -124,8 +123,8 @@ def _parts(scene: VolumeScene) -> Iterator[tuple[ElementTree.Element, ElementTre
         middle = ((corners.min(axis=0) + corners.max(axis=0)) / 2).round(4)
         vertices = _text((corners - middle).round(_DIGITS).ravel())
         geom = {"name": name, "type": "mesh", "mesh": name, "pos": _text(middle)}
-        label = Label(int(parts.label[number]))
-        if label is Label.FLOOR:
+        label = FacetLabel(int(parts.label[number]))
+        if label is FacetLabel.FLOOR:
             zone = scene.zones[zones[number]]
             geom |= {
                 "material": ground_material(zone.name),

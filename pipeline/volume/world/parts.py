@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from minexplore.floors.volume_arrays import Parts, VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeFacets
 from pipeline.volume.shell import ShellPart
-from pipeline.volume.union import Label
 
 _LEAST_M = 1e-6  # least extent of a part: MuJoCo refuses a sliver without a volume
 _ON_BORDER_M = 1e-4  # a corner so near a border needs no cut
@@ -37,7 +36,7 @@ def cut_floors(parts: Parts, borders_m: Sequence[float]) -> Parts:
     label: list[int] = []
     for number, kind in enumerate(parts.label.tolist()):
         pieces = [parts[number]]
-        for border in borders_m if kind == Label.FLOOR else ():
+        for border in borders_m if kind == FacetLabel.FLOOR else ():
             pieces = [half for piece in pieces for half in _halves(piece, border)]
         kept = [piece for piece in pieces if _has_volume(piece)] if len(pieces) > 1 else pieces
         corners += kept

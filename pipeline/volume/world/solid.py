@@ -13,12 +13,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.remarks import warn_user
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 from pipeline.volume.world.uncrossed import uncrossed
 
 _SPACING_M = 1.0  # of stations along a leg
@@ -35,7 +35,9 @@ def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.nd
     normal = np.cross(b - a, c - a)
     size = np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
     floor = np.hypot(normal[:, 0], normal[:, 1]) <= -normal[:, 2] * steepest
-    return np.where(floor, Label.FLOOR, np.where(normal[:, 2] > np.sqrt(0.5) * size, Label.ROOF, Label.WALL))
+    return np.where(
+        floor, FacetLabel.FLOOR, np.where(normal[:, 2] > np.sqrt(0.5) * size, FacetLabel.ROOF, FacetLabel.WALL)
+    )
 
 
 def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:

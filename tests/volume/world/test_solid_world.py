@@ -11,14 +11,13 @@ import pytest
 import trimesh
 
 from minexplore.bundle import TOPOLOGY, VOLUME
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
 from pipeline.survey.detect import detect_survey
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.shell import facets_without_part
-from pipeline.volume.union import Label
 from pipeline.volume.world.compile import BUILT, _built, compile_volume
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.topology import LegNetwork
@@ -53,7 +52,7 @@ def test_the_volume_is_the_solid_with_floors_walls_and_roofs(tmp_path):
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     plan = DRIFT_M * 4 + 2 * 20 * 4
     assert closed_volume(volume).solid.volume() == pytest.approx(3 * plan)
-    for label in (Label.FLOOR, Label.ROOF):
+    for label in (FacetLabel.FLOOR, FacetLabel.ROOF):
         assert area[volume.label == label].sum() == pytest.approx(plan)
 
 
@@ -114,7 +113,7 @@ def test_rock_between_drifts_that_is_thinner_than_a_body_sinks_in_is_thickened(t
     volume = closed_volume(decode(tmp_path / VOLUME, VolumeFacets))
     assert not facets_without_part(volume)
     assert volume.solid.volume() == pytest.approx(2 * DRIFT_M * 4 * 3 - 0.1 * DRIFT_M * 3, rel=0.01)
-    assert {int(label) for label in volume.label} == {Label.FLOOR, Label.ROOF, Label.WALL}
+    assert {int(label) for label in volume.label} == {FacetLabel.FLOOR, FacetLabel.ROOF, FacetLabel.WALL}
 
 
 @pytest.mark.slow

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from minexplore.bundle import CELLS, MODEL, PARTS, TOPOLOGY, VOLUME
-from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.mjcf.bundle import read_record
-from pipeline.volume.union import Label
 from pipeline.volume.world.compile import compile_volume
 from pipeline.volume.world.parts import collect_labelled, cut_floors
 from pipeline.volume.world.topology import LegNetwork
@@ -30,7 +29,7 @@ def test_mujoco_loads_the_model_by_itself_with_a_geom_for_each_part(world):
     parts = world.decoded(PARTS, Parts)
     names = [model.geom(k).name for k in range(model.ngeom)]
     assert len(names) == len(parts)
-    assert sum(name.startswith("floor_") for name in names) == (parts.label == Label.FLOOR).sum()
+    assert sum(name.startswith("floor_") for name in names) == (parts.label == FacetLabel.FLOOR).sum()
     zones = {name.split("_")[1] for name in names if name.startswith("floor_")}
     assert zones == {"dry", "mud", "water"}  # floors are cut where zones meet
 
@@ -67,7 +66,7 @@ def test_a_mine_that_is_a_crawl_throughout_is_refused_with_what_a_robot_needs(tm
 
 def test_floor_parts_are_cut_at_the_borders_and_keep_their_volume():
     corners = np.array([[x, y, z] for x in (0.0, 10.0) for y in (0.0, 2.0) for z in (-0.3, 0.0)])
-    cut = cut_floors(collect_labelled([corners, corners + 20], [Label.FLOOR, Label.WALL]), [4.0, 7.0, 25.0])
+    cut = cut_floors(collect_labelled([corners, corners + 20], [FacetLabel.FLOOR, FacetLabel.WALL]), [4.0, 7.0, 25.0])
     spans = [(cut[k][:, 0].min(), cut[k][:, 0].max()) for k in range(len(cut))]
     assert spans == [(0, 4), (4, 7), (7, 10), (20, 30)]
     assert cut.label.tolist() == [0, 0, 0, 1]

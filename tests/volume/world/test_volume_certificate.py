@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
 from pipeline.proof.certificate import certify
-from pipeline.volume.union import Label
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.certificate import applying_limits
@@ -71,13 +71,13 @@ def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
 
 
 def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
-    floor = int(np.flatnonzero(opened.parts.label == Label.FLOOR)[0])
+    floor = int(np.flatnonzero(opened.parts.label == FacetLabel.FLOOR)[0])
     mutant = with_parts(opened, lambda k, corners: corners + np.array([0, 0, 0.02]) if k == floor else corners)
     assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_um", "enclosure.unlike"}
 
 
 def test_a_part_that_is_thinned_is_thinner_than_a_body_sinks_in(ramp, opened):
-    floor = int(np.flatnonzero(opened.parts.label == Label.FLOOR)[0])
+    floor = int(np.flatnonzero(opened.parts.label == FacetLabel.FLOOR)[0])
 
     def thinned(k, corners):
         level = corners[:, 2].max()
@@ -104,7 +104,7 @@ def test_a_leg_that_is_left_out_lowers_the_share_that_is_built(tmp_path, opened)
 
 def test_a_floor_that_lies_over_the_survey_is_off_by_as_much(ramp, opened):
     volume = closed_volume(opened.mine)
-    floor = np.unique(volume.faces[volume.label == Label.FLOOR])
+    floor = np.unique(volume.faces[volume.label == FacetLabel.FLOOR])
     vertices = opened.mine.vertices.copy()
     vertices[floor, 2] += 0.03
     mutant = dataclasses.replace(opened, mine=dataclasses.replace(opened.mine, vertices=vertices))
@@ -134,7 +134,7 @@ def test_a_robot_that_starts_in_a_pit_reaches_little_of_the_floors(tmp_path):
 
 
 def test_robots_and_balls_escape_where_the_largest_wall_is_left_out(ramp, opened):
-    walls = np.flatnonzero(opened.parts.label == Label.WALL)
+    walls = np.flatnonzero(opened.parts.label == FacetLabel.WALL)
     largest = max(walls.tolist(), key=lambda k: float(np.prod(np.sort(np.ptp(opened.parts[k], axis=0))[1:])))
     mutant = with_parts(opened, lambda k, corners: None if k == largest else corners)
     found = validated(mutant, ramp.legs, robot_contacts=6000, ball_contacts=3000)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from minexplore.floors.volume_arrays import Parts
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
@@ -30,13 +31,16 @@ class Fronts:
 def fronts_of(volume: Volume, parts: Parts) -> Fronts:
     """Find the face of each part that lies on the plane of a facet, with all of the part behind it.
 
-    Of several planes the one with the largest face counts. A facet has a part behind it if its middle is on the face of
+    Of several planes the one with the largest face counts; its area is what of facets the part is behind, as a sliver's
+    plane may hold more of the part than the sliver. A facet has a part behind it if its middle is on the face of
     one that lies behind its plane.
     """
     corners = PartCorners(parts.corners, parts.first.astype(np.int64))
     faces = faces_on_facets(volume, corners)
+    covered = np.bincount(faces.part, shapely.area(faces.shared), len(parts))
+    area = np.minimum(faces.area_m2, covered[faces.part])
     found = [
-        ShellPart(corners[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(faces.area_m2[n]), 0.0)
+        ShellPart(corners[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(area[n]), 0.0)
         if n >= 0
         else ShellPart(corners[k], [0], "built", 0.0, 0.0, 0.0)
         for k, n in enumerate(faces.largest(len(parts)).tolist())

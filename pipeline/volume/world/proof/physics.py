@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
 from minexplore.task import TaskParams
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.shell import ShellPart
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 
 ROBOTS = 12
 # Rise over run. On an even plane of 0.2 the robot creeps by 2 mm in 5 s, of 0.25 by 1 cm, of 0.36 by 10 cm: its castors
@@ -66,7 +67,7 @@ def places_for_robots(
     The disc fits also so far ahead, uphill. `targets` (f,) says which facets count; None is all.
     """
     robot, inside = RobotParams(), Inside(volume)
-    floor = np.flatnonzero((volume.label == Label.FLOOR) & (True if targets is None else targets))
+    floor = np.flatnonzero((volume.label == FacetLabel.FLOOR) & (True if targets is None else targets))
     normal = -volume.normals[floor]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     middle = volume.vertices[volume.faces[floor]].mean(axis=1)

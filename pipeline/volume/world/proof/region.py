@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.shell import ShellPart
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 
 _REACH_M = 4.0  # a robot at 3 m/s goes 2.4 m in a throw
 
@@ -28,7 +29,7 @@ def region_of(volume: Volume, parts: list[ShellPart], most: int, rng: np.random.
     """
     if len(parts) <= most:
         return Region(parts, np.ones(len(volume.faces), bool))
-    area = np.linalg.norm(volume.normals, axis=1) * (volume.label == Label.FLOOR)
+    area = np.linalg.norm(volume.normals, axis=1) * (volume.label == FacetLabel.FLOOR)
     about, facet = _PartsAbout(volume, parts), int(rng.choice(len(area), p=area / area.sum()))
     while not (found := about.region(facet, most)).targets.any():
         most *= 2

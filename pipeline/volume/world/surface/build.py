@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minexplore.bundle import VOLUME
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.remarks import warn_user
@@ -22,7 +22,6 @@ from pipeline.surface.relief.joints import JointedRock, relief_of_joints
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.union import Label
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
@@ -81,7 +80,7 @@ def displaced_rock(params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarr
 def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
     """Return the configured spacing, or the one at which the rock has `most_faces`, with a remark."""
     rough = params.rough
-    corners = volume.vertices[volume.faces[volume.label != Label.FLOOR]]
+    corners = volume.vertices[volume.faces[volume.label != FacetLabel.FLOOR]]
     area = float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
     faces = _FACES * area / 2 / rough.spacing_m**2
     if rough.most_faces is None or faces <= rough.most_faces:

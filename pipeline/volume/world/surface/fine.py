@@ -8,9 +8,8 @@ import manifold3d
 import numpy as np
 from scipy.sparse import coo_array, diags_array
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.surface.mesh.lattice import ROOF, WALL
-from pipeline.volume.union import Label
 
 FLOOR = 2  # beside WALL and ROOF: floors stay where they are and are not written
 _ROOF_NZ = 0.7  # of a normal out of the free space, as the labels of facets have it
@@ -52,7 +51,7 @@ def refine(volume: VolumeFacets, spacing_m: float) -> FineRock:
 
     Facets thinner than 0.1 mm are merged before, and what is no floor is wall or roof by its slope.
     """
-    merged = _solid(volume.vertices, volume.faces, volume.label == Label.FLOOR).simplify(_MERGED_M)
+    merged = _solid(volume.vertices, volume.faces, volume.label == FacetLabel.FLOOR).simplify(_MERGED_M)
     vertices, faces, of_floor = _arrays(merged.refine_to_length(spacing_m))
     faces = faces[:, ::-1].astype(np.int32)
     corners = vertices[faces]

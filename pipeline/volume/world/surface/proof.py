@@ -10,13 +10,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minexplore.bundle import MESHES, mesh_of
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.mesh_checks import find_crossings, join_meshes
 from pipeline.types import Mesh
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLES = 100_000  # of the rock, by area
@@ -54,7 +55,7 @@ def measure_rock(
     inside = Inside(volume)
     away = inside.distance_m(samples)
     gap = np.abs(away)
-    is_floor = volume.label == Label.FLOOR
+    is_floor = volume.label == FacetLabel.FLOOR
     open_m, bare_m = _borders_m(vertices, faces, volume.vertices, volume.faces[is_floor])
     places = _places(legs)
     places = places[inside.distance_m(places) > _LEAST_M]

@@ -8,13 +8,12 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
 from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.relief_source import bounds_of
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.union import Label
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
@@ -34,7 +33,7 @@ def room(outline):
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     normal = np.cross(b - a, c - a)
     up = normal[:, 2] / np.linalg.norm(normal, axis=1)
-    label = np.select([up < -0.9, up > 0.9], [Label.FLOOR, Label.ROOF], Label.WALL).astype(np.int32)
+    label = np.select([up < -0.9, up > 0.9], [FacetLabel.FLOOR, FacetLabel.ROOF], FacetLabel.WALL).astype(np.int32)
     return VolumeFacets(vertices, faces, label, np.zeros(len(faces), np.int32))
 
 
@@ -58,7 +57,7 @@ def curved_tongue(end_m):
 def test_fine_rock_keeps_every_corner_of_the_floor_where_rock_is_thinner_than_a_millimetre():
     volume = straight_tongue(6e-4)
     fine = refine(volume, 0.14)
-    corners = volume.vertices[np.unique(volume.faces[volume.label == Label.FLOOR])]
+    corners = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     away_m, _ = cKDTree(fine.vertices[np.unique(fine.faces[fine.piece == FLOOR])]).query(corners)
     assert away_m.max() < 1e-6
 
@@ -75,7 +74,7 @@ def test_rock_about_a_thin_tongue_crosses_itself_nowhere_in_its_files_and_meets_
     vertices, faces = join_meshes(written)
     assert len(find_crossings(vertices, faces)) == 0
     assert len(find_shared_edges(vertices, faces)) == 0
-    assert _borders_m(vertices, faces, volume.vertices, volume.faces[volume.label == Label.FLOOR]) == (0.0, 0.0)
+    assert _borders_m(vertices, faces, volume.vertices, volume.faces[volume.label == FacetLabel.FLOOR]) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("simplification", [None, Simplification(0.3, 5.0)], ids=["whole", "simplified"])
