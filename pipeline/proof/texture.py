@@ -111,7 +111,7 @@ def report_texture(
     params: TextureReportParams,
 ) -> TextureReport:
     """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison."""
-    rock = measure_texture(*(visible_triangles(model, piece) for piece in (WALLS, ROOF)), free, network, params)
+    rock = measure_texture(visible_triangles(model, WALLS), visible_triangles(model, ROOF), free, network, params)
     flat = measure_flat_texture(model, free, network, params)
     return repeatable(
         TextureReport(
@@ -172,10 +172,10 @@ def measure_texture(
     _require_both(pieces)
     everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
+    give_back()  # sampling takes three times the memory of the points
     along_m: float | None = None
     draws: list[Draw] = []
     for places in draws_of_places(network, params):
-        give_back()  # what was drawn before: its pieces do not fit the next ones, and 0.2 GB would add up
         near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
         _require_both(near)
         on_walls, on_roof = _sample(near, params, rng)
