@@ -39,7 +39,7 @@ from pipeline.types import (
     Workings,
 )
 
-_SLOW_MEASURES = ("containment", "columns", "relief", "walls", "texture")
+_SLOW_MEASURES = ("containment", "columns", "walls", "relief", "texture")
 
 
 def validate_world(

@@ -83,10 +83,10 @@ class Draw:
 
 @dataclass(frozen=True)
 class MeasuredTexture:
-    """The texture of one surface in each draw of stretches, and points of all its walls (n, 3) m."""
+    """The texture of one surface in each draw of stretches, and the mean sigma along all its walls."""
 
     draws: list[Draw]
-    everywhere: np.ndarray
+    heat: list[tuple[float, float, float]]
 
     @property
     def as_paper(self) -> TextureAxes:
@@ -125,7 +125,7 @@ def report_texture(
             rock.sweep,
             float(np.mean([draw.roof_unevenness_m for draw in rock.draws])),
             float(np.mean([draw.bump_rms_m for draw in rock.draws])),
-            _heat(rock.everywhere),
+            rock.heat,
             _short(published_score(flat.as_paper)),
             _short(strict_score(flat.as_is)),
         )
@@ -172,6 +172,8 @@ def measure_texture(
     _require_both(pieces)
     everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
+    heat = _heat(everywhere)
+    del everywhere
     give_back()  # sampling takes three times the memory of the points
     along_m: float | None = None
     draws: list[Draw] = []
@@ -183,7 +185,7 @@ def measure_texture(
             wall = between(on_walls.points, params.wall_z_m)
             along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
         draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params, rng))
-    return MeasuredTexture(draws, everywhere)
+    return MeasuredTexture(draws, heat)
 
 
 def _require_both(pieces: list[np.ndarray]) -> None:
