@@ -12,11 +12,12 @@ from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
+from pipeline.memory import give_back
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.rock.published import REAL_SWEEP
-from pipeline.metrics.rock.sampling import faces_near, sample_triangles, unit_normals, with_noise
+from pipeline.metrics.rock.sampling import add_noise, faces_near, sample_triangles, unit_normals
 from pipeline.metrics.rock.texture import (
     REAL,
     RockPoints,
@@ -82,10 +83,10 @@ class Draw:
 
 @dataclass(frozen=True)
 class MeasuredTexture:
-    """The texture of one surface in each draw of stretches, and points of all its walls (n, 3) m."""
+    """The texture of one surface in each draw of stretches, and the mean sigma along all its walls."""
 
     draws: list[Draw]
-    everywhere: np.ndarray
+    heat: list[tuple[float, float, float]]
 
     @property
     def as_paper(self) -> TextureAxes:
@@ -110,8 +111,7 @@ def report_texture(
     params: TextureReportParams,
 ) -> TextureReport:
     """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison."""
-    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
-    rock = measure_texture(walls, roof, free, network, params)
+    rock = measure_texture(visible_triangles(model, WALLS), visible_triangles(model, ROOF), free, network, params)
     flat = measure_flat_texture(model, free, network, params)
     return repeatable(
         TextureReport(
@@ -125,7 +125,7 @@ def report_texture(
             rock.sweep,
             float(np.mean([draw.roof_unevenness_m for draw in rock.draws])),
             float(np.mean([draw.bump_rms_m for draw in rock.draws])),
-            _heat(rock.everywhere),
+            rock.heat,
             _short(published_score(flat.as_paper)),
             _short(strict_score(flat.as_is)),
         )
@@ -172,6 +172,9 @@ def measure_texture(
     _require_both(pieces)
     everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
     published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
+    heat = _heat(everywhere)
+    del everywhere
+    give_back()  # sampling takes three times the memory of the points
     along_m: float | None = None
     draws: list[Draw] = []
     for places in draws_of_places(network, params):
@@ -181,8 +184,8 @@ def measure_texture(
         if not draws:
             wall = between(on_walls.points, params.wall_z_m)
             along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
-        draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params))
-    return MeasuredTexture(draws, everywhere)
+        draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params, rng))
+    return MeasuredTexture(draws, heat)
 
 
 def _require_both(pieces: list[np.ndarray]) -> None:
@@ -192,41 +195,43 @@ def _require_both(pieces: list[np.ndarray]) -> None:
 
 @dataclass(frozen=True)
 class _Cloud:
-    """Points (n, 3) m of a piece, and the same with the paper's noise."""
+    """Points (n, 3) m of a piece, the triangles (k, 3, 3) m that they were drawn on, and which (n,)."""
 
     points: np.ndarray
-    noisy: np.ndarray
+    triangles: np.ndarray
+    face: np.ndarray
+
+    def add_noise(self, along_m: float, in_plane_m: float, rng: np.random.Generator) -> None:
+        """Move the points by the paper's noise."""
+        add_noise(self.points, unit_normals(self.triangles), self.face, along_m, in_plane_m, rng)
 
 
 def _sample(pieces: list[np.ndarray], params: TextureReportParams, rng: np.random.Generator) -> list[_Cloud]:
     """Draw points of walls and roof, given as triangles (n, 3, 3) m."""
-    clean = [
-        sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
-        for triangles, most in zip(pieces, (params.wall_points, params.roof_points), strict=True)
-    ]
-    along_m, in_plane_m = params.noise_normal_m, params.noise_in_plane_m
-    return [
-        _Cloud(points, with_noise(points, unit_normals(triangles).take(face, axis=0), along_m, in_plane_m, rng))
-        for triangles, (points, face) in zip(pieces, clean, strict=True)
-    ]
+    found = []
+    for triangles, most in zip(pieces, (params.wall_points, params.roof_points), strict=True):
+        points, face = sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
+        found.append(_Cloud(points, triangles, face))
+    return found
 
 
 def _measure_draw(
-    walls: _Cloud, roofs: _Cloud, wavelengths_m: tuple[float | None, float | None], params: TextureReportParams
+    walls: _Cloud,
+    roofs: _Cloud,
+    wavelengths_m: tuple[float | None, float | None],
+    params: TextureReportParams,
+    rng: np.random.Generator,
 ) -> Draw:
-    """Measure one draw."""
-    noisy = _rock_points(walls.noisy, roofs.noisy, wavelengths_m[0], params)
-    as_paper = measure_axes(noisy)
-    del noisy  # its planes take as much memory as all points
+    """Measure one draw, first as it is; then its points get the paper's noise, and are measured once more."""
     rock = _rock_points(walls.points, roofs.points, wavelengths_m[1], params)
     sigma = rock.sweep.bumps.sigma
-    return Draw(
-        as_paper,
-        measure_axes(rock),
-        rock.sweep.residuals,
-        roof_unevenness_m(rock.roof),
-        float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0,
-    )
+    bump_rms_m = float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0
+    as_is, sweep, unevenness_m = measure_axes(rock), rock.sweep.residuals, roof_unevenness_m(rock.roof)
+    del rock  # its planes take as much memory as all points
+    for cloud in (walls, roofs):
+        cloud.add_noise(params.noise_normal_m, params.noise_in_plane_m, rng)
+    as_paper = measure_axes(_rock_points(walls.points, roofs.points, wavelengths_m[0], params))
+    return Draw(as_paper, as_is, sweep, unevenness_m, bump_rms_m)
 
 
 def _rock_points(

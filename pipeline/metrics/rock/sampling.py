@@ -59,11 +59,30 @@ def faces_near(triangles: np.ndarray, places: np.ndarray, radius_m: float) -> np
     return triangles[np.isfinite(near)]
 
 
-def with_noise(
-    points: np.ndarray, normals: np.ndarray, along_m: float, in_plane_m: float, rng: np.random.Generator
-) -> np.ndarray:
-    """Return the points with Gaussian noise: s.d. `along_m` along the normal plus `in_plane_m` in every direction."""
-    noisy = normals * rng.normal(0, along_m, (len(points), 1))
-    noisy += points
-    noisy += rng.normal(0, in_plane_m, points.shape)
-    return noisy
+def add_noise(
+    points: np.ndarray,
+    normals: np.ndarray,
+    face: np.ndarray,
+    along_m: float,
+    in_plane_m: float,
+    rng: np.random.Generator,
+) -> None:
+    """Add Gaussian noise: s.d. `along_m` along a point's normal plus `in_plane_m` in every direction.
+
+    Parameters
+    ----------
+    points : (n, 3) float64, m
+        They are changed.
+    normals : (k, 3) float64
+        Unit normals of faces.
+    face : (n,) int
+        Each point's face.
+    along_m, in_plane_m : float
+    rng : numpy.random.Generator
+    """
+    along = rng.normal(0, along_m, (len(points), 1))
+    for at in range(0, len(points), _BLOCK):
+        block = slice(at, at + _BLOCK)
+        noisy = normals.take(face[block], axis=0) * along[block]
+        points[block] += noisy
+        points[block] += rng.normal(0, in_plane_m, noisy.shape)
