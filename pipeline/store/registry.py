@@ -12,7 +12,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import absence_of, sha256_file
-from pipeline.store.locks import wait_for_lock
+from pipeline.store.locks import hold_lock
 
 REGISTRY, OWN_REGISTRY = Path("data/registry.txt"), Path("data/registry_own.txt")
 
@@ -95,9 +95,8 @@ def register(path: Path, origin: str, licence: str, registry: Path = REGISTRY) -
         raise InputError(f"{path}: {absence_of(path)}")
     if not all(text.isprintable() for text in (name, origin, licence)):
         raise InputError(f"{str(path)!r}: a name, origin or licence with a tab or line break cannot be registered")
-    read_registry()  # it must exist before it is locked
     entry = Entry(name, sha256_file(path), path.stat().st_size, origin, licence)
-    with wait_for_lock(registry):
+    with hold_lock(_lock_of(registry), None):
         _add_line(path, entry, registry)
     return entry
 
@@ -114,12 +113,16 @@ def _add_line(path: Path, entry: Entry, registry: Path) -> None:
             stream.write("\t".join(line) + "\n")
 
 
+def _lock_of(registry: Path) -> Path:
+    return registry.with_name(f".{registry.name}.lock")
+
+
 def unregister(paths: list[Path]) -> None:
     """Remove files of your mines from their registry; those that are not in it are ignored."""
     names = {path.relative_to("data").as_posix() for path in paths}
     if not names or not OWN_REGISTRY.is_file():
         return
-    with wait_for_lock(OWN_REGISTRY):
+    with hold_lock(_lock_of(OWN_REGISTRY), None):
         lines = OWN_REGISTRY.read_text().splitlines(keepends=True)
         kept = [line for line in lines if line.split("\t")[0] not in names]
         if not kept:

@@ -143,6 +143,7 @@ def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(
     monkeypatch.setattr("baselines.base.result_file.RESULTS", tmp_path)
     monkeypatch.setattr("baselines.evaluate.RESULTS", tmp_path)
     monkeypatch.setattr("baselines.evaluate.EXPLORERS", ["reactive"])
+    monkeypatch.setattr("baselines.evaluate.CHECKPOINTS", tmp_path)  # the kept ones would be driven, too
     out = tmp_path / "ShortTee-v0" / "reactive.jsonl"
     evaluate_all([short_id], [0], 1)
     assert was_driven_here(out, tmp_path, *read_results(out))

@@ -10,13 +10,13 @@ import sys
 
 import cv2
 import pytest
+import shapely
 
 from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.pictures.look_at_report import find_browser, look_at
 from benchmarks.pictures.paper_drawing import draw_on_paper
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
-from tests.mines import TEE
 from tests.project import TINY_STATIONS, message_of, set_values
 
 
@@ -28,7 +28,8 @@ def pipeline(project, *arguments):
 def owned(tmp_path_factory, repro):
     """Return a project with a world made from a plan with a scale bar, and the result of the command."""
     project = repro.copy(tmp_path_factory.mktemp("own") / "mine")
-    plan, _ = draw_plan(TEE, frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
+    tee = shapely.union_all([shapely.box(0, 0, 40, 5), shapely.box(18, 5, 23, 22)])
+    plan, _ = draw_plan(tee, frame_around((-10, -20, 50, 40), 8.0), {}, 20.0, 40)
     cv2.imwrite(str(project.folder / "plan.png"), plan)
     words = ("new", "my-tee", "--from", "plan.png", "--licence", "CC0")
     done = project.module("pipeline", *words, COLUMNS="400")

@@ -30,7 +30,6 @@ def test_a_world_made_with_overrides_is_not_packed(repro: Project, tmp_path):
 
 def test_a_world_that_another_chain_made_is_not_packed(repro: Project, tmp_path):
     project = repro.copy(tmp_path / "mine")
-    project.stages("survey")
-    project.stage("realism", "realism.tilt_deg=3").check_returncode()
+    project.stage("contours", "contours.tolerance_m=0.15").check_returncode()
     message = message_of(build(project))
     assert "made with other params than those in artifacts/params.yaml" in message

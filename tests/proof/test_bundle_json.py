@@ -122,7 +122,7 @@ def test_any_value_in_any_field_is_refused_with_one_line_or_allowed(world, param
     prove_changed(world, params, fields, data)
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_some_values_in_some_fields_are_refused_with_one_line_or_allowed(world, params, fields, data):
     prove_changed(world, params, fields, data)

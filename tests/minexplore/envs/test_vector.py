@@ -114,7 +114,7 @@ def side_by_side(bundle, count, steps, seed):
         yield local, whole, hits
 
 
-def test_local_models_and_the_whole_world_give_the_same_physics(tee: BuiltMine):
+def test_local_models_and_the_whole_world_give_the_same_physics_and_no_robot_leaves_the_workings(tee: BuiltMine):
     """10^5 physics steps of hard driving into walls, corners and borders of tiles."""
     agree = np.ones(50, dtype=bool)
     apart = np.zeros(50)
@@ -130,14 +130,6 @@ def test_local_models_and_the_whole_world_give_the_same_physics(tee: BuiltMine):
             assert shapely.contains_xy(inside, x, y).all()
     assert agree.mean() > 0.9, apart
     assert len(crossed) > 10
-
-
-def test_a_robot_at_full_speed_never_leaves_the_workings_wherever_it_starts(tee: BuiltMine):
-    inside = TEE.buffer(0.01)
-    for local, _, _ in side_by_side(tee.bundle, 40, 60, 11):
-        x, y, _ = local.poses().T
-        assert shapely.contains_xy(inside, x, y).all()
-        assert np.isfinite(local.state).all()
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])

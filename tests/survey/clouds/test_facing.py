@@ -13,7 +13,7 @@ from pipeline.survey.clouds.volume import volume_of_cloud
 from pipeline.survey.clouds.voxels import cells_at, grown, keys_of
 
 VOXEL_M, PER_M2 = 0.2, 150
-LONG_M, WIDE_M, HIGH_M, APART_M = 14.0, 4.0, 3.0, 8.0
+LONG_M, WIDE_M, HIGH_M, APART_M = 10.0, 4.0, 3.0, 8.0
 
 
 def sampled(solid, seed=0):
@@ -32,7 +32,7 @@ def middle():
 def cloud(middle):
     """Return nine drifts beside and over each other; the middle one, a bit longer, has a hole in its floor."""
     points = [sampled(middle)]
-    points[0] = points[0][~((np.abs(points[0] - [7, 2, 0]) < [1.0, 0.7, 0.1]).all(axis=1))]
+    points[0] = points[0][~((np.abs(points[0] - [LONG_M / 2, 2, 0]) < [1.0, 0.7, 0.1]).all(axis=1))]
     for k, (y, z) in enumerate((y, z) for y in (-1, 0, 1) for z in (-1, 0, 1) if (y, z) != (0, 0)):
         other = manifold3d.Manifold.cube([LONG_M, WIDE_M, HIGH_M])
         points.append(sampled(other.translate([0, APART_M * y, APART_M * z]), k + 1))
@@ -60,7 +60,7 @@ def test_normals_show_into_the_drifts(cloud, oriented):
 
 def test_rock_between_drifts_is_not_enclosed_and_a_drift_is(cloud, oriented):
     walls = Walls(np.unique(keys_of(cells_at(cloud.points_m, VOXEL_M))), VOXEL_M, oriented)
-    drift, rock = cells_at(np.array([[7, 2, 1.5], [7, 2, -2.0]]), VOXEL_M)
+    drift, rock = cells_at(np.array([[LONG_M / 2, 2, 1.5], [LONG_M / 2, 2, -2.0]]), VOXEL_M)
     count, fronts = walls.hits(np.array([drift, rock]))
     assert (count >= 14).all()
     assert fronts[0] > 10

@@ -2,6 +2,7 @@
 
 import json
 import os
+import warnings
 from itertools import pairwise
 
 import ezdxf
@@ -95,6 +96,28 @@ def test_a_wall_drawn_twice_counts_once(tmp_path):
     for rings in ((RING.exterior, RING.exterior, *RING.interiors), (RING.exterior, *RING.interiors, *RING.interiors)):
         drawing(tmp_path / "twice.dxf", rings=rings)
         same(workings_from(tmp_path / "twice.dxf", read_dxf(tmp_path / "twice.dxf", None))[0], RING)
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [
+        {"type": "Polygon", "coordinates": [[[0, 0], ["x", 0], [10, 5], [0, 5], [0, 0]]]},
+        {"type": "LineString", "coordinates": [[0, 0], [None, 1], [2, 2]]},
+        {"type": "Circle", "coordinates": [0, 0], "radius": 3},
+        {"type": "Polygon"},
+    ],
+    ids=["text for a number", "no number", "unknown kind", "no coordinates"],
+)
+def test_a_broken_geometry_refuses_geojson_of_which_gdal_would_leave_it_out_without_an_error(tmp_path, geometry):
+    path = tmp_path / "mine.geojson"
+    shapes = [json.loads(shapely.to_geojson(RING)), geometry]
+    features = [{"type": "Feature", "properties": {}, "geometry": shape} for shape in shapes]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    with pytest.raises(InputError, match="a feature or its geometry lacks what RFC 7946 asks for"):
+        read_geojson(path, None)
+    with warnings.catch_warnings(action="ignore"):
+        read_by_gdal = pyogrio.raw.read(path)[2]
+    assert [wkb is None for wkb in read_by_gdal] == [False, True]  # otherwise GDAL could read these files, too
 
 
 def test_geojson_with_a_stated_unit_has_no_coordinate_system(tmp_path):
