@@ -75,7 +75,8 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         tolerance = params.simplify_m if is_stated else _tolerance(closed, params.simplify_m)
         corners, faces, moved_m = _simplified(closed, tolerance)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        doubt = "" if params.unit or read.unit else "; the file states no unit and is read in metres (--unit)"
+        raise InputError(f"{path}: {error}{doubt}") from error
     points = np.zeros((0, 3))
     if tolerance > KEPT_M:
         points = trimesh.sample.sample_surface(trimesh.Trimesh(vertices, read.faces, process=False), _SAMPLES, seed=0)[
