@@ -110,9 +110,10 @@ class _Shell:
         bodies = shaped(tried, kind, depth_m)
         depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
         inside, shared = self._inside(bodies), np.zeros(len(bodies))
-        for k in np.flatnonzero((inside > 0) & (inside < _SHALLOW_M)):
+        is_sliver = tried.areas_m2 <= SLIVER_M2  # its normal is rounding: the part may be in the free space, on no facet
+        for k in np.flatnonzero((is_sliver | (inside > 0)) & (inside < _SHALLOW_M)):
             shared[k] = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[k]))
-        least = np.where(tried.areas_m2 > SLIVER_M2, THIN_M, _LEAST_M)
+        least = np.where(is_sliver, _LEAST_M, THIN_M)
         good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
         count = bodies.counts()
         for n in np.flatnonzero(good).tolist():
@@ -140,7 +141,8 @@ class _Shell:
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
             shared = self._tiles.shared_m3(solid)
-            if best is None or (depth < THIN_M, shared) < (best.depth_m < THIN_M, best.intrusion_m3):
+            least = THIN_M if area > SLIVER_M2 else 0.0
+            if best is None or (depth < least, shared) < (best.depth_m < least, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
         if best is None:  # a facet without an area
             corners = polygon.corners[0]

@@ -179,7 +179,8 @@ def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "seed"), [("mine", 0), ("cave", 0), ("cave", 4), ("cave", 20), ("cave", 28), ("cave", 38), ("cave", 40)]
+    ("kind", "seed"),
+    [("mine", 0), ("mine", 125), ("cave", 0), ("cave", 4), ("cave", 20), ("cave", 28), ("cave", 38), ("cave", 40)],
 )
 def test_a_random_survey_is_clean(kind, seed):
     assert beyond(judge(kind, seed)) == {}
