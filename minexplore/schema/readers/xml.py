@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from minexplore.bundle import BundleError
 
-_MOST_BYTES = 64 << 20
 _MOST_ELEMENTS = 400_000
+_MOST_ATTRIBUTES = 2_400_000  # eight of a geom, three of a mesh; each takes more memory than its text
+_MOST_OF_ELEMENT = 1 << 20  # bytes; a mesh of 4,096 corners has 160,000
 _DEEPEST = 12
+_LONG_ELEMENT = re.compile(rb"<[^<]{%d}" % _MOST_OF_ELEMENT)
 # A document type, an entity, a comment, CDATA, a processing instruction or a declaration of another encoding begins
 # with one of these. MuJoCo writes none of them.
 _REFUSED = (b"&", b"<!", b"<?")
 
 
-@dataclass
+@dataclass(slots=True)
 class Node:
     """An element: its tag, attributes, children, and path in the file, for example `worldbody/body[mine]`.
 
@@ -30,22 +33,24 @@ class Node:
 
 
 def read_xml(file: str, data: bytes) -> Node:
-    """Return the root element of an XML file.
+    """Return the root element of an XML file. `require_size` has its limit.
 
     Raises
     ------
     BundleError
-        If the file is too large or too deep, is not plain ASCII XML, or holds text, a document type, an entity, a
-        comment or a processing instruction.
+        If the file has too many elements or attributes, or an element that is too long or too deep, is not plain ASCII
+        XML, or holds text, a document type, an entity, a comment or a processing instruction.
     """
-    if len(data) > _MOST_BYTES:
-        raise BundleError(f"{file}: {len(data)} bytes, at most {_MOST_BYTES} are read")
     for mark in _REFUSED:
         if mark in data:
             line = data[: data.index(mark)].count(b"\n") + 1
             raise BundleError(f"{file}: line {line}: {mark.decode()!r} is not allowed; a world has plain elements only")
     if not data.isascii() or b"\0" in data:
         raise BundleError(f"{file}: a byte that is not ASCII; a world has plain ASCII only")
+    # The parser makes all attributes of an element before the reader counts them.
+    if long := _LONG_ELEMENT.search(data):
+        line = data.count(b"\n", 0, long.start()) + 1
+        raise BundleError(f"{file}: line {line}: an element of more than {_MOST_OF_ELEMENT} bytes")
     reader = _XmlReader(file)
     parser = expat.ParserCreate("us-ascii")
     parser.buffer_text = True
@@ -61,13 +66,16 @@ def read_xml(file: str, data: bytes) -> Node:
 
 class _XmlReader:
     def __init__(self, file: str) -> None:
-        self.file, self.open, self.count = file, [], 0
+        self.file, self.open, self.count, self.attributes = file, [], 0, 0
         self.root = Node("", "", {}, "")
 
     open: list[Node]
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
+        self.attributes += len(attributes)
+        if self.attributes > _MOST_ATTRIBUTES:
+            raise BundleError(f"{self.file}: more than {_MOST_ATTRIBUTES} attributes")
         if self.count > _MOST_ELEMENTS or len(self.open) >= _DEEPEST:
             raise BundleError(
                 f"{self.file}: more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} within another"
