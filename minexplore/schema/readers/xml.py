@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from xml.parsers import expat
 
 from minexplore.bundle import BundleError
+from minexplore.schema.sizes import MOST_VOLUME_PARTS
 
-_MOST_ELEMENTS = 400_000
-_MOST_ATTRIBUTES = 2_400_000  # eight of a geom, three of a mesh; each takes more memory than its text
+_MOST_ELEMENTS = 2 * MOST_VOLUME_PARTS + 100_000  # a mesh and a geom of each part
+_MOST_ATTRIBUTES = 6 * _MOST_ELEMENTS  # a geom has eight, a mesh three; each takes more memory than its text
 _MOST_OF_ELEMENT = 1 << 20  # bytes; a mesh of 4,096 corners has 160,000
 _DEEPEST = 12
 _LONG_ELEMENT = re.compile(rb"<[^<]{%d}" % _MOST_OF_ELEMENT)
@@ -20,16 +22,25 @@ _REFUSED = (b"&", b"<!", b"<?")
 
 @dataclass(slots=True)
 class Node:
-    """An element: its tag, attributes, children, and path in the file, for example `worldbody/body[mine]`.
+    """An element: its tag, attributes, children, and the path of what it stands in.
 
-    `name` is its name, or the class that a default is for; empty if it has neither.
+    `name` is its name, or the class that a default is for; empty if it has neither. A large cave has a million
+    elements, so a node holds neither its own path nor an empty list.
     """
 
     tag: str
     name: str
     attributes: dict[str, str]
-    path: str
-    children: list[Node] = field(default_factory=list)
+    above: str | None = None
+    children: Sequence[Node] = ()
+
+    @property
+    def path(self) -> str:
+        """Return the path in the file, for example `worldbody/body[mine]`; the root's own name is left out of it."""
+        if self.above is None:
+            return ""
+        step = f"{self.tag[:40]}[{self.name[:60]}]" if self.name else self.tag[:40]
+        return f"{self.above}/{step}" if self.above else step
 
 
 def read_xml(file: str, data: bytes) -> Node:
@@ -67,9 +78,9 @@ def read_xml(file: str, data: bytes) -> Node:
 class _XmlReader:
     def __init__(self, file: str) -> None:
         self.file, self.open, self.count, self.attributes = file, [], 0, 0
-        self.root = Node("", "", {}, "")
+        self.root = Node("", "", {})
 
-    open: list[Node]
+    open: list[tuple[Node, str]]
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
@@ -81,18 +92,19 @@ class _XmlReader:
                 f"{self.file}: more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} within another"
             )
         name = attributes.get("name", attributes.get("class", ""))
-        step = f"{tag[:40]}[{name[:60]}]" if name else tag[:40]
-        # The root's own name is left out of the paths.
-        node = Node(tag, name, attributes, f"{self.open[-1].path}/{step}".lstrip("/") if self.open else "")
-        if self.open:
-            self.open[-1].children.append(node)
-        else:
+        parent, above = self.open[-1] if self.open else (None, None)
+        node = Node(tag, name, attributes, above)
+        if parent is None:
             self.root = node
-        self.open.append(node)
+        elif isinstance(parent.children, list):
+            parent.children.append(node)
+        else:
+            parent.children = [node]
+        self.open.append((node, node.path))
 
     def end(self, tag: str) -> None:
         self.open.pop()
 
     def text(self, text: str) -> None:
         if text.strip(" \t\r\n"):
-            raise BundleError(f"{self.file}: {self.open[-1].path}: text {text.strip()[:40]!r}; a world has none")
+            raise BundleError(f"{self.file}: {self.open[-1][1]}: text {text.strip()[:40]!r}; a world has none")

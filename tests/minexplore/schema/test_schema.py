@@ -264,8 +264,8 @@ def _attributes(count: int) -> bytes:
     [
         (b"<m>\n<a b='" + bytes([48]) * 1_100_000 + b"'/></m>", "line 2: an element of more than 1048576 bytes"),
         (b"<m>\n" + _attributes(200_000) + b"</m>", "line 2: an element of more than 1048576 bytes"),
-        (b"<m>" + 30 * _attributes(100_000) + b"</m>", "more than 2400000 attributes"),
-        (b"<m>" + 401_000 * b"<a/>" + b"</m>", "more than 400000 elements"),
+        (b"<m>" + 130 * _attributes(100_000) + b"</m>", "more than 12600000 attributes"),
+        (b"<m>" + 2_101_000 * b"<a/>" + b"</m>", "more than 2100000 elements"),
         (b"<m" * 20, "not XML|more than 12 within"),
     ],
 )
@@ -276,9 +276,9 @@ def test_a_model_that_would_take_more_memory_than_its_text_is_refused(text, mess
 
 def test_vertices_of_more_corners_than_a_world_may_have_are_refused(monkeypatch):
     monkeypatch.setattr(comparison, "MOST_VOLUME_PARTS", 1)
-    meshes = [Node("mesh", f"rock_{k}", {"vertex": " ".join(["1"] * 3 * 40)}, "") for k in range(2)]
-    assert len(vertices_of(meshes[:1])[0]) == 40
-    with pytest.raises(BundleError, match=r"^mine\.xml: more than 64 vertices of collision parts$"):
+    meshes = [Node("mesh", f"rock_{k}", {"vertex": " ".join(["1"] * 3 * 10)}, "") for k in range(2)]
+    assert len(vertices_of(meshes[:1])[0]) == 10
+    with pytest.raises(BundleError, match=r"^mine\.xml: more than 16 vertices of collision parts$"):
         vertices_of(meshes)
 
 
