@@ -21,6 +21,7 @@ from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.schema.agreement import comparison
 from minexplore.schema.agreement.comparison import vertices_of
 from minexplore.schema.files import PICTURES, read_grid
+from minexplore.schema.readers import xml
 from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.png import inflate_png
 from minexplore.schema.readers.xml import Node, read_xml
@@ -264,12 +265,14 @@ def _attributes(count: int) -> bytes:
     [
         (b"<m>\n<a b='" + bytes([48]) * 1_100_000 + b"'/></m>", "line 2: an element of more than 1048576 bytes"),
         (b"<m>\n" + _attributes(200_000) + b"</m>", "line 2: an element of more than 1048576 bytes"),
-        (b"<m>" + 130 * _attributes(100_000) + b"</m>", "more than 12600000 attributes"),
-        (b"<m>" + 2_101_000 * b"<a/>" + b"</m>", "more than 2100000 elements"),
-        (b"<m" * 20, "not XML|more than 12 within"),
+        (b"<m>" + 3 * _attributes(400) + b"</m>", "more than 1000 attributes"),
+        (b"<m>" + 100 * b"<a/>" + b"</m>", "more than 100 elements"),
+        (b"<m>" * 20, "more than 100 elements, or more than 12 within"),
     ],
 )
-def test_a_model_that_would_take_more_memory_than_its_text_is_refused(text, message):
+def test_a_model_that_would_take_more_memory_than_its_text_is_refused(text, message, monkeypatch):
+    monkeypatch.setattr(xml, "_MOST_ELEMENTS", 100)
+    monkeypatch.setattr(xml, "_MOST_ATTRIBUTES", 1000)
     with pytest.raises(BundleError, match=rf"^mine\.xml: ({message})"):
         read_xml("mine.xml", text)
 
