@@ -20,12 +20,13 @@ from minexplore.bundle import (
 )
 
 MOST_FACETS, MOST_SPANS = 5_000_000, 100_000_000  # of a volume
-MOST_CORNERS = 64  # of a part, on average; a mesh of MuJoCo may have more
-MOST_VOLUME_PARTS = 190_000  # a mesh and a geom each of the 400,000 elements of mine.xml
+MOST_CORNERS = 16  # of a part, on average; those of caves have 7, and one may have more
+MOST_VOLUME_PARTS = 1_000_000  # of a narrow cave of 33 km; names have numbers of six digits
 MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m
 MOST_PIXELS = {PREVIEW: 4096 * 16_384, NAV2_PICTURE: MOST_CELLS, ROCK_TEXTURE: 4096 * 4096}
 _UNPACKED = 1.001, 65_536  # deflate stores what it cannot pack: so much more, and headers
-_TEXT = 64 << 20  # 100,000 parts or files of 600 bytes; 2.5 million corners or stations
+_TEXT = 64 << 20  # 100,000 files of 600 bytes; 2.5 million corners or stations
+_PART_TEXT = 500  # bytes of a part's mesh and geom in mine.xml, on average; those of caves have 390
 
 
 def _packed(unpacked: int) -> int:
@@ -35,7 +36,7 @@ def _packed(unpacked: int) -> int:
 
 _MOST_BYTES = {
     RECORD: _TEXT,
-    MODEL: _TEXT,
+    MODEL: MOST_VOLUME_PARTS * _PART_TEXT,
     FREE_SPACE: _TEXT,
     TOPOLOGY: _TEXT,
     MADE_BY: 16_384,  # thirty fields, ten of each kind of furniture

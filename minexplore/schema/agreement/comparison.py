@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import zip_longest
 
+import numpy as np
+
 from minexplore.bundle import FITTINGS_BODY, MINE_BODY, MODEL, RECORD, ROCK_CLASS, SURFACE_BODY, BundleError
 from minexplore.schema.readers.rules import numbers_in, same
 from minexplore.schema.readers.xml import Node
+from minexplore.schema.sizes import MOST_CORNERS, MOST_VOLUME_PARTS
 
 
 class ModelElements:
@@ -35,6 +38,23 @@ class ModelElements:
 def numbers_of(node: Node, attribute: str, default: str = "0 0 0") -> list[float]:
     """Return the numbers of an attribute, or those of its default."""
     return numbers_in(node.attributes.get(attribute, default)) or []  # the table of elements has accepted it
+
+
+def vertices_of(meshes: Iterable[Node]) -> list[np.ndarray]:
+    """Return the vertices (n, 3) of each mesh of a collision part, m about its geom's place.
+
+    Raises
+    ------
+    BundleError
+        If all of them have more than `MOST_CORNERS` times `MOST_VOLUME_PARTS` vertices.
+    """
+    found, most = list[np.ndarray](), MOST_CORNERS * MOST_VOLUME_PARTS
+    for mesh in meshes:
+        found.append(np.array(numbers_of(mesh, "vertex")).reshape(-1, 3))
+        most -= len(found[-1])
+        if most < 0:
+            raise BundleError(f"{MODEL}: more than {MOST_CORNERS * MOST_VOLUME_PARTS} vertices of collision parts")
+    return found
 
 
 def expect(node: Node, attribute: str, found: Iterable[float], wanted: Iterable[float], margin: float = 0.0) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -20,7 +19,7 @@ from minexplore.bundle import (
     is_rock,
     rock_geom,
 )
-from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of
+from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of, vertices_of
 from minexplore.schema.readers.xml import Node
 
 _BEYOND_M = 1.0  # approximate decompositions reach a little beyond the rock
@@ -52,9 +51,8 @@ def _check_parts(at: ModelElements, names: list[str], record: Mapping[str, Any])
     """Check that each collision part, a geom and a mesh of this name, is solid and lies in the box of the rock."""
     geoms, meshes = [at.of_mine["geom", name] for name in names], [at.of_assets["mesh", name] for name in names]
     low, high = rock_box(record)
-    lists = [numbers_of(mesh, "vertex") for mesh in meshes]
-    vertices = np.array(list(itertools.chain.from_iterable(lists))).reshape(-1, 3)
-    count = np.array([len(numbers) // 3 for numbers in lists])
+    shapes = vertices_of(meshes)
+    vertices, count = np.concatenate(shapes), np.array([len(shape) for shape in shapes])
     starts = np.cumsum(count) - count
     middle = np.add.reduceat(vertices, starts) / count[:, None]
     apart = vertices - np.repeat(middle, count, axis=0)

@@ -2,50 +2,66 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from xml.parsers import expat
 
 from minexplore.bundle import BundleError
+from minexplore.schema.sizes import MOST_VOLUME_PARTS
 
-_MOST_BYTES = 64 << 20
-_MOST_ELEMENTS = 400_000
+_MOST_ELEMENTS = 2 * MOST_VOLUME_PARTS + 100_000  # a mesh and a geom of each part
+_MOST_ATTRIBUTES = 6 * _MOST_ELEMENTS  # a geom has eight, a mesh three; each takes more memory than its text
+_MOST_OF_ELEMENT = 1 << 20  # bytes; a mesh of 4,096 corners has 160,000
 _DEEPEST = 12
+_LONG_ELEMENT = re.compile(rb"<[^<]{%d}" % _MOST_OF_ELEMENT)
 # A document type, an entity, a comment, CDATA, a processing instruction or a declaration of another encoding begins
 # with one of these. MuJoCo writes none of them.
 _REFUSED = (b"&", b"<!", b"<?")
 
 
-@dataclass
+@dataclass(slots=True)
 class Node:
-    """An element: its tag, attributes, children, and path in the file, for example `worldbody/body[mine]`.
+    """An element: its tag, attributes, children, and the path of what it stands in.
 
-    `name` is its name, or the class that a default is for; empty if it has neither.
+    `name` is its name, or the class that a default is for; empty if it has neither. A large cave has a million
+    elements, so a node holds neither its own path nor an empty list.
     """
 
     tag: str
     name: str
     attributes: dict[str, str]
-    path: str
-    children: list[Node] = field(default_factory=list)
+    above: str | None = None
+    children: Sequence[Node] = ()
+
+    @property
+    def path(self) -> str:
+        """Return the path in the file, for example `worldbody/body[mine]`; the root's own name is left out of it."""
+        if self.above is None:
+            return ""
+        step = f"{self.tag[:40]}[{self.name[:60]}]" if self.name else self.tag[:40]
+        return f"{self.above}/{step}" if self.above else step
 
 
 def read_xml(file: str, data: bytes) -> Node:
-    """Return the root element of an XML file.
+    """Return the root element of an XML file. `require_size` has its limit.
 
     Raises
     ------
     BundleError
-        If the file is too large or too deep, is not plain ASCII XML, or holds text, a document type, an entity, a
-        comment or a processing instruction.
+        If the file has too many elements or attributes, or an element that is too long or too deep, is not plain ASCII
+        XML, or holds text, a document type, an entity, a comment or a processing instruction.
     """
-    if len(data) > _MOST_BYTES:
-        raise BundleError(f"{file}: {len(data)} bytes, at most {_MOST_BYTES} are read")
     for mark in _REFUSED:
         if mark in data:
             line = data[: data.index(mark)].count(b"\n") + 1
             raise BundleError(f"{file}: line {line}: {mark.decode()!r} is not allowed; a world has plain elements only")
     if not data.isascii() or b"\0" in data:
         raise BundleError(f"{file}: a byte that is not ASCII; a world has plain ASCII only")
+    # The parser makes all attributes of an element before the reader counts them.
+    if long := _LONG_ELEMENT.search(data):
+        line = data.count(b"\n", 0, long.start()) + 1
+        raise BundleError(f"{file}: line {line}: an element of more than {_MOST_OF_ELEMENT} bytes")
     reader = _XmlReader(file)
     parser = expat.ParserCreate("us-ascii")
     parser.buffer_text = True
@@ -61,30 +77,34 @@ def read_xml(file: str, data: bytes) -> Node:
 
 class _XmlReader:
     def __init__(self, file: str) -> None:
-        self.file, self.open, self.count = file, [], 0
-        self.root = Node("", "", {}, "")
+        self.file, self.open, self.count, self.attributes = file, [], 0, 0
+        self.root = Node("", "", {})
 
-    open: list[Node]
+    open: list[tuple[Node, str]]
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
+        self.attributes += len(attributes)
+        if self.attributes > _MOST_ATTRIBUTES:
+            raise BundleError(f"{self.file}: more than {_MOST_ATTRIBUTES} attributes")
         if self.count > _MOST_ELEMENTS or len(self.open) >= _DEEPEST:
             raise BundleError(
                 f"{self.file}: more than {_MOST_ELEMENTS} elements, or more than {_DEEPEST} within another"
             )
         name = attributes.get("name", attributes.get("class", ""))
-        step = f"{tag[:40]}[{name[:60]}]" if name else tag[:40]
-        # The root's own name is left out of the paths.
-        node = Node(tag, name, attributes, f"{self.open[-1].path}/{step}".lstrip("/") if self.open else "")
-        if self.open:
-            self.open[-1].children.append(node)
-        else:
+        parent, above = self.open[-1] if self.open else (None, None)
+        node = Node(tag, name, attributes, above)
+        if parent is None:
             self.root = node
-        self.open.append(node)
+        elif isinstance(parent.children, list):
+            parent.children.append(node)
+        else:
+            parent.children = [node]
+        self.open.append((node, node.path))
 
     def end(self, tag: str) -> None:
         self.open.pop()
 
     def text(self, text: str) -> None:
         if text.strip(" \t\r\n"):
-            raise BundleError(f"{self.file}: {self.open[-1].path}: text {text.strip()[:40]!r}; a world has none")
+            raise BundleError(f"{self.file}: {self.open[-1][1]}: text {text.strip()[:40]!r}; a world has none")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,7 +21,7 @@ from minexplore.bundle import (
 )
 from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeArrays
 from minexplore.looks import look_of
-from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of
+from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of, vertices_of
 from minexplore.schema.agreement.rock import check_zones
 from minexplore.schema.readers.xml import Node
 
@@ -105,15 +104,14 @@ def _check_shapes(geoms: list[Node], meshes: list[Node], parts: Parts) -> None:
     """Compare the meshes' vertices, at their geoms' places, with the parts' corners."""
     for geom in geoms:
         _expect_text(geom, "mesh", geom.name)
-    lists = [numbers_of(mesh, "vertex") for mesh in meshes]
-    count = np.array([len(numbers) // 3 for numbers in lists])
+    shapes = vertices_of(meshes)
+    count = np.array([len(shape) for shape in shapes])
     odd = np.flatnonzero(count != np.diff(parts.first))
     if len(odd):
         k = odd[0]
         raise BundleError(f"{MODEL}: {meshes[k].path}@vertex: {count[k]} points, {PARTS} has {np.diff(parts.first)[k]}")
-    vertices = np.array(list(itertools.chain.from_iterable(lists))).reshape(-1, 3)
     place = np.array([numbers_of(geom, "pos") for geom in geoms])
-    off = np.abs(vertices + np.repeat(place, count, axis=0) - parts.corners).max(axis=1)
+    off = np.abs(np.concatenate(shapes) + np.repeat(place, count, axis=0) - parts.corners).max(axis=1)
     if off.max() > _EQUAL_M:
         k = int(np.searchsorted(parts.first, off.argmax(), side="right")) - 1
         raise BundleError(f"{MODEL}: {meshes[k].path}@vertex: {off.max():g} m beside its part of {PARTS}")

@@ -18,9 +18,13 @@ import pytest
 from benchmarks.faults.injection import edit_model, seal
 from minexplore.bundle import BundleError
 from minexplore.schema import check_files, check_world, hash_files, read_folder
+from minexplore.schema.agreement import comparison
+from minexplore.schema.agreement.comparison import vertices_of
 from minexplore.schema.files import PICTURES, read_grid
+from minexplore.schema.readers import xml
 from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.png import inflate_png
+from minexplore.schema.readers.xml import Node, read_xml
 from minexplore.schema.sizes import most_bytes
 from minexplore.world import load_world
 from tests.mines import BuiltMine, sealed
@@ -250,6 +254,35 @@ def test_a_file_larger_than_a_builder_writes_it_is_refused_before_it_is_read(tee
         read_folder(world)
     assert tracemalloc.get_traced_memory()[1] < 20_000_000
     tracemalloc.stop()
+
+
+def _attributes(count: int) -> bytes:
+    return b"<a " + b" ".join(b"a%x=''" % number for number in range(count)) + b"/>"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"<m>\n<a b='" + bytes([48]) * 1_100_000 + b"'/></m>", "line 2: an element of more than 1048576 bytes"),
+        (b"<m>\n" + _attributes(200_000) + b"</m>", "line 2: an element of more than 1048576 bytes"),
+        (b"<m>" + 3 * _attributes(400) + b"</m>", "more than 1000 attributes"),
+        (b"<m>" + 100 * b"<a/>" + b"</m>", "more than 100 elements"),
+        (b"<m>" * 20, "more than 100 elements, or more than 12 within"),
+    ],
+)
+def test_a_model_that_would_take_more_memory_than_its_text_is_refused(text, message, monkeypatch):
+    monkeypatch.setattr(xml, "_MOST_ELEMENTS", 100)
+    monkeypatch.setattr(xml, "_MOST_ATTRIBUTES", 1000)
+    with pytest.raises(BundleError, match=rf"^mine\.xml: ({message})"):
+        read_xml("mine.xml", text)
+
+
+def test_vertices_of_more_corners_than_a_world_may_have_are_refused(monkeypatch):
+    monkeypatch.setattr(comparison, "MOST_VOLUME_PARTS", 1)
+    meshes = [Node("mesh", f"rock_{k}", {"vertex": " ".join(["1"] * 3 * 10)}, "") for k in range(2)]
+    assert len(vertices_of(meshes[:1])[0]) == 10
+    with pytest.raises(BundleError, match=r"^mine\.xml: more than 16 vertices of collision parts$"):
+        vertices_of(meshes)
 
 
 @pytest.mark.parametrize(

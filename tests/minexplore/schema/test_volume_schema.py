@@ -9,6 +9,7 @@ import pytest
 
 from minexplore.bundle import BundleError
 from minexplore.schema import check_files, check_world, hash_files, read_folder
+from minexplore.schema.sizes import most_bytes
 from tests.mines import sealed
 
 FOLDER = Path("w")
@@ -192,6 +193,15 @@ def test_a_part_that_is_moved_in_the_model_is_refused(files):
     start += text[start] == "-"
     moved = text[:start] + "9" + text[start:]
     assert "beside its part of parts.npz" in refusal({**files, "mine.xml": moved.encode()})
+
+
+def test_a_model_may_have_the_text_of_as_many_parts_as_a_volume_may_have(ramp):
+    """A cave of 13.6 km has 152 MB, which a limit of 64 MiB refused."""
+    files = read_folder(ramp)
+    large = files["mine.xml"].replace(b"\n", b"\n" + b" " * 900_000)
+    assert 64 << 20 < len(large) <= most_bytes("mine.xml")
+    changed = sealed({**files, "mine.xml": large})
+    assert check_files(FOLDER, changed, hash_files(changed)).volume is not None
 
 
 @pytest.mark.parametrize(

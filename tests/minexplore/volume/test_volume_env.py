@@ -18,7 +18,7 @@ from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
-from minexplore.world import load_world
+from minexplore.world import World, load_world
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.world.content import closed_volume
 from tests.volumes import HEADER, TEE, build_volume, spiral_with_side_drift
@@ -272,3 +272,17 @@ def test_cells_beyond_the_region_do_not_count(over):
     world = load_world(over)
     near, far = (RobotBatch(world, TaskParams(region_m=r), RobotParams(), 1).grid.total for r in (15.0, np.inf))
     assert 0 < near < far / 3
+
+
+def test_an_environment_in_a_volume_never_gives_the_whole_model_to_mujoco(box, monkeypatch):
+    """MuJoCo's specs take minutes for a cave's parts; models hold what a robot reaches, of the arrays."""
+
+    def refuse(world):
+        raise AssertionError(f"{world.folder}: mine.xml was read into a spec")
+
+    monkeypatch.setattr(World, "spec", refuse)
+    env = gymnasium.make("MineXplore/World-v0", world=box)
+    start = env.reset(seed=0)[1]["pose_m_rad"]
+    for _ in range(20):
+        info = env.step(np.array([1.0, 0.5], np.float32))[4]
+    assert np.linalg.norm(np.array(info["pose_m_rad"])[:2] - np.array(start)[:2]) > 0.02
