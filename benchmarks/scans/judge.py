@@ -18,7 +18,7 @@ import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import resume
-from benchmarks.scans.sample import Scan, scan_of
+from benchmarks.scans.sample import NOISE_M, Scan, scan_of
 from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, truth_of
 from pipeline.errors import MineError
 from pipeline.survey.clouds.thinned import spacing_of, thin
@@ -49,12 +49,18 @@ def _things(network: FloorNetwork, rng: np.random.Generator) -> tuple[np.ndarray
     return network.floors_m[other], network.floors_m[one], float(network.heading_deg[one])
 
 
-def scan_mine(truth: manifold3d.Manifold, network: FloorNetwork, rng: np.random.Generator, per_m2: float) -> Scan:
+def scan_mine(
+    truth: manifold3d.Manifold,
+    network: FloorNetwork,
+    rng: np.random.Generator,
+    per_m2: float,
+    noise_m: float = NOISE_M,
+) -> Scan:
     """Return a scan of a mine with a person and a vehicle, which the scanner keeps away from."""
     person, vehicle, heading = _things(network, rng)
     way = network.way_m
     away = [np.linalg.norm(way - thing, axis=1) > far for thing, far in zip((vehicle, person), _AWAY_M, strict=True)]
-    return scan_of(truth, way[away[0] & away[1]], rng, per_m2, things=(person, vehicle, heading))
+    return scan_of(truth, way[away[0] & away[1]], rng, per_m2, things=(person, vehicle, heading), noise_m=noise_m)
 
 
 def found_again(points_m: np.ndarray) -> ScannedVolume:
