@@ -122,19 +122,15 @@ def _require_records(path: Path) -> None:
 def _pcd_points(path: Path, timed: bool) -> np.ndarray:
     import open3d
 
-    cloud = open3d.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
-    if not len(cloud.points):
+    # Open3D's other reader takes coordinates of 64 bits for zeros, and leaves out times.
+    found = open3d.t.io.read_point_cloud(path.as_posix(), remove_nan_points=False, remove_infinite_points=False).point
+    fields = {name: found[name].numpy().astype(np.float64) for name in found}
+    points = fields.get("positions", np.zeros((0, 3)))
+    if not len(points):
         raise InputError(f"{path}: has no points, is truncated, or is not a PCD file")
-    _require_rows(path, len(cloud.points))
-    return _require_finite(path, np.column_stack([np.asarray(cloud.points), *(_pcd_times(path) if timed else [])]))
-
-
-def _pcd_times(path: Path) -> list[np.ndarray]:
-    """Return the times (n,) of a PCD file in a list; it is empty if the file states none."""
-    import open3d
-
-    fields = open3d.t.io.read_point_cloud(path.as_posix()).point  # the other reader knows no fields of one's own
-    return [fields[name].numpy().astype(float).reshape(-1) for name in fields if is_time(name)][:1]
+    _require_rows(path, len(points))
+    times = [values for name, values in fields.items() if timed and is_time(name)]
+    return _require_finite(path, np.column_stack([points, *times[:1]]))
 
 
 def _require_rows(path: Path, points: int) -> None:
