@@ -73,16 +73,24 @@ def draw_deviation(
         "surface seen",
     ]
     if rays is not None:
-        found = rays[2]
-        lines += [
-            f"rays of the scanner: {_shares(found)}; longer by 30 cm, magenta: {100 * found['through_share']:.1f} %, "
-            f"shorter, black: {100 * found['short_share']:.1f} %",
-        ]
+        lines += _lines_of_rays(rays[2])
     head = np.full(((len(lines) + 1) * _LINE_PX, picture.shape[1], 3), _WHITE, np.uint8)
     for k, text in enumerate(lines, start=1):
         place = (_LINE_PX // 2, _LINE_PX * k)
         cv2.putText(head, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
     return np.concatenate([head, picture])
+
+
+def _lines_of_rays(figures: dict[str, float]) -> list[str]:
+    longer, shorter = (f"{100 * figures[name]:.2f} %" for name in ("through_share", "short_share"))
+    lines = [
+        f"rays of the scanner: {_shares(figures)}",
+        f"longer by 30 cm, magenta: {longer}; shorter, black: {shorter}",
+    ]
+    if "worst_within_10cm" in figures:
+        place = ", ".join(f"{figures[f'worst_{axis}_m']:.1f}" for axis in "xyz")
+        lines[1] += f"; at worst {100 * figures['worst_within_10cm']:.1f} % within 10 cm, from near ({place})"
+    return lines
 
 
 def _shares(figures: dict[str, float]) -> str:
