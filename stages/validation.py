@@ -67,7 +67,7 @@ def validate_world(
             from pipeline.report.figures.deviation import draw_deviation
 
             scan = found.scan
-            rays = found.rays and (found.rays.ends_m, found.rays.off_m, found.rays.figures)
+            rays = None if found.rays is None else (found.rays.ends_m, found.rays.off_m, found.rays.figures)
             picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures, rays)
             pictures = pictures | {"deviation": picture}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
