@@ -123,7 +123,12 @@ def _pcd_points(path: Path, timed: bool) -> np.ndarray:
     import open3d
 
     # Open3D's other reader takes coordinates of 64 bits for zeros, and leaves out times.
-    found = open3d.t.io.read_point_cloud(path.as_posix(), remove_nan_points=False, remove_infinite_points=False).point
+    try:
+        found = open3d.t.io.read_point_cloud(
+            path.as_posix(), remove_nan_points=False, remove_infinite_points=False
+        ).point
+    except RuntimeError as error:
+        raise InputError(f"{path}: cannot be read as PCD; a field's type is unknown, or it is broken") from error
     fields = {name: found[name].numpy().astype(np.float64) for name in found}
     points = fields.get("positions", np.zeros((0, 3)))
     if not len(points):

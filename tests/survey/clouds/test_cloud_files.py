@@ -201,6 +201,13 @@ def test_times_of_points_are_read_where_the_format_has_them(tmp_path, points, su
     assert np.isnan(read_points(ScanFile(path.as_posix(), 1.0, "z", None, 0.001)).cloud.time_s).all()
 
 
+def test_a_pcd_file_with_a_field_of_an_unknown_type_is_refused_by_name(tmp_path, points):
+    path = write_timed(tmp_path / "a.pcd", points, np.arange(len(points)))
+    path.write_bytes(path.read_bytes().replace(b"TYPE F F F F", b"TYPE F F F 4"))
+    with pytest.raises(InputError, match=r"a\.pcd: cannot be read as PCD; a field's type is unknown, or it is broken"):
+        read(path)
+
+
 @pytest.fixture(scope="module")
 def walked(points):
     """Return the times of a drift's points, and the text of the trajectory along it: a metre a second."""
