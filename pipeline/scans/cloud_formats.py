@@ -13,7 +13,7 @@ from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.e57_clouds import e57_blocks
 from pipeline.scans.pcd_clouds import pcd_blocks
-from pipeline.scans.text_clouds import TEXT, text_blocks
+from pipeline.scans.text_clouds import TEXT, is_time, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
 LEAST_POINTS = 100
@@ -35,7 +35,7 @@ def run_on_cloud(task: str, arguments: dict[str, Any], path: Path) -> Payload:
     return run_limited(task, arguments, str(path), extra_s, scratch_bytes=scratch_bytes)
 
 
-def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
+def read_blocks(path: Path, points_per_unit2: float, timed: bool = False) -> Iterator[np.ndarray]:
     """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
 
     Text, PCD and LAS files are read block by block, E57 files scan by scan. PLY files, meshes and packed PCD files are
@@ -55,13 +55,13 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """
     suffix = path.suffix.lower()
     if suffix in TEXT:
-        return text_blocks(path)
+        return text_blocks(path, timed)
     if suffix == ".e57":
         return e57_blocks(path)
     if suffix == ".zip":
-        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2))
+        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2, timed))
     if suffix in {".las", ".laz"}:
-        return _las_blocks(path)
+        return _las_blocks(path, timed)
     if suffix == ".pcd":
         return (_require_finite(path, block) for block in pcd_blocks(path))
     if suffix in {".ply", *_MESHES}:
@@ -71,17 +71,17 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
                 f"{path}: {path.stat().st_size:,} bytes; the limit for PLY and meshes is {most:,} "
                 f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
-        return _whole_file(path, suffix, points_per_unit2)
+        return _whole_file(path, suffix, points_per_unit2, timed)
     raise InputError(f"{path}: no reader for {suffix!r}; there are {' '.join([*CLOUDS, *_MESHES])} .zip")
 
 
-def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np.ndarray]:
+def _whole_file(path: Path, suffix: str, points_per_unit2: float, timed: bool) -> Iterator[np.ndarray]:
     if suffix == ".ply" and not read_ply_header(path).get("face"):
-        return iter([_ply_points(path)])
+        return iter([_ply_points(path, timed)])
     return _mesh_blocks(path, points_per_unit2)
 
 
-def _las_blocks(path: Path) -> Iterator[np.ndarray]:
+def _las_blocks(path: Path, timed: bool) -> Iterator[np.ndarray]:
     import laspy
 
     _require_records(path)
@@ -91,7 +91,8 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
             count = 0
             for chunk in reader.chunk_iterator(_BLOCK):
                 count += len(chunk)
-                yield _require_finite(path, np.column_stack([chunk.x, chunk.y, chunk.z]))
+                times = [np.asarray(chunk[name]) for name in chunk.array.dtype.names if timed and is_time(name)]
+                yield _require_finite(path, np.column_stack([chunk.x, chunk.y, chunk.z, *times[:1]]))
             if count < reader.header.point_count:
                 raise InputError(
                     f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
@@ -139,9 +140,9 @@ def _require_chunks(path: Path, points_at: int, size: int) -> None:
         )
 
 
-def _ply_points(path: Path) -> np.ndarray:
-    vertices, _ = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
-    return _require_finite(path, vertices)
+def _ply_points(path: Path, timed: bool) -> np.ndarray:
+    vertices, _, times = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
+    return _require_finite(path, np.column_stack([vertices, *(times if timed else [])]))
 
 
 def read_ply_header(path: Path) -> dict[str, int]:
@@ -187,8 +188,8 @@ def read_ply_header(path: Path) -> dict[str, int]:
     return counts
 
 
-def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Load vertices (n, 3) and faces (m, 3), none for a cloud, by trimesh.
+def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Load vertices (n, 3), faces (m, 3), none for a cloud, and the vertices' times (n,), if it has any, by trimesh.
 
     The open file keeps it from following names of materials and textures in it.
     """
@@ -199,6 +200,9 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
+        rows = found.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})  # of text columns by name
+        names = filter(is_time, rows if isinstance(rows, dict) else rows.dtype.names)
+        times = [np.asarray(rows[name], float).reshape(len(vertices)) for name in list(names)[:1]]
     except MemoryError:
         raise
     except Exception as error:  # trimesh passes on every exception of its parsers
@@ -217,14 +221,14 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
         raise InputError(
             f"{path}: a face has vertex {faces.min()} or {faces.max()}, there are {len(vertices)}; is it truncated?"
         )
-    return vertices, faces
+    return vertices, faces, times
 
 
 def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    vertices, faces = _load(path, "a mesh", force="mesh")
+    vertices, faces, _ = _load(path, "a mesh", force="mesh")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")

@@ -22,12 +22,16 @@ _NAMES = (  # of the columns of x, y and z
     {"y", "y_m", "north", "northing", "northing_m"},
     {"z", "z_m", "height", "height_m", "elevation", "elevation_m"},
 )
+_TIMES = {"time", "time_s", "t", "timestamp", "timestamp_s", "gps_time", "gpstime"}
 _OF_STATIONS = {"leg", "station", "from", "to"}
 
 
 @dataclass(frozen=True)
 class TextLayout:
-    """How rows are written: lines above the first one, what separates numbers (None: spaces), and x, y, z's columns."""
+    """How rows are written: lines above the first one, what separates numbers (None: spaces), and x, y, z's columns.
+
+    The time's column comes last, where times are asked for and stated.
+    """
 
     above: int
     delimiter: str | None
@@ -42,8 +46,8 @@ def has_point_rows(path: Path) -> bool:
     return not _OF_STATIONS & set(words) and (_named(words) is not None or _is_row(words))
 
 
-def text_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield the points of a text file in blocks (n, 3).
+def text_blocks(path: Path, timed: bool = False) -> Iterator[np.ndarray]:
+    """Yield the points of a text file in blocks (n, 3), `timed` (n, 4) with their times if a column is named so.
 
     A line of names above the rows says which columns are x, y and z; without one they are the first three. In `.dat`
     files rows are `time x y z intensity` below a header line. The first line of `.pts` files is their number.
@@ -54,7 +58,7 @@ def text_blocks(path: Path) -> Iterator[np.ndarray]:
         If a row is too short, or not of finite numbers. The message names the line.
     """
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        layout = _layout(path, [stream.readline(_HEAD_BYTES) for _ in range(2)])
+        layout = _layout(path, [stream.readline(_HEAD_BYTES) for _ in range(2)], timed)
         stream.seek(0)
         number = len(list(itertools.islice(stream, layout.above)))
         found = False
@@ -75,6 +79,11 @@ def _named(words: list[str]) -> tuple[int, ...] | None:
     return tuple(columns[0] for columns in found) if all(found) else None
 
 
+def is_time(name: str) -> bool:
+    """Return whether a field of a file has a point's time."""
+    return name.lower().removeprefix("scalar_") in _TIMES
+
+
 def _is_row(words: list[str]) -> bool:
     try:
         return len([plain_number(word) for word in words]) >= 3
@@ -82,7 +91,7 @@ def _is_row(words: list[str]) -> bool:
         return False
 
 
-def _layout(path: Path, head: list[str]) -> TextLayout:
+def _layout(path: Path, head: list[str], timed: bool) -> TextLayout:
     suffix, words = path.suffix.lower(), _words(head[0])
     above = 0 if _is_row(words) or (head[0].startswith("#") and _named(words) is None) else 1
     if suffix == ".dat" and not above:
@@ -90,6 +99,9 @@ def _layout(path: Path, head: list[str]) -> TextLayout:
     row = head[above]
     delimiter = next((mark for mark in ";," if mark in row), None)
     columns = _named(words) or ((1, 2, 3) if suffix == ".dat" else (0, 1, 2))
+    if timed and above:
+        named = [k for k, word in enumerate(words) if is_time(word)]
+        columns += (0,) if suffix == ".dat" else tuple(named[:1])
     is_count = suffix == ".pts" and len(words) == 1
     if above and not is_count and suffix != ".dat" and _named(words) is None:
         raise InputError(f"{path}:1: {head[0].strip()[:60]!r} is no row of numbers, and does not name x, y and z")

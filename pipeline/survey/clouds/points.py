@@ -27,7 +27,8 @@ Origin = tuple[float, float, float]
 class ScanFile:
     """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m.
 
-    A `look` needs no more than 2 million voxels, which are larger if the scan is.
+    A `look` needs no more than 2 million voxels, which are larger if the scan is. `timed` points have their times, if
+    the file states them.
     """
 
     path: str
@@ -36,6 +37,7 @@ class ScanFile:
     origin: Origin | None
     thin_m: float
     look: bool = False
+    timed: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ def read_points(file: ScanFile) -> ScanPoints:
         If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
     """
     payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
-    cloud = ThinnedCloud(payload.arrays["points"], payload.arrays["count"], int(payload.values["total"]))
+    arrays = payload.arrays
+    cloud = ThinnedCloud(arrays["points"], arrays["count"], int(payload.values["total"]), arrays["time"])
     x, y, z = payload.values["origin"]
     return ScanPoints(cloud, (x, y, z))
 
@@ -64,17 +67,18 @@ def read_here(file: dict[str, Any]) -> Payload:
     """Read a scan in this process; `read_points` has limits."""
     found = _read(ScanFile(**file))
     values = {"total": found.cloud.total, "origin": list(found.origin)}
-    return Payload(values, {"points": found.cloud.points_m, "count": found.cloud.count})
+    cloud = found.cloud
+    return Payload(values, {"points": cloud.points_m, "count": cloud.count, "time": cloud.time_s})
 
 
 def _read(file: ScanFile) -> ScanPoints:
     path = Path(file.path)
-    blocks = _turned(read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2), file.up)
+    blocks = _turned(read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2, file.timed), file.up)
     first = next(blocks, None)
     if first is None or not len(first):
         raise InputError(f"{path}: has no points")
-    origin = np.array(file.origin if file.origin is not None else origin_of(first, file.unit_m))
-    in_metres = ((block - origin) * file.unit_m for block in _after(first, blocks))
+    origin = np.array(file.origin if file.origin is not None else origin_of(first[:, :3], file.unit_m))
+    in_metres = (_moved(block, origin, file.unit_m) for block in _after(first, blocks))
     try:
         most = _LOOKED_AT if file.look else MOST_VOXELS
         cloud = thin(_within_reach(path, in_metres), file.thin_m, most, file.look)
@@ -86,7 +90,17 @@ def _read(file: ScanFile) -> ScanPoints:
 
 def _turned(blocks: Iterator[np.ndarray], up: str) -> Iterator[np.ndarray]:
     for block in blocks:
-        yield block[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else block
+        yield np.column_stack([turned(block[:, :3], up), block[:, 3:]]) if up == "y" else block
+
+
+def turned(points: np.ndarray, up: str) -> np.ndarray:
+    """Return points (n, 3) with the z axis up."""
+    return np.asarray(points[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else points)
+
+
+def _moved(block: np.ndarray, origin: np.ndarray, metres: float) -> np.ndarray:
+    points = (block[:, :3] - origin) * metres
+    return np.column_stack([points, block[:, 3:]]) if block.shape[1] > 3 else points
 
 
 def _after(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
@@ -96,7 +110,7 @@ def _after(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarr
 
 def _within_reach(path: Path, blocks: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
     for block in blocks:
-        far = np.abs(block).max(initial=0.0)
+        far = np.abs(block[:, :3]).max(initial=0.0)
         if not far <= REACH_M:
             least = far * min(METRES.values())
             cure = (

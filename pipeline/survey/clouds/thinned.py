@@ -19,11 +19,15 @@ _PENDING = 4_000_000  # rows that are merged at once
 
 @dataclass(frozen=True)
 class ThinnedCloud:
-    """The mean place (n, 3) m of the points in each voxel, and how many (n,) they are, of `total` in all."""
+    """The mean place (n, 3) m of the points in each voxel, and how many (n,) they are, of `total` in all.
+
+    `time_s` (n,) is that of the first point of each, NaN where the file has none.
+    """
 
     points_m: np.ndarray
     count: np.ndarray
     total: int
+    time_s: np.ndarray
 
     def __len__(self) -> int:
         """Return the number of voxels with points."""
@@ -31,28 +35,33 @@ class ThinnedCloud:
 
     def some(self, rows: np.ndarray) -> ThinnedCloud:
         """Return some of the voxels."""
-        return ThinnedCloud(self.points_m[rows], self.count[rows], self.total)
+        return ThinnedCloud(self.points_m[rows], self.count[rows], self.total, self.time_s[rows])
 
 
 def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int, coarsen: bool = False) -> ThinnedCloud:
     """Return the means of blocks of points (n, 3) m in voxels; with `coarsen` these double until `most` suffice.
+
+    A fourth column of the blocks is the points' times, s.
 
     Raises
     ------
     InputError
         If fewer than 100 voxels or more than `most` have points, or a point lies too far from the origin.
     """
-    keys, sums = np.zeros(0, np.int64), np.zeros((0, 4))
+    keys, sums = np.zeros(0, np.int64), np.zeros((0, 5))
     waiting: list[tuple[np.ndarray, np.ndarray]] = []
     total = rows = 0
-    for block in blocks:
+    for rows_of_file in blocks:
+        block, time_s = rows_of_file[:, :3], rows_of_file[:, 3:]
         total += len(block)
         if len(block) and np.abs(block).max() > REACH * voxel_m:
             raise InputError(
                 f"reaches {np.abs(block).max():.0f} m from its origin, at most {REACH * voxel_m:.0f} m; --unit states "
                 "its unit"
             )
-        waiting.append(_summed(keys_of(cells_at(block, voxel_m)), np.column_stack([block, np.ones(len(block))])))
+        values = np.full((len(block), 5), np.nan)
+        values[:, :3], values[:, 3], values[:, 4 : 4 + time_s.shape[1]] = block, 1, time_s
+        waiting.append(_summed(keys_of(cells_at(block, voxel_m)), values))
         rows += len(waiting[-1][0])
         if rows > max(_PENDING, len(keys)):
             keys, sums, voxel_m = _few(*_merged(keys, sums, waiting), voxel_m, most, coarsen)
@@ -67,7 +76,7 @@ def thin(blocks: Iterable[np.ndarray], voxel_m: float, most: int, coarsen: bool 
             f"its points fill {len(keys)} voxels of {voxel_m:g} m, at least {LEAST_POINTS} are needed; "
             "--unit states its unit"
         )
-    return ThinnedCloud(sums[:, :3] / sums[:, 3:], sums[:, 3], total)
+    return ThinnedCloud(sums[:, :3] / sums[:, 3:4], sums[:, 3], total, sums[:, 4])
 
 
 def _few(
@@ -76,7 +85,7 @@ def _few(
     """Return voxels, their sums and their size: doubled until there are no more than `most`, if they may coarsen."""
     while coarsen and len(keys) > most:
         voxel_m *= 2
-        keys, sums = _summed(keys_of(cells_at(sums[:, :3] / sums[:, 3:], voxel_m)), sums)
+        keys, sums = _summed(keys_of(cells_at(sums[:, :3] / sums[:, 3:4], voxel_m)), sums)
     return keys, sums, voxel_m
 
 
@@ -87,11 +96,13 @@ def _merged(
 
 
 def _summed(keys: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each number once, with the sum of its rows."""
+    """Return each number once, with the sum of its rows, and with the time of the first of them."""
     order = np.argsort(keys, kind="stable")
     keys, values = keys[order], values[order]
     first = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)])
-    return keys[first], np.add.reduceat(values, first, axis=0) if len(first) else values
+    sums = np.add.reduceat(values, first, axis=0) if len(first) else values
+    sums[:, 4] = values[first, 4]
+    return keys[first], sums
 
 
 def spacing_of(points_m: np.ndarray) -> float:
