@@ -77,7 +77,7 @@ def _read(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     blocks = read_blocks(path, limits.mesh_points_per_m2 * UNIT_M[units] ** 2)
     for block in blocks:
         total += len(block)
-        block = block * UNIT_M[units]
+        block = block[:, :3] * UNIT_M[units]
         range_m = np.linalg.norm(block, axis=1)
         block = block[(range_m >= limits.range_m[0]) & (range_m <= limits.range_m[1])]
         key = _voxel_keys(block, limits.thin_m)

@@ -1,4 +1,4 @@
-"""Formats of point clouds and scanned meshes: each reader yields blocks of points in the file's units."""
+"""Formats of point clouds and scanned meshes: each reader yields blocks of points in the file's units, with colours."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.colours import with_colours
 from pipeline.scans.e57_clouds import e57_blocks
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
@@ -20,6 +21,7 @@ _UNPACKED = 4  # times as large as its zip file is a cloud of text
 _MESHES = (".stl", ".obj")
 CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57")
 _BLOCK = 1_000_000
+_BYTE = 255  # the greatest value of a channel
 _LAS_HEAD, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 100, 243  # bytes of the header and in it
 _PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
@@ -34,10 +36,11 @@ def run_on_cloud(task: str, arguments: dict[str, Any], path: Path) -> Payload:
 
 
 def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
-    """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
+    """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units, or (n, 6) of points with colours.
 
     Text and LAS files are read block by block, E57 files scan by scan. PLY, PCD and meshes are read at once. Meshes are
-    sampled. The clouds of a zip file are read one after the other.
+    sampled. The clouds of a zip file are read one after the other. Colours are red, green and blue as the file has
+    them, from 0 to 65,535; a point without one is black.
 
     Parameters
     ----------
@@ -89,7 +92,10 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
             count = 0
             for chunk in reader.chunk_iterator(_BLOCK):
                 count += len(chunk)
-                yield _require_finite(path, np.column_stack([chunk.x, chunk.y, chunk.z]))
+                points = _require_finite(path, np.column_stack([chunk.x, chunk.y, chunk.z]))
+                names = set(chunk.point_format.dimension_names)
+                has_colours = names >= {"red", "green", "blue"}
+                yield with_colours(points, (chunk.red, chunk.green, chunk.blue)) if has_colours else points
             if count < reader.header.point_count:
                 raise InputError(
                     f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
@@ -123,7 +129,8 @@ def _pcd_points(path: Path) -> np.ndarray:
     if not len(cloud.points):
         raise InputError(f"{path}: has no points, is truncated, or is not a PCD file")
     _require_rows(path, len(cloud.points))
-    return _require_finite(path, np.asarray(cloud.points))
+    points = _require_finite(path, np.asarray(cloud.points))
+    return with_colours(points, _BYTE * np.asarray(cloud.colors).T) if cloud.has_colors() else points
 
 
 def _require_rows(path: Path, points: int) -> None:
@@ -154,8 +161,9 @@ def _require_rows(path: Path, points: int) -> None:
 
 
 def _ply_points(path: Path) -> np.ndarray:
-    vertices, _ = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
-    return _require_finite(path, vertices)
+    vertices, _, colours = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
+    points = _require_finite(path, vertices)
+    return with_colours(points, colours.T) if len(colours) == len(points) else points
 
 
 def read_ply_header(path: Path) -> dict[str, int]:
@@ -201,8 +209,10 @@ def read_ply_header(path: Path) -> dict[str, int]:
     return counts
 
 
-def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Load vertices (n, 3) and faces (m, 3), none for a cloud, by trimesh.
+def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Load vertices (n, 3), faces (m, 3), none for a cloud, and the colours (n, 3) of a cloud, none if it has none.
+
+    trimesh reads them.
 
     The open file keeps it from following names of materials and textures in it.
     """
@@ -213,6 +223,7 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
+        colours = np.asarray(getattr(found, "colors", np.zeros((0, 3))))[:, :3]
     except MemoryError:
         raise
     except Exception as error:  # trimesh passes on every exception of its parsers
@@ -231,14 +242,14 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
         raise InputError(
             f"{path}: a face has vertex {faces.min()} or {faces.max()}, there are {len(vertices)}; is it truncated?"
         )
-    return vertices, faces
+    return vertices, faces, colours
 
 
 def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    vertices, faces = _load(path, "a mesh", force="mesh")
+    vertices, faces, _ = _load(path, "a mesh", force="mesh")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")

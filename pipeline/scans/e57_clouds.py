@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.scans.colours import with_colours
 
+_COLOURS = ("colorRed", "colorGreen", "colorBlue")
 _LEAST_BITS = 1  # of a point in a file: packed integers of a scan in a plane take a few
 
 
 def e57_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield the points (n, 3) m of each scan of an E57 file, in the file's frame.
+    """Yield the points (n, 3) m of each scan of an E57 file, in the file's frame, (n, 6) with colours.
 
     Raises
     ------
@@ -33,8 +35,10 @@ def e57_blocks(path: Path) -> Iterator[np.ndarray]:
                     f"{path}: its header states {header.point_count:,} points, more than the file can hold"
                 )
             if header.point_count:
-                scan = file.read_scan(number, ignore_missing_fields=True)
-                yield np.column_stack([scan[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+                scan = file.read_scan(number, colors=True, ignore_missing_fields=True)
+                points = np.column_stack([scan[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+                has_colours = all(name in scan for name in _COLOURS)
+                yield with_colours(points, [scan[name] for name in _COLOURS]) if has_colours else points
     except InputError:
         raise
     except MemoryError:

@@ -12,9 +12,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
+from pipeline.scans.colours import with_colours
 
 TEXT = (".dat", ".xyz", ".txt", ".csv", ".pts", ".asc")
 _BLOCK = 1_000_000
+_PTS_COLUMNS = 7  # with intensity and colours
 _HEAD_BYTES = 10_000  # of the first line
 _BETWEEN = re.compile(r"[,;\s]+")
 _NAMES = (  # of the columns of x, y and z
@@ -22,12 +24,16 @@ _NAMES = (  # of the columns of x, y and z
     {"y", "y_m", "north", "northing", "northing_m"},
     {"z", "z_m", "height", "height_m", "elevation", "elevation_m"},
 )
+_COLOURS = ({"r", "red"}, {"g", "green"}, {"b", "blue"})
 _OF_STATIONS = {"leg", "station", "from", "to"}
 
 
 @dataclass(frozen=True)
 class TextLayout:
-    """How rows are written: lines above the first one, what separates numbers (None: spaces), and x, y, z's columns."""
+    """How rows are written: lines above the first one, what separates numbers (None: spaces), and the columns.
+
+    These are of x, y, z, and then of red, green, blue if there are any.
+    """
 
     above: int
     delimiter: str | None
@@ -43,10 +49,11 @@ def has_point_rows(path: Path) -> bool:
 
 
 def text_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield the points of a text file in blocks (n, 3).
+    """Yield the points of a text file in blocks (n, 3), or (n, 6) with colours.
 
-    A line of names above the rows says which columns are x, y and z; without one they are the first three. In `.dat`
-    files rows are `time x y z intensity` below a header line. The first line of `.pts` files is their number.
+    A line of names above the rows says which columns are x, y and z; without one they are the first three. It may name
+    red, green and blue. In `.dat` files rows are `time x y z intensity` below a header line. The first line of `.pts`
+    files is their number; rows of seven columns there are `x y z intensity red green blue`.
 
     Raises
     ------
@@ -59,7 +66,8 @@ def text_blocks(path: Path) -> Iterator[np.ndarray]:
         number = len(list(itertools.islice(stream, layout.above)))
         found = False
         while lines := list(itertools.islice(stream, _BLOCK)):
-            yield _parse_rows(path, lines, number, layout)
+            rows = _parse_rows(path, lines, number, layout)
+            yield with_colours(rows[:, :3], rows[:, 3:].T) if rows.shape[1] > 3 else rows
             number, found = number + len(lines), True
     if not found:
         raise InputError(f"{path}: no rows")
@@ -69,9 +77,9 @@ def _words(line: str) -> list[str]:
     return [word.strip("\"'").lower() for word in _BETWEEN.split(line.strip().lstrip("#/ ")) if word]
 
 
-def _named(words: list[str]) -> tuple[int, ...] | None:
-    """Return the columns of x, y and z by their names, None if one is not there."""
-    found = [[k for k, word in enumerate(words) if word in names] for names in _NAMES]
+def _named(words: list[str], wanted: tuple[set[str], ...] = _NAMES) -> tuple[int, ...] | None:
+    """Return the columns of x, y and z, or of others that are wanted, by their names, None if one is not there."""
+    found = [[k for k, word in enumerate(words) if word in names] for names in wanted]
     return tuple(columns[0] for columns in found) if all(found) else None
 
 
@@ -93,7 +101,9 @@ def _layout(path: Path, head: list[str]) -> TextLayout:
     is_count = suffix == ".pts" and len(words) == 1
     if above and not is_count and suffix != ".dat" and _named(words) is None:
         raise InputError(f"{path}:1: {head[0].strip()[:60]!r} is no row of numbers, and does not name x, y and z")
-    return TextLayout(above, delimiter, columns)
+    has_colours = is_count and len(row.split(delimiter)) == _PTS_COLUMNS
+    colours = (4, 5, 6) if has_colours else _named(words, _COLOURS) or ()
+    return TextLayout(above, delimiter, columns + colours)
 
 
 def _parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) -> np.ndarray:

@@ -27,7 +27,7 @@ Origin = tuple[float, float, float]
 class ScanFile:
     """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m.
 
-    A `look` needs no more than 2 million voxels, which are larger if the scan is.
+    A `look` needs no more than 2 million voxels, which are larger if the scan is. Without `colours` points have none.
     """
 
     path: str
@@ -36,6 +36,7 @@ class ScanFile:
     origin: Origin | None
     thin_m: float
     look: bool = False
+    colours: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ def read_points(file: ScanFile) -> ScanPoints:
         If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
     """
     payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
-    cloud = ThinnedCloud(payload.arrays["points"], payload.arrays["count"], int(payload.values["total"]))
+    arrays = payload.arrays
+    cloud = ThinnedCloud(arrays["points"], arrays["count"], int(payload.values["total"]), arrays["rgb"])
     x, y, z = payload.values["origin"]
     return ScanPoints(cloud, (x, y, z))
 
@@ -64,17 +66,18 @@ def read_here(file: dict[str, Any]) -> Payload:
     """Read a scan in this process; `read_points` has limits."""
     found = _read(ScanFile(**file))
     values = {"total": found.cloud.total, "origin": list(found.origin)}
-    return Payload(values, {"points": found.cloud.points_m, "count": found.cloud.count})
+    cloud = found.cloud
+    return Payload(values, {"points": cloud.points_m, "count": cloud.count, "rgb": cloud.rgb})
 
 
 def _read(file: ScanFile) -> ScanPoints:
     path = Path(file.path)
-    blocks = _turned(read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2), file.up)
+    blocks = _turned(read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2), file)
     first = next(blocks, None)
     if first is None or not len(first):
         raise InputError(f"{path}: has no points")
-    origin = np.array(file.origin if file.origin is not None else origin_of(first, file.unit_m))
-    in_metres = ((block - origin) * file.unit_m for block in _after(first, blocks))
+    origin = np.array(file.origin if file.origin is not None else origin_of(first[:, :3], file.unit_m))
+    in_metres = (_in_metres(block, origin, file.unit_m) for block in _after(first, blocks))
     try:
         most = _LOOKED_AT if file.look else MOST_VOXELS
         cloud = thin(_within_reach(path, in_metres), file.thin_m, most, file.look)
@@ -84,9 +87,19 @@ def _read(file: ScanFile) -> ScanPoints:
     return ScanPoints(cloud, (x, y, z))
 
 
-def _turned(blocks: Iterator[np.ndarray], up: str) -> Iterator[np.ndarray]:
+def _turned(blocks: Iterator[np.ndarray], file: ScanFile) -> Iterator[np.ndarray]:
+    """Yield blocks with z up, without colours unless they are wanted."""
     for block in blocks:
-        yield block[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else block
+        if not file.colours:
+            block = block[:, :3]
+        if file.up == "y":
+            block = np.column_stack([block[:, [0, 2, 1]] * [1, -1, 1], block[:, 3:]])
+        yield block
+
+
+def _in_metres(block: np.ndarray, origin: np.ndarray, unit_m: float) -> np.ndarray:
+    places = (block[:, :3] - origin) * unit_m
+    return np.column_stack([places, block[:, 3:]]) if block.shape[1] > 3 else places
 
 
 def _after(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
@@ -96,7 +109,7 @@ def _after(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarr
 
 def _within_reach(path: Path, blocks: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
     for block in blocks:
-        far = np.abs(block).max(initial=0.0)
+        far = np.abs(block[:, :3]).max(initial=0.0)
         if not far <= REACH_M:
             raise InputError(f"reaches {far:.0f} m from its first points, beyond {REACH_M:g} m; --unit states its unit")
         yield block

@@ -39,7 +39,8 @@ def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -
 
     A `look` at a large scan has larger ones.
     """
-    file = ScanFile(params.file, METRES[params.unit or "m"], params.up or "z", params.origin, thin_m, look)
+    metres, colours = METRES[params.unit or "m"], params.colours and not look
+    file = ScanFile(params.file, metres, params.up or "z", params.origin, thin_m, look, colours)
     found = read_points(file)
     return found.cloud, found.origin
 
@@ -72,6 +73,7 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         origin[2] * metres + down,
         KEPT_M,
         found.bounding.points_m - lift,
+        found.bounding.rgb,
     )
     place = Georeference(params.unit or "m", metres, (origin[0], origin[1]))
     manifold = manifold3d.Manifold(manifold3d.Mesh64(found.vertices, found.faces.astype(np.uint64)))
@@ -91,6 +93,8 @@ def _listed(texts: list[str]) -> str:
 def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
     """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
+    if len(found.bounding.rgb):
+        warn_user(f"{name}: the visible rock has the colours of the points (survey.colours)")
     if found.things:
         listed = [
             f"{a:.1f} x {b:.1f} x {c:.1f} m at {_place(thing.middle_m, down)}"
