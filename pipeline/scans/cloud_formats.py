@@ -210,9 +210,7 @@ def read_ply_header(path: Path) -> dict[str, int]:
 
 
 def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Load vertices (n, 3), faces (m, 3), none for a cloud, and the colours (n, 3) of a cloud, none if it has none.
-
-    trimesh reads them.
+    """Load vertices (n, 3), faces (m, 3), none for a cloud, and a cloud's colours (n, 3), if it has any, by trimesh.
 
     The open file keeps it from following names of materials and textures in it.
     """
@@ -223,7 +221,7 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
-        colours = np.asarray(getattr(found, "colors", np.zeros((0, 3))))[:, :3]
+        colours = np.zeros((0, 3)) if len(faces) else _ply_colours(found)
     except MemoryError:
         raise
     except Exception as error:  # trimesh passes on every exception of its parsers
@@ -243,6 +241,15 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
             f"{path}: a face has vertex {faces.min()} or {faces.max()}, there are {len(vertices)}; is it truncated?"
         )
     return vertices, faces, colours
+
+
+def _ply_colours(found: Any) -> np.ndarray:
+    """Return the colours (n, 3) of a PLY's vertices as they were read; trimesh's own have 8 bits, and 16 wrap in them."""
+    vertices = found.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
+    names = set(vertices) if isinstance(vertices, dict) else set(vertices.dtype.names or ())
+    if not names >= {"red", "green", "blue"}:
+        return np.zeros((0, 3))
+    return np.column_stack([np.asarray(vertices[name]).reshape(-1) for name in ("red", "green", "blue")])
 
 
 def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:

@@ -1,0 +1,125 @@
+"""Colours of points: of each format, in voxels, and where there are none."""
+
+import zipfile
+
+import laspy
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from pipeline.scans.cloud_formats import read_blocks
+from pipeline.scans.colours import mean_colours, with_colours
+from pipeline.survey.clouds.points import ScanFile, read_points
+from pipeline.survey.clouds.thinned import thin
+
+POINTS = np.random.default_rng(0).uniform(0, 5, (200, 3)).round(3)
+RGB = np.random.default_rng(1).integers(1, 256, (200, 3))
+
+
+def write(path, points=POINTS, rgb=RGB):
+    match path.suffix:
+        case ".xyz":
+            np.savetxt(path, np.column_stack([rgb, points]), fmt="%.3f", header="red green blue x y z", comments="")
+        case ".pts":
+            rows = np.column_stack([points, np.full(len(points), -7), rgb])
+            np.savetxt(path, rows, fmt="%.3f", header=str(len(points)), comments="")
+        case ".ply":
+            trimesh.PointCloud(points, colors=rgb.astype(np.uint8)).export(path)
+        case ".pcd":
+            packed = (rgb @ [1 << 16, 1 << 8, 1]).astype("<u4").view("<f4")
+            head = "VERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
+            head += f"WIDTH {len(points)}\nHEIGHT 1\nPOINTS {len(points)}\nDATA binary\n"
+            path.write_bytes(head.encode() + np.column_stack([points.astype("<f4"), packed]).tobytes())
+        case _:
+            cloud = laspy.LasData(laspy.LasHeader(point_format=2, version="1.2"))
+            cloud.header.scales, cloud.header.offsets = [0.001] * 3, [0.0] * 3
+            cloud.x, cloud.y, cloud.z = points.T
+            cloud.red, cloud.green, cloud.blue = 257 * rgb.T
+            cloud.write(str(path))
+    return path
+
+
+def cloud_of(path, colours=True):
+    return read_points(ScanFile(path.as_posix(), 1.0, "z", (0.0, 0.0, 0.0), 0.001, colours=colours)).cloud
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".pcd", ".xyz", ".pts"])
+def test_colours_of_each_format_are_those_that_were_written(tmp_path, suffix):
+    cloud = cloud_of(write(tmp_path / f"a{suffix}"))
+    assert cloud.rgb.dtype == np.uint8
+    np.testing.assert_array_equal(cloud.rgb, RGB[cKDTree(POINTS).query(cloud.points_m)[1]])
+
+
+@pytest.mark.parametrize("suffix", [".las", ".ply", ".xyz"])
+def test_they_are_left_out_on_request(tmp_path, suffix):
+    assert cloud_of(write(tmp_path / f"a{suffix}"), colours=False).rgb.shape == (0, 3)
+
+
+def test_a_las_file_of_bytes_is_not_darkened(tmp_path):
+    path = write(tmp_path / "a.las")
+    cloud = laspy.read(path)
+    cloud.red, cloud.green, cloud.blue = RGB.T
+    cloud.write(str(path))
+    assert sorted(cloud_of(path).rgb[:, 0].tolist()) == sorted(RGB[:, 0].tolist())
+
+
+def test_a_ply_may_have_16_bits(tmp_path):
+    head = "ply\nformat ascii 1.0\nelement vertex 200\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "property ushort red\nproperty ushort green\nproperty ushort blue\nend_header\n"
+    rows = "".join(
+        f"{x} {y} {z} {257 * r} {257 * g} {257 * b}\n" for (x, y, z), (r, g, b) in zip(POINTS, RGB, strict=True)
+    )
+    (tmp_path / "a.ply").write_text(head + rows)
+    cloud = cloud_of(tmp_path / "a.ply")
+    np.testing.assert_array_equal(cloud.rgb, RGB[cKDTree(POINTS).query(cloud.points_m)[1]])
+
+
+def test_a_file_turned_up_keeps_its_colours(tmp_path):
+    path = write(tmp_path / "a.las")
+    found = read_points(ScanFile(path.as_posix(), 1.0, "y", (0.0, 0.0, 0.0), 0.001, colours=True)).cloud
+    turned = POINTS[:, [0, 2, 1]] * [1, -1, 1]
+    np.testing.assert_array_equal(found.rgb, RGB[cKDTree(turned).query(found.points_m)[1]])
+
+
+def test_a_voxel_has_the_mean_of_its_colours_and_black_points_have_none():
+    points = np.repeat(np.arange(200.0)[:, None] * [1, 0, 0] + 0.5, 3, axis=0)
+    rgb = np.tile([[10, 20, 30], [30, 40, 50], [0, 0, 0]], (200, 1))
+    rgb[-3:] = 0
+    cloud = thin(iter([with_colours(points, rgb.T)]), 1.0, 10**6)
+    assert cloud.count.tolist() == [3] * 200
+    assert cloud.rgb[:-1].tolist() == [[20, 30, 40]] * 199
+    assert cloud.rgb[-1].tolist() == [0, 0, 0]
+
+
+def test_a_zip_file_may_hold_clouds_with_colours_and_without(tmp_path):
+    write(tmp_path / "a.las")
+    plain = POINTS + [0, 0, 10]
+    np.savetxt(tmp_path / "b.xyz", plain, fmt="%.3f")
+    with zipfile.ZipFile(tmp_path / "c.zip", "w") as archive:
+        for name in ("b.xyz", "a.las"):
+            archive.write(tmp_path / name, name)
+    cloud = cloud_of(tmp_path / "c.zip")
+    high = cloud.points_m[:, 2] > 7
+    assert len(cloud) == 400
+    assert not cloud.rgb[high].any()
+    assert cloud.rgb[~high].all()
+
+
+@pytest.mark.parametrize("value", ["nan", -1, 1e6])
+def test_a_colour_that_is_none_is_black(value):
+    rgb = np.full((3, 3), 9.0)
+    rgb[1, 2] = float(value)
+    assert with_colours(np.zeros((3, 3)), rgb.T)[:, 3:].tolist() == [[9] * 3, [0] * 3, [9] * 3]
+
+
+@pytest.mark.parametrize(("values", "found"), [([[1.0, 0.5, 0.2]], [255, 128, 51]), ([[65_535, 257, 0]], [255, 1, 0])])
+def test_shares_and_16_bits_become_bytes(values, found):
+    assert mean_colours(np.array(values), np.ones(1)).tolist() == [found]
+
+
+def test_a_word_in_a_colour_is_refused_by_its_line(tmp_path):
+    path = write(tmp_path / "a.xyz")
+    path.write_text(path.read_text().replace("\n", "\nx 1 1 0 0 0\n", 1))
+    with pytest.raises(Exception, match=r"a\.xyz:2: 'x' is not a number"):
+        list(read_blocks(path, 1.0))
