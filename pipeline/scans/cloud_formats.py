@@ -244,7 +244,7 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
 
 
 def _ply_colours(found: Any) -> np.ndarray:
-    """Return the colours (n, 3) of a PLY's vertices as they were read; trimesh's own have 8 bits, and 16 wrap in them."""
+    """Return the colours (n, 3) of a PLY's vertices as the file has them; 16 bits wrap in the 8 that trimesh keeps."""
     vertices = found.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
     names = set(vertices) if isinstance(vertices, dict) else set(vertices.dtype.names or ())
     if not names >= {"red", "green", "blue"}:

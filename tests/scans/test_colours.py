@@ -94,7 +94,7 @@ def test_a_voxel_has_the_mean_of_its_colours_and_black_points_have_none():
 
 def test_a_zip_file_may_hold_clouds_with_colours_and_without(tmp_path):
     write(tmp_path / "a.las")
-    plain = POINTS + [0, 0, 10]
+    plain = POINTS + np.array([0, 0, 10])
     np.savetxt(tmp_path / "b.xyz", plain, fmt="%.3f")
     with zipfile.ZipFile(tmp_path / "c.zip", "w") as archive:
         for name in ("b.xyz", "a.las"):

@@ -12,7 +12,7 @@ from pipeline.types import Image
 from pipeline.volume.world.surface.charts import Charts
 from pipeline.volume.world.surface.scanned import ScanColours
 
-_AT_ONCE = 1_000_000  # pixels
+_AT_ONCE = 300_000  # pixels
 _BESIDE_PX = 1.5  # from a face: a renderer mixes such pixels in
 _THIN_PX = 1e-6
 _GRAIN_M = 0.1  # longer structures are those of the scan's colours, shorter ones those of the texture
