@@ -51,6 +51,19 @@ def test_colours_of_each_format_are_those_that_were_written(tmp_path, suffix):
     np.testing.assert_array_equal(cloud.rgb, RGB[cKDTree(POINTS).query(cloud.points_m)[1]])
 
 
+def test_scans_of_an_e57_file_may_have_colours(tmp_path):
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed")
+    file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    columns = {f"cartesian{axis}": POINTS[:, k] for k, axis in enumerate("XYZ")}
+    file.write_scan_raw(columns)
+    channels = {f"color{name}": RGB[:, k].astype(float) for k, name in enumerate(("Red", "Green", "Blue"))}
+    file.write_scan_raw({**columns, "intensity": np.zeros(len(POINTS)), **channels})
+    file.close()
+    cloud = cloud_of(tmp_path / "a.e57")
+    assert cloud.count.tolist() == [2] * len(POINTS)
+    np.testing.assert_array_equal(cloud.rgb, RGB[cKDTree(POINTS).query(cloud.points_m)[1]])
+
+
 @pytest.mark.parametrize("suffix", [".las", ".ply", ".xyz"])
 def test_they_are_left_out_on_request(tmp_path, suffix):
     assert cloud_of(write(tmp_path / f"a{suffix}"), colours=False).rgb.shape == (0, 3)
