@@ -21,6 +21,7 @@ from benchmarks.resume import resume
 from benchmarks.scans.sample import NOISE_M, Scan, scan_of
 from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, truth_of
 from pipeline.errors import MineError
+from pipeline.scans.point_blocks import PointBlock
 from pipeline.survey.clouds.thinned import spacing_of, thin
 from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
 from pipeline.survey.detection.cloud import resolution
@@ -65,9 +66,9 @@ def scan_mine(
 
 def found_again(points_m: np.ndarray) -> ScannedVolume:
     """Return the volume of a scan as the command finds it."""
-    fine = thin(iter([points_m]), _FINEST_M, len(points_m))
+    fine = thin(iter([PointBlock(points_m)]), _FINEST_M, len(points_m))
     voxel_m = resolution(fine.points_m, spacing_of(fine.points_m))
-    cloud = thin(iter([points_m]), voxel_m / 2, len(points_m))
+    cloud = thin(iter([PointBlock(points_m)]), voxel_m / 2, len(points_m))
     return volume_of_cloud(cloud, voxel_m, _SIMPLIFY_M, MOST_FACETS)
 
 

@@ -39,8 +39,9 @@ def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -
 
     A `look` at a large scan has larger ones. With a trajectory the points have their times, where the file states them.
     """
-    timed = params.trajectory is not None
-    file = ScanFile(params.file, METRES[params.unit or "m"], params.up or "z", params.origin, thin_m, look, timed)
+    timed, colours = params.trajectory is not None and not look, params.colours and not look
+    metres, up = METRES[params.unit or "m"], params.up or "z"
+    file = ScanFile(params.file, metres, up, params.origin, thin_m, look, timed, colours)
     found = read_points(file)
     return found.cloud, found.origin
 
@@ -74,6 +75,7 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         origin[2] * metres + down,
         KEPT_M,
         found.bounding.points_m - lift,
+        found.bounding.rgb,
         found.rays_m - lift,
     )
     place = Georeference(params.unit or "m", metres, (origin[0], origin[1]))
@@ -115,6 +117,8 @@ def _listed(texts: list[str]) -> str:
 def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
     """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
+    if len(found.bounding.rgb):
+        warn_user(f"{name}: the visible rock has the colours of the points (survey.colours)")
     if found.moved_m > params.simplify_m:
         warn_user(
             f"{name}: of its surface, simplified to {len(found.faces):,} triangles, four fifths move by at most "
