@@ -165,6 +165,16 @@ def test_a_las_file_with_more_records_than_bytes_is_refused_at_once(tmp_path, ve
         list(read_blocks(path, 100.0))
 
 
+def test_a_las_file_that_states_a_version_whose_header_it_does_not_hold_is_refused(drift, tmp_path):
+    path = tmp_path / "c.las"
+    write_las(path, drift)
+    data = bytearray(path.read_bytes())
+    data[25] = 5  # LAS 1.5 has times in its header
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"c\.las: cannot be read as LAS or LAZ; it is broken"):
+        list(read_blocks(path, 100.0))
+
+
 def test_a_mesh_with_a_vertex_far_away_is_refused_before_it_is_sampled(tmp_path):
     path = tmp_path / "c.obj"
     path.write_text("v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\nf 1 2 3\n")

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.mesh_checks import join_meshes
 from pipeline.types import Mesh
 from pipeline.volume.enclosure import Inside
-from pipeline.volume.union import Label, Volume
+from pipeline.volume.union import Volume
 
 _SAMPLES = 200_000  # points of the scan, and places on the surface
 _SEEN_M = 0.3  # from a place of the surface to the next point
@@ -93,7 +94,7 @@ def measure_rays(volume: Volume, rock: Mapping[str, Mesh], rays_m: np.ndarray) -
     if rock:
         vertices, faces = join_meshes(dict(rock))
         scene = ray_scene(vertices - middle, faces)
-        floors = volume.faces[volume.label == Label.FLOOR]
+        floors = volume.faces[volume.label == FacetLabel.FLOOR]
         scene.add_triangles((volume.vertices - middle).astype(np.float32), floors.astype(np.uint32))
     else:
         scene = ray_scene(volume.vertices - middle, volume.faces)
