@@ -41,8 +41,11 @@ def _ply(points: np.ndarray) -> Files:
 
 def _pcd(points: np.ndarray) -> Files:
     count = len(points)
-    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH %d\nHEIGHT 1\n" % count
-    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS %d\nDATA binary\n" % count + _bytes_of(points)}
+    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    head += b"WIDTH %d\nHEIGHT 1\n" % count
+    colours = (1000 * np.arange(count)).astype("<u4")[:, None].view("<f4")
+    rows = _bytes_of(np.column_stack([points.astype("<f4"), colours]))
+    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS %d\nDATA binary\n" % count + rows}
 
 
 def _open3d_pcd(points: np.ndarray, **how: bool) -> Files:
