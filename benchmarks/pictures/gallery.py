@@ -85,7 +85,7 @@ PICTURES: dict[str, tuple[Path, Callable[[Path], None]]] = {
     "export": (Path("docs/export.jpg"), draw_export),
     "volume": (Path("docs/volume-world.png"), draw_volume),
     "scan": (Path("docs/scan.jpg"), draw_scan),
-    "scan-colours": (Path("docs/scan-colours.jpg"), draw_scan_colours),
+    "colours": (Path("docs/scan-colours.jpg"), draw_scan_colours),
 }
 
 

@@ -124,8 +124,7 @@ def validate_volume(
     """
     if len(floors):
         solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
-    rng = np.random.default_rng(params.seed)
-    volume = closed_volume(world.mine)
+    rng, volume = np.random.default_rng(params.seed), closed_volume(world.mine)
     fronts = fronts_of(volume, world.parts)
     compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
     scan = measure_scan(volume, solid.scan_m, rng) if len(solid.scan_m) else None
@@ -143,8 +142,7 @@ def validate_volume(
             if len(solid)
             else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
         ),
-        **({} if scan is None else {"scan": scan.figures}),
-        **({} if rays is None else {"rays": rays.figures}),
+        **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
         "enclosure": {
             **_enclosure(params, volume, fronts, rng),
             "bare_m2": round(fronts.bare_m2, 9),
