@@ -118,6 +118,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("robot-pictures", "all", "benchmarks.pictures.robot_pictures", "docs/robots.jpg"),
     _python("volume-world", "setup", "benchmarks.pictures.gallery volume", "docs/volume-world.png", "2"),
     _python("scan-picture", "setup", "benchmarks.pictures.gallery scan", "docs/scan.jpg", "3"),
+    _python("scan-colours", "setup", "benchmarks.pictures.gallery colours", "docs/scan-colours.jpg"),
     _python("drive-clip", "all", "benchmarks.pictures.gallery drive", "docs/drive.gif"),
     _python("export-picture", "all", "benchmarks.pictures.gallery export", "docs/export.jpg"),
     _python("look", "all", "benchmarks.pictures.look_at_report", "docs/report.png"),

@@ -313,8 +313,8 @@ _FLOAT32, _INT32 = np.dtype("<f4"), np.dtype("<i4")
 class TriangleMesh:
     """A triangle mesh as a `.msh` file holds it.
 
-    `vertices` (n, 3) m, `faces` (m, 3) vertex numbers, `texcoords` (n, 2) with v upwards, `normals` (n, 3) unit
-    vectors; texture coordinates and normals may be absent, (0, 2) and (0, 3).
+    `vertices` (n, 3) m, `faces` (m, 3) vertex numbers, `texcoords` (n, 2) with v downwards from a picture's first row,
+    `normals` (n, 3) unit vectors; texture coordinates and normals may be absent, (0, 2) and (0, 3).
     """
 
     vertices: np.ndarray

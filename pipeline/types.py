@@ -188,7 +188,9 @@ class ClosedMesh:
     """The free space of a survey that is a solid: a closed mesh (m, mine frame) whose normals point out of it.
 
     `datum_m` is the survey's elevation of height 0. The world's mesh may be simplified by `simplify_m`. A survey that
-    is no solid has no faces. `scan_m` are the points of the scan that it was made from; none of other solids.
+    is no solid has no faces. `scan_m` are the points of the scan that it was made from, `scan_rgb` their colours: red,
+    green, blue, black of a point without one, none if the scan has none. `rays_m` are some of the points with the place
+    of the scanner that saw each, before it. Other solids have none of these.
     """
 
     vertices: Float64[np.ndarray, "n 3"]
@@ -196,6 +198,12 @@ class ClosedMesh:
     datum_m: float
     simplify_m: float
     scan_m: Float64[np.ndarray, "p 3"] = field(default_factory=lambda: np.zeros((0, 3)), metadata={"optional": True})
+    scan_rgb: UInt8[np.ndarray, "c 3"] = field(
+        default_factory=lambda: np.zeros((0, 3), np.uint8), metadata={"optional": True}
+    )
+    rays_m: Float64[np.ndarray, "r 2 3"] = field(
+        default_factory=lambda: np.zeros((0, 2, 3)), metadata={"optional": True}
+    )
 
     def __len__(self) -> int:
         """Return the number of faces."""

@@ -52,8 +52,8 @@ def model_surface(
     if volume is not None and (volume / VOLUME).is_file():
         from pipeline.volume.world.surface.build import rock_of_volume  # open3d takes a second to load
 
-        rock = rock_of_volume(params, volume, solid.scan_m)
-        return {**_NO_ROCK, "rough": rock.files, "texture": _texture(params.texture), "mesh_checks": rock.report}
+        rock = rock_of_volume(params, volume, _texture(params.texture), solid.scan_m, solid.scan_rgb)
+        return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
     free = free_space.polygon

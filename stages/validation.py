@@ -67,7 +67,8 @@ def validate_world(
             from pipeline.report.figures.deviation import draw_deviation
 
             scan = found.scan
-            picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures)
+            rays = None if found.rays is None else (found.rays.ends_m, found.rays.off_m, found.rays.figures)
+            picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures, rays)
             pictures = pictures | {"deviation": picture}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
     validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])

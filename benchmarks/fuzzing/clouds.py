@@ -29,13 +29,23 @@ def _drift() -> np.ndarray:
 
 def _ply(points: np.ndarray) -> Files:
     head = b"ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % len(points)
-    return {"c.ply": head + b"".join(b"property float %c\n" % c for c in b"xyz") + b"end_header\n" + _bytes_of(points)}
+    names = ("x", "y", "z", "red", "green", "blue")
+    columns = np.column_stack([points, np.abs(points) / 10])
+    return {
+        "c.ply": head
+        + b"".join(b"property float %s\n" % n.encode() for n in names)
+        + b"end_header\n"
+        + _bytes_of(columns)
+    }
 
 
 def _pcd(points: np.ndarray) -> Files:
     count = len(points)
-    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH %d\nHEIGHT 1\n" % count
-    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS %d\nDATA binary\n" % count + _bytes_of(points)}
+    head = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    head += b"WIDTH %d\nHEIGHT 1\n" % count
+    colours = (1000 * np.arange(count)).astype("<u4")[:, None].view("<f4")
+    rows = _bytes_of(np.column_stack([points.astype("<f4"), colours]))
+    return {"c.pcd": head + b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS %d\nDATA binary\n" % count + rows}
 
 
 def _open3d_pcd(points: np.ndarray, **how: bool) -> Files:
@@ -54,8 +64,8 @@ def _xyz(points: np.ndarray) -> Files:
 
 
 def _csv(points: np.ndarray) -> Files:
-    rows = b"".join(b"%d,%.3f,%.3f,%.3f\n" % (k, *p) for k, p in enumerate(points))
-    return {"c.csv": b"time,x,y,z\n" + rows}
+    rows = b"".join(b"%d,%.3f,%.3f,%.3f,90,80,%d\n" % (k, *p, k % 256) for k, p in enumerate(points))
+    return {"c.csv": b"time,x,y,z,red,green,blue\n" + rows}
 
 
 def _zip(points: np.ndarray) -> Files:
@@ -83,8 +93,9 @@ def _las(points: np.ndarray, name: str = "c.las") -> Files:
     import laspy
 
     def write(path: Path) -> None:
-        cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+        cloud = laspy.LasData(laspy.LasHeader(point_format=2, version="1.2"))
         cloud.x, cloud.y, cloud.z = points.T
+        cloud.red = cloud.green = cloud.blue = np.arange(len(points))
         cloud.write(str(path))
 
     return saved(name, write)

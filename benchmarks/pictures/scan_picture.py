@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.comparisons.volume.cases import CASES
 from benchmarks.scans.judge import scan_mine
+from benchmarks.scans.sample import Scan
 from benchmarks.scans.truth import mesh_of, network_of_floors
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.report.figures.deviation import draw_deviation
@@ -19,7 +20,7 @@ from pipeline.survey.load import read_survey
 from pipeline.types import Frame, Image
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import pieces_of, unite
-from pipeline.volume.world.proof.scan import measure_scan
+from pipeline.volume.world.proof.scan import measure_rays, measure_scan
 from pipeline.volume.world.solid import volume_of_solid
 
 _PER_M2, _SEED, _QUALITY = 200.0, 7, 85
@@ -29,22 +30,30 @@ _TITLES = ("points, the higher the lighter", "plan: red left out, blue closed", 
 
 
 def draw_scan(path: Path) -> None:
-    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and draw each step."""
+    """Scan the T on a slope of the volume's gate, with a person and a vehicle in it, and draw each step.
+
+    The scan has a trajectory, and its points have times.
+    """
     rng = np.random.default_rng(_SEED)
     with tempfile.TemporaryDirectory() as folder:
         network = CASES["tee"].network(Path(folder))
         truth = solve_floors(unite(network, pieces_of(network)), network).solid
-        points = scan_mine(truth, network_of_floors(mesh_of(truth)), rng, _PER_M2).points_m
-        file = Path(folder) / "scan.laz"
-        _write(file, points)
+        scanned = scan_mine(truth, network_of_floors(mesh_of(truth)), rng, _PER_M2)
+        file, way = Path(folder) / "scan.laz", Path(folder) / "way.txt"
+        _write(file, scanned)
+        np.savetxt(way, np.column_stack([np.arange(len(scanned.trajectory_m)), scanned.trajectory_m]), fmt="%.4f")
         params = CloudSurveyParams(kind="cloud", name="scan", file="data/x", heights=None)
-        read = read_survey(params.model_copy(update={"file": file.as_posix()}))
+        read = read_survey(params.model_copy(update={"file": file.as_posix(), "trajectory": way.as_posix()}))
     frame, solid = read["survey"].frame, read["solid"]
-    scan = measure_scan(volume_of_solid(solid, 0.36), solid.scan_m, rng)
+    volume = volume_of_solid(solid, 0.36)
+    scan, rays = measure_scan(volume, solid.scan_m, rng), measure_rays(volume, {}, solid.rays_m)
+    print(scan.figures, rays.figures, sep="\n")
     pictures = (
         _points(solid.scan_m, frame),
         read["plan"],
-        draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, frame, scan.figures),
+        draw_deviation(
+            scan.points_m, scan.off_m, scan.unseen_m, frame, scan.figures, (rays.ends_m, rays.off_m, rays.figures)
+        ),
     )
     for picture, title, step in zip(pictures, _TITLES, _STEPS, strict=True):
         cv2.putText(picture, title, (12, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 0, 0), 1, cv2.LINE_AA)
@@ -53,10 +62,11 @@ def draw_scan(path: Path) -> None:
         write_atomically(path.with_stem(path.stem + step), data.tobytes())
 
 
-def _write(file: Path, points: np.ndarray) -> None:
-    cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+def _write(file: Path, scan: Scan) -> None:
+    cloud = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
     cloud.header.scales = [0.001] * 3
-    cloud.x, cloud.y, cloud.z = points.T
+    cloud.x, cloud.y, cloud.z = scan.points_m.T
+    cloud.gps_time = scan.time_s
     cloud.write(str(file))
 
 

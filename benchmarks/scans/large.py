@@ -28,6 +28,7 @@ _WAVE_M, _ASIDE_M, _RISE = 40.0, 10.0, 0.02  # the drift winds and rises
 _WIDE_M, _HIGH_M, _NOISE_M = 5.0, 4.0, 0.02
 _LENGTH_M = 2000.0
 _BLOCK = 1_000_000
+_COLOUR, _HUE_M = 30_000, 5.0  # of 16 bits
 _STEPS = (
     "_flooded",
     "planes_of",
@@ -58,14 +59,16 @@ def _points(count: int, length_m: float) -> Iterator[np.ndarray]:
         yield points + rng.normal(0, _NOISE_M, points.shape)
 
 
-def write_scan(path: Path, count: int, length_m: float = _LENGTH_M) -> None:
-    """Write a scan of `count` points of a drift block by block."""
-    header = laspy.LasHeader(point_format=0, version="1.2")
+def write_scan(path: Path, count: int, length_m: float = _LENGTH_M, colours: bool = False) -> None:
+    """Write a scan of `count` points of a drift block by block, with `colours` that change along it."""
+    header = laspy.LasHeader(point_format=2 if colours else 0, version="1.2")
     header.scales = np.full(3, 1e-3)
     with laspy.open(path, "w", header=header) as out:
         for points in _points(count, length_m):
             record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
             record.x, record.y, record.z = points.T
+            if colours:
+                record.red, record.green, record.blue = (_COLOUR * (1 + 0.5 * np.sin(points / _HUE_M))).astype("<u2").T
             out.write_points(record)
 
 
@@ -94,14 +97,15 @@ def main() -> int:
     parser.add_argument("--millions", type=int, default=20, help="points")
     parser.add_argument("--metres", type=float, default=_LENGTH_M, help="of the drift")
     parser.add_argument("--laz", action="store_true", help="compress the file")
+    parser.add_argument("--colours", action="store_true", help="of the points")
     parser.add_argument("--volume", action="store_true", help="find the free space, too")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"scan.{'laz' if arguments.laz else 'las'}"
-        write_scan(path, arguments.millions * 1_000_000, arguments.metres)
+        write_scan(path, arguments.millions * 1_000_000, arguments.metres, arguments.colours)
         size = path.stat().st_size
         start = _processor_s()
-        found = read_here(vars(ScanFile(path.as_posix(), 1.0, "z", None, _THIN_M)))
+        found = read_here(vars(ScanFile(path.as_posix(), 1.0, "z", None, _THIN_M, colours=arguments.colours)))
         seconds, voxels = _processor_s() - start, len(found.arrays["count"])
         print(
             f"{found.values['total']:,} points, {size / 1e6:.0f} MB, in {voxels:,} voxels of {_THIN_M:g} m: "

@@ -13,16 +13,20 @@ from pipeline.survey.clouds.voxels import cells_at, keys_of
 
 _RANGE_M = 40.0
 _ROWS, _COLUMNS = 32, 240
-_NOISE_M = 0.02
+NOISE_M = 0.02
 _PERSON_M, _VEHICLE_M = (0.5, 0.35, 1.75), (4.2, 1.7, 1.7)
 _UNDER_M = 0.35  # of the vehicle's body over the floor
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Points (n, 3) m, the trajectory (k, 3) m, and the middles (2, 3) m of the person and the vehicle."""
+    """Points (n, 3) m, the trajectory (k, 3) m, and the middles (2, 3) m of the person and the vehicle.
+
+    `time_s` (n,) is the row of the trajectory that a point was seen from: a row a second.
+    """
 
     points_m: np.ndarray
+    time_s: np.ndarray
     trajectory_m: np.ndarray
     things_m: np.ndarray
 
@@ -55,6 +59,7 @@ def scan_of(
     per_m2: float,
     hole_m: float = 0.5,
     things: tuple[np.ndarray, np.ndarray, float] | None = None,
+    noise_m: float = NOISE_M,
 ) -> Scan:
     """Return the scan of a volume along a way (k, 3) m of the scanner.
 
@@ -69,31 +74,35 @@ def scan_of(
         Width of the hole that is cut into the scan.
     things : (person, vehicle, heading), optional
         Places on the floor, m, and degrees.
+    noise_m : float
+        Standard deviation of the ranges.
     """
     scene = _scene(truth) if things is None else _scene(truth, _things(*things))
     pitch = np.radians(np.linspace(-75, 75, _ROWS))
     turn = np.radians(np.arange(_COLUMNS) * 360 / _COLUMNS)
-    found = []
-    for place in way_m:
+    found, times = [], []
+    for row, place in enumerate(way_m):
         a, b = np.meshgrid(turn + rng.uniform(0, 0.1), pitch + rng.uniform(-0.02, 0.02))
         way = np.column_stack([(np.cos(b) * np.cos(a)).ravel(), (np.cos(b) * np.sin(a)).ravel(), np.sin(b).ravel()])
         rays = np.column_stack([np.broadcast_to(place, way.shape), way]).astype(np.float32)
         far = scene.cast_rays(rays)["t_hit"].numpy().astype(float)
         hit = far < _RANGE_M
-        far = far[hit] + rng.normal(0, _NOISE_M, hit.sum())
+        far = far[hit] + rng.normal(0, noise_m, hit.sum())
         found.append(place + far[:, None] * way[hit])
-    points = np.concatenate(found)
+        times.append(np.full(hit.sum(), float(row)))
+    points, time_s = np.concatenate(found), np.concatenate(times)
     middle = points[rng.integers(len(points))]
-    points = points[np.linalg.norm(points - middle, axis=1) > hole_m / 2]
-    points = _at_most(points, per_m2, rng)
-    return Scan(points, way_m, np.zeros((0, 3)) if things is None else np.array(things[:2]))
+    whole = np.linalg.norm(points - middle, axis=1) > hole_m / 2
+    points, time_s = points[whole], time_s[whole]
+    kept = _at_most(points, per_m2, rng)
+    return Scan(points[kept], time_s[kept], way_m, np.zeros((0, 3)) if things is None else np.array(things[:2]))
 
 
 def _at_most(points: np.ndarray, per_m2: float, rng: np.random.Generator, cell_m: float = 0.5) -> np.ndarray:
-    """Return points of which a cell's surface has no more than so many a square metre."""
-    points = points[rng.permutation(len(points))]
-    cell = keys_of(cells_at(points, cell_m))
+    """Return rows of points of which a cell's surface has no more than so many a square metre."""
+    rows = rng.permutation(len(points))
+    cell = keys_of(cells_at(points[rows], cell_m))
     order = np.argsort(cell, kind="stable")
     starts = np.flatnonzero(np.append(True, np.diff(cell[order]) != 0))
     rank = np.arange(len(points)) - np.repeat(starts, np.diff(np.append(starts, len(points))))
-    return points[order[rank < max(1, per_m2 * cell_m**2)]]
+    return rows[order[rank < max(1, per_m2 * cell_m**2)]]

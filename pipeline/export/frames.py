@@ -15,6 +15,11 @@ def apply(T: np.ndarray, points_m: Points3) -> Points3:
     return points_m @ T[:3, :3].T + T[:3, 3]
 
 
+def upwards(texcoords: np.ndarray) -> np.ndarray:
+    """Return texture coordinates (n, 2) with v from a picture's last row upwards, as OBJ and USD have it."""
+    return np.column_stack([texcoords[:, 0], 1 - texcoords[:, 1]])
+
+
 def turn_to(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Return a rotation (3, 3) that turns one unit vector (3,) into another."""
     cross, cosine = np.cross(axis, direction), float(axis @ direction)

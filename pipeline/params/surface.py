@@ -53,6 +53,9 @@ class TextureParams(Params):
     tether_m: float | None = Field(
         None, ge=0.05, le=5, description="the texture follows the rock within about this; null: it stays on the plan"
     )
+    scan_px: int = Field(
+        2048, ge=256, le=4096, description="most px along a side of the picture of a scan with colours"
+    )
     seed: int = Field(ge=0, description="seed of the texture")
 
 

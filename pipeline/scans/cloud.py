@@ -77,13 +77,13 @@ def _read(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     blocks = read_blocks(path, limits.mesh_points_per_m2 * UNIT_M[units] ** 2)
     for block in blocks:
         total += len(block)
-        block = block * UNIT_M[units]
-        range_m = np.linalg.norm(block, axis=1)
-        block = block[(range_m >= limits.range_m[0]) & (range_m <= limits.range_m[1])]
-        key = _voxel_keys(block, limits.thin_m)
+        points = block.points * UNIT_M[units]
+        range_m = np.linalg.norm(points, axis=1)
+        points = points[(range_m >= limits.range_m[0]) & (range_m <= limits.range_m[1])]
+        key = _voxel_keys(points, limits.thin_m)
         key, first = np.unique(key, return_index=True)
         new = ~np.isin(key, keys, assume_unique=True)
-        kept, keys = np.concatenate([kept, block[first[new]]]), np.concatenate([keys, key[new]])
+        kept, keys = np.concatenate([kept, points[first[new]]]), np.concatenate([keys, key[new]])
         if len(kept) > limits.max_points:
             raise InputError(
                 f"{path}: more than {limits.max_points:,} points remain after thinning to {limits.thin_m:g} m; "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.e57_clouds import e57_blocks
 from pipeline.scans.pcd_clouds import pcd_blocks
+from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
@@ -35,8 +37,8 @@ def run_on_cloud(task: str, arguments: dict[str, Any], path: Path) -> Payload:
     return run_limited(task, arguments, str(path), extra_s, scratch_bytes=scratch_bytes)
 
 
-def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
-    """Yield the points of a cloud or mesh in blocks (n, 3), in the file's units.
+def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
+    """Yield the points of a cloud or mesh in blocks, in the file's units.
 
     Text, PCD and LAS files are read block by block, E57 files scan by scan. PLY files, meshes and packed PCD files are
     read at once. Meshes are sampled. The clouds of a zip file are read one after the other.
@@ -47,6 +49,8 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
         The suffix names the format.
     points_per_unit2 : float
         Density at which a mesh is sampled, points per squared unit of the file.
+    wanted : Wanted
+        Colours and times, where the file states them. Meshes and E57 files have no times, meshes no colours.
 
     Raises
     ------
@@ -55,15 +59,15 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
     """
     suffix = path.suffix.lower()
     if suffix in TEXT:
-        return text_blocks(path)
+        return text_blocks(path, wanted)
     if suffix == ".e57":
-        return e57_blocks(path)
+        return e57_blocks(path, wanted)
     if suffix == ".zip":
-        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2))
+        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2, wanted))
     if suffix in {".las", ".laz"}:
-        return _las_blocks(path)
+        return _las_blocks(path, wanted)
     if suffix == ".pcd":
-        return (_require_finite(path, block) for block in pcd_blocks(path))
+        return (_require_finite(path, block) for block in pcd_blocks(path, wanted))
     if suffix in {".ply", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
@@ -71,17 +75,17 @@ def read_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
                 f"{path}: {path.stat().st_size:,} bytes; the limit for PLY and meshes is {most:,} "
                 f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
-        return _whole_file(path, suffix, points_per_unit2)
+        return _whole_file(path, suffix, points_per_unit2, wanted)
     raise InputError(f"{path}: no reader for {suffix!r}; there are {' '.join([*CLOUDS, *_MESHES])} .zip")
 
 
-def _whole_file(path: Path, suffix: str, points_per_unit2: float) -> Iterator[np.ndarray]:
+def _whole_file(path: Path, suffix: str, points_per_unit2: float, wanted: Wanted) -> Iterator[PointBlock]:
     if suffix == ".ply" and not read_ply_header(path).get("face"):
-        return iter([_ply_points(path)])
+        return iter([_ply_points(path, wanted)])
     return _mesh_blocks(path, points_per_unit2)
 
 
-def _las_blocks(path: Path) -> Iterator[np.ndarray]:
+def _las_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
     import laspy
 
     _require_records(path)
@@ -91,12 +95,14 @@ def _las_blocks(path: Path) -> Iterator[np.ndarray]:
             count = 0
             for chunk in reader.chunk_iterator(_BLOCK):
                 count += len(chunk)
-                yield _require_finite(path, np.column_stack([chunk.x, chunk.y, chunk.z]))
+                fields = fields_of(chunk.point_format.dimension_names, wanted)
+                columns = {field: np.asarray(chunk[name]) for field, name in fields.items()}
+                yield _require_finite(path, block_of(np.column_stack([chunk.x, chunk.y, chunk.z]), columns))
             if count < reader.header.point_count:
                 raise InputError(
                     f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
                 )
-    except (laspy.errors.LaspyException, OSError, ValueError, RuntimeError, OverflowError) as error:
+    except (laspy.errors.LaspyException, struct.error, OSError, ValueError, RuntimeError, OverflowError) as error:
         raise InputError(
             f"{path}: cannot be read as LAS or LAZ; it is broken or cut off, and behind a wrong byte of a LAZ file no "
             "point can be unpacked; copy or export it again"
@@ -139,9 +145,9 @@ def _require_chunks(path: Path, points_at: int, size: int) -> None:
         )
 
 
-def _ply_points(path: Path) -> np.ndarray:
-    vertices, _ = _load(path, "PLY")  # Open3D fills a truncated PLY with zeros
-    return _require_finite(path, vertices)
+def _ply_points(path: Path, wanted: Wanted) -> PointBlock:
+    vertices, _, fields = _load(path, "PLY", wanted)  # Open3D fills a truncated PLY with zeros
+    return _require_finite(path, block_of(vertices, fields))
 
 
 def read_ply_header(path: Path) -> dict[str, int]:
@@ -187,10 +193,13 @@ def read_ply_header(path: Path) -> dict[str, int]:
     return counts
 
 
-def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Load vertices (n, 3) and faces (m, 3), none for a cloud, by trimesh.
+def _load(
+    path: Path, format_name: str, wanted: Wanted = PLACES, **options: Any
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Load vertices (n, 3), faces (m, 3), none for a cloud, and what is wanted of a PLY's vertices (n,), by trimesh.
 
-    The open file keeps it from following names of materials and textures in it.
+    These fields are as the file has them; of colours with 16 bits trimesh itself keeps 8. The open file keeps it from
+    following names of materials and textures in it.
     """
     import trimesh
 
@@ -199,6 +208,9 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
+        rows = found.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})  # of text columns by name
+        names = fields_of(rows if isinstance(rows, dict) else rows.dtype.names or (), wanted)
+        fields = {field: np.asarray(rows[name]).reshape(len(vertices)) for field, name in names.items()}
     except MemoryError:
         raise
     except Exception as error:  # trimesh passes on every exception of its parsers
@@ -217,14 +229,14 @@ def _load(path: Path, format_name: str, **options: Any) -> tuple[np.ndarray, np.
         raise InputError(
             f"{path}: a face has vertex {faces.min()} or {faces.max()}, there are {len(vertices)}; is it truncated?"
         )
-    return vertices, faces
+    return vertices, faces, fields
 
 
-def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
+def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[PointBlock]:
     """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    vertices, faces = _load(path, "a mesh", force="mesh")
+    vertices, faces, _ = _load(path, "a mesh", force="mesh")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")
@@ -236,14 +248,14 @@ def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[np.ndarray]:
         )
     count = min(max(LEAST_POINTS, int(wanted)), most)
     for block, first in enumerate(range(0, count, _BLOCK)):
-        yield np.asarray(trimesh.sample.sample_surface(mesh, min(_BLOCK, count - first), seed=block)[0])
+        yield PointBlock(np.asarray(trimesh.sample.sample_surface(mesh, min(_BLOCK, count - first), seed=block)[0]))
 
 
-def _require_finite(path: Path, points: np.ndarray) -> np.ndarray:
-    bad = ~np.isfinite(points).all(axis=1)
+def _require_finite(path: Path, block: PointBlock) -> PointBlock:
+    bad = ~np.isfinite(block.points).all(axis=1)
     if bad.any():
         raise InputError(
-            f"{path}: {int(bad.sum())} of {len(points)} points are not finite "
+            f"{path}: {int(bad.sum())} of {len(block)} points are not finite "
             f"(the first is number {int(bad.argmax()) + 1})"
         )
-    return points
+    return block

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.scans.point_blocks import PointBlock, Wanted, block_of, fields_of
 
 _LEAST_BITS = 1  # of a point in a file: packed integers of a scan in a plane take a few
 
 
-def e57_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield the points (n, 3) m of each scan of an E57 file, in the file's frame.
+def e57_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
+    """Yield the points, m, of each scan of an E57 file, in the file's frame; without times.
 
     Raises
     ------
@@ -33,8 +34,9 @@ def e57_blocks(path: Path) -> Iterator[np.ndarray]:
                     f"{path}: its header states {header.point_count:,} points, more than the file can hold"
                 )
             if header.point_count:
-                scan = file.read_scan(number, ignore_missing_fields=True)
-                yield np.column_stack([scan[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+                scan = file.read_scan(number, colors=wanted.colours, ignore_missing_fields=True)
+                points = np.column_stack([scan[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+                yield block_of(points, {field: scan[name] for field, name in fields_of(scan, wanted).items()})
     except InputError:
         raise
     except MemoryError:

@@ -15,30 +15,33 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.point_blocks import COLOURS, PLACES, PointBlock, Wanted, block_of, fields_of
 from pipeline.scans.text_clouds import TextLayout, parse_rows
 
 _BLOCK = 1_000_000
 _HEAD_BYTES, _LINE_BYTES = 65_536, 10_000
 _TYPES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}  # and the bytes that a number of each may have
+_PACKED, _RGB_BYTES = ("rgb", "rgba"), 4  # fields of blue, green, red and opacity
 _COPY, _LONG, _LEAST_COPY = 32, 7, 2  # LZF: smaller marks are followed by so many bytes, others name earlier ones
 
 
 @dataclass(frozen=True)
 class PcdHeader:
-    """What a PCD file states: its points, where x, y and z are in a point's bytes and words, and how it is written.
+    """What a PCD file states: its points, where the fields that are read are in a point's bytes and words, and how.
 
-    `columns` are (type of numpy, byte, word) of each; a point takes `bytes_each`.
+    `columns` are (type of numpy, byte, word) of `x`, `y`, `z`, and of colours and times that are wanted and stated;
+    `rgb` has a colour in one number. A point takes `bytes_each`.
     """
 
     points: int
-    columns: tuple[tuple[str, int, int], ...]
+    columns: dict[str, tuple[str, int, int]]
     bytes_each: int
     kind: str
     lines: int
 
 
-def pcd_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield the points (n, 3) of a PCD file in blocks; one packed by LZF is read at once.
+def pcd_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
+    """Yield the points of a PCD file in blocks; one packed by LZF is read at once.
 
     Raises
     ------
@@ -50,30 +53,32 @@ def pcd_blocks(path: Path) -> Iterator[np.ndarray]:
     Point Cloud Library, "The PCD (Point Cloud Data) file format"; M. Lehmann, LibLZF
     """
     with path.open("rb") as stream:
-        head = _read_header(path, stream)
+        head = _read_header(path, stream, wanted)
         if head.kind == "ascii":
             yield from _text(path, stream, head)
             return
-        found, wanted = path.stat().st_size - stream.tell(), head.points * head.bytes_each
+        found, size = path.stat().st_size - stream.tell(), head.points * head.bytes_each
         if head.kind == "binary":
-            if found != wanted:
+            if found != size:
                 raise InputError(
-                    f"{path}: {found} bytes of points, but its header states {head.points} points, which take {wanted}"
+                    f"{path}: {found} bytes of points, but its header states {head.points} points, which take {size}"
                 )
             for first in range(0, head.points, _BLOCK):
                 count = min(_BLOCK, head.points - first)
                 rows = np.frombuffer(stream.read(count * head.bytes_each), np.uint8).reshape(count, -1)
-                yield _columns(head, [rows[:, at : at + np.dtype(kind).itemsize] for kind, at, _ in head.columns])
+                yield _block(
+                    head, [rows[:, at : at + np.dtype(kind).itemsize] for kind, at, _ in head.columns.values()]
+                )
             return
-        data = _unpacked(path, stream, wanted)
+        data = _unpacked(path, stream, size)
         sides = []
-        for kind, at, _ in head.columns:
-            first, size = at * head.points, np.dtype(kind).itemsize
-            sides.append(np.frombuffer(data, np.uint8, size * head.points, first).reshape(head.points, size))
-        yield _columns(head, sides)
+        for kind, at, _ in head.columns.values():
+            first, width = at * head.points, np.dtype(kind).itemsize
+            sides.append(np.frombuffer(data, np.uint8, width * head.points, first).reshape(head.points, width))
+        yield _block(head, sides)
 
 
-def _read_header(path: Path, stream: BinaryIO) -> PcdHeader:
+def _read_header(path: Path, stream: BinaryIO, wanted: Wanted) -> PcdHeader:
     stated: dict[str, list[str]] = {}
     lines = 0
     while "DATA" not in stated:
@@ -97,15 +102,22 @@ def _read_header(path: Path, stream: BinaryIO) -> PcdHeader:
     bytes_at, words_at = (
         np.cumsum([0, *each], dtype=object) for each in ([a * b for a, b in zip(sizes, counts, strict=True)], counts)
     )
-    columns = []
-    for axis in "xyz":
-        k = fields.index(axis)
-        if sizes[k] not in _TYPES.get(kinds[k], ()) or counts[k] != 1:
+    columns = {}
+    for field, name in _fields_read(fields, wanted).items():
+        k = fields.index(name)
+        if sizes[k] not in _TYPES.get(kinds[k], ()) or counts[k] != 1 or (field == "rgb" and sizes[k] != _RGB_BYTES):
             raise InputError(
-                f"{path}: its header states {axis} as {counts[k]} numbers {kinds[k][:9]} of {sizes[k]} bytes"
+                f"{path}: its header states {name[:40]} as {counts[k]} numbers {kinds[k][:9]} of {sizes[k]} bytes"
             )
-        columns.append((f"<{kinds[k].lower()}{sizes[k]}", bytes_at[k], words_at[k]))
-    return PcdHeader(points, tuple(columns), bytes_at[-1], kind, lines)
+        columns[field] = (f"<{kinds[k].lower()}{sizes[k]}", bytes_at[k], words_at[k])
+    return PcdHeader(points, columns, bytes_at[-1], kind, lines)
+
+
+def _fields_read(fields: list[str], wanted: Wanted) -> dict[str, str]:
+    """Return the file's own names of x, y, z and the fields that are wanted; `rgb` if its colours are packed."""
+    found = dict(zip("xyz", "xyz", strict=True)) | fields_of(fields, wanted)
+    packed = [name for name in fields if name.lower() in _PACKED]
+    return found | ({"rgb": packed[0]} if packed and wanted.colours and "red" not in found else {})
 
 
 def _numbers(path: Path, name: str, words: list[str]) -> list[int]:
@@ -114,22 +126,34 @@ def _numbers(path: Path, name: str, words: list[str]) -> list[int]:
     return [int(word) for word in words]
 
 
-def _columns(head: PcdHeader, sides: list[np.ndarray]) -> np.ndarray:
-    """Return points (n, 3) of the bytes (n, size) of x, y and z."""
-    kinds = [kind for kind, _, _ in head.columns]
-    sides = [np.ascontiguousarray(side).view(kind)[:, 0] for side, kind in zip(sides, kinds, strict=True)]
-    return np.column_stack(sides).astype(np.float64)
+def _block(head: PcdHeader, sides: list[np.ndarray]) -> PointBlock:
+    """Return the points whose fields have these bytes (n, size)."""
+    columns = {
+        field: np.ascontiguousarray(side).view(kind)[:, 0]
+        for side, (field, (kind, _, _)) in zip(sides, head.columns.items(), strict=True)
+    }
+    return _with_colours(head, columns)
 
 
-def _text(path: Path, stream: BinaryIO, head: PcdHeader) -> Iterator[np.ndarray]:
-    layout = TextLayout(0, None, tuple(word for _, _, word in head.columns))
+def _with_colours(head: PcdHeader, columns: dict[str, np.ndarray]) -> PointBlock:
+    """Return the points of columns (n,), with colours if one of them packs these."""
+    if "rgb" in columns:
+        with np.errstate(over="ignore", invalid="ignore"):
+            packed = np.ascontiguousarray(columns["rgb"].astype(head.columns["rgb"][0]))
+        blue, green, red, _ = packed.view(np.uint8).reshape(-1, _RGB_BYTES).T
+        columns = columns | dict(zip(COLOURS, (red, green, blue), strict=True))
+    return block_of(np.column_stack([columns[axis] for axis in "xyz"]), columns)
+
+
+def _text(path: Path, stream: BinaryIO, head: PcdHeader) -> Iterator[PointBlock]:
+    layout = TextLayout(0, None, {field: word for field, (_, _, word) in head.columns.items()})
     lines = (line.decode("latin-1") for line in stream)
     found, number = 0, head.lines
     while block := list(itertools.islice(lines, _BLOCK)):
         rows = [line for line in block if line.strip()]
         found += len(rows)
         if rows:
-            yield parse_rows(path, block, number, layout)
+            yield _with_colours(head, parse_rows(path, block, number, layout))
         number += len(block)
     if found != head.points:
         raise InputError(f"{path}: {found} rows, but its header states {head.points} points; is it truncated?")

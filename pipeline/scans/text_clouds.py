@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
+from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
 
 TEXT = (".dat", ".xyz", ".txt", ".csv", ".pts", ".asc")
 _BLOCK = 1_000_000
@@ -22,16 +23,22 @@ _NAMES = (  # of the columns of x, y and z
     {"y", "y_m", "north", "northing", "northing_m"},
     {"z", "z_m", "height", "height_m", "elevation", "elevation_m"},
 )
+_COLUMNS = ["x", "y", "z"]  # of rows without names
+_DAT_COLUMNS = ["time", *_COLUMNS, "intensity"]
+_PTS_COLUMNS = [*_COLUMNS, "intensity", "red", "green", "blue"]
 _OF_STATIONS = {"leg", "station", "from", "to"}
 
 
 @dataclass(frozen=True)
 class TextLayout:
-    """How rows are written: lines above the first one, what separates numbers (None: spaces), and x, y, z's columns."""
+    """How rows are written: lines above the first one, what separates numbers (None: spaces), and which are read.
+
+    `columns` are the places in a row of `x`, `y`, `z`, and of colours and the time that are wanted and stated.
+    """
 
     above: int
     delimiter: str | None
-    columns: tuple[int, ...]
+    columns: dict[str, int]
 
 
 def has_point_rows(path: Path) -> bool:
@@ -42,11 +49,12 @@ def has_point_rows(path: Path) -> bool:
     return not _OF_STATIONS & set(words) and (_named(words) is not None or _is_row(words))
 
 
-def text_blocks(path: Path) -> Iterator[np.ndarray]:
-    """Yield the points of a text file in blocks (n, 3).
+def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
+    """Yield the points of a text file in blocks.
 
-    A line of names above the rows says which columns are x, y and z; without one they are the first three. In `.dat`
-    files rows are `time x y z intensity` below a header line. The first line of `.pts` files is their number.
+    A line of names above the rows says which columns are x, y and z, and red, green, blue and the time; without one the
+    first three are x, y and z. In `.dat` files rows are `time x y z intensity` below a header line. The first line of
+    `.pts` files is their number; rows of seven columns there are `x y z intensity red green blue`.
 
     Raises
     ------
@@ -54,12 +62,13 @@ def text_blocks(path: Path) -> Iterator[np.ndarray]:
         If a row is too short, or not of finite numbers. The message names the line.
     """
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        layout = _layout(path, [stream.readline(_HEAD_BYTES) for _ in range(2)])
+        layout = _layout(path, [stream.readline(_HEAD_BYTES) for _ in range(2)], wanted)
         stream.seek(0)
         number = len(list(itertools.islice(stream, layout.above)))
         found = False
         while lines := list(itertools.islice(stream, _BLOCK)):
-            yield parse_rows(path, lines, number, layout)
+            columns = parse_rows(path, lines, number, layout)
+            yield block_of(np.column_stack([columns[axis] for axis in "xyz"]), columns)
             number, found = number + len(lines), True
     if not found:
         raise InputError(f"{path}: no rows")
@@ -82,35 +91,38 @@ def _is_row(words: list[str]) -> bool:
         return False
 
 
-def _layout(path: Path, head: list[str]) -> TextLayout:
+def _layout(path: Path, head: list[str], wanted: Wanted) -> TextLayout:
     suffix, words = path.suffix.lower(), _words(head[0])
     above = 0 if _is_row(words) or (head[0].startswith("#") and _named(words) is None) else 1
     if suffix == ".dat" and not above:
         raise InputError(f"{path}:1: a row of numbers, expected the header line (time x y z intensity)")
     row = head[above]
     delimiter = next((mark for mark in ";," if mark in row), None)
-    columns = _named(words) or ((1, 2, 3) if suffix == ".dat" else (0, 1, 2))
     is_count = suffix == ".pts" and len(words) == 1
     if above and not is_count and suffix != ".dat" and _named(words) is None:
         raise InputError(f"{path}:1: {head[0].strip()[:60]!r} is no row of numbers, and does not name x, y and z")
-    return TextLayout(above, delimiter, columns)
+    has_colours = is_count and len(row.split(delimiter)) == len(_PTS_COLUMNS)
+    unnamed = _DAT_COLUMNS if suffix == ".dat" else _PTS_COLUMNS if has_colours else _COLUMNS
+    names, places = (words, named) if (named := _named(words)) else (unnamed, _named(unnamed))
+    extra = {field: names.index(name) for field, name in fields_of(names, wanted).items()}
+    return TextLayout(above, delimiter, dict(zip("xyz", places or (), strict=True)) | extra)
 
 
-def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) -> np.ndarray:
-    """Return the columns (n, k) of lines that `before` others precede.
+def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) -> dict[str, np.ndarray]:
+    """Return the columns (n,) of lines that `before` others precede, by name.
 
     Raises
     ------
     InputError
         If a row is too short, or not of finite numbers. The message names the line.
     """
-    columns = layout.columns
+    columns = list(layout.columns.values())
     try:
         block = np.loadtxt(lines, usecols=columns, ndmin=2, comments="#", delimiter=layout.delimiter)
     except (ValueError, IndexError):
         block = None
     if block is not None and np.isfinite(block).all():
-        return block
+        return dict(zip(layout.columns, block.T, strict=True))
     for number, line in enumerate(lines, start=before + 1):
         words = line.split("#")[0].strip().split(layout.delimiter)
         if not any(words):

@@ -7,10 +7,9 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 
-import numpy as np
-
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.point_blocks import PointBlock
 
 _PART_BYTES = 1 << 20
 _MOST_MEMBERS = 10_000
@@ -18,8 +17,8 @@ _NAMED = 5
 
 
 def zipped_blocks(
-    path: Path, suffixes: tuple[str, ...], read: Callable[[Path], Iterator[np.ndarray]]
-) -> Iterator[np.ndarray]:
+    path: Path, suffixes: tuple[str, ...], read: Callable[[Path], Iterator[PointBlock]]
+) -> Iterator[PointBlock]:
     """Yield the points of each cloud in a zip file as `read` does; other files in it are not looked at.
 
     Names in the zip file name no files here.

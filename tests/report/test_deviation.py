@@ -59,6 +59,16 @@ def test_the_largest_deviation_of_a_place_is_drawn(frame):
     assert colours_at(picture, frame, (10, 10)) == pytest.approx(colours_of(np.array([0.08]))[0], abs=1)
 
 
+def test_rays_that_are_longer_in_the_world_end_magenta_and_shorter_ones_black(frame):
+    ends, figures = np.array([[10.0, 10, 0], [20, 10, 0], [30, 10, 0]]), {"through_share": 0.3, "short_share": 0.3}
+    rays = ends, np.array([0.5, -0.5, 0.2]), FIGURES | figures
+    picture = draw_deviation(ends, np.zeros(3), NONE, frame, FIGURES, rays)
+    longer, shorter, near = (colours_at(picture, frame, (x, 10)) for x in (10, 20, 30))
+    assert min(longer[0], longer[2]) - longer[1] > 150
+    assert shorter.max() < 50
+    assert np.ptp(near) == 0 < near[0]
+
+
 def test_the_3d_view_has_the_facets_again_in_colours_of_the_points_beside_them(box):
     points = floor_points()
     off = np.where(points[:, 0] < 3, 0.1, -0.1)

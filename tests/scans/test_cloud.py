@@ -165,6 +165,16 @@ def test_a_las_file_with_more_records_than_bytes_is_refused_at_once(tmp_path, ve
         list(read_blocks(path, 100.0))
 
 
+def test_a_las_file_that_states_a_version_whose_header_it_does_not_hold_is_refused(drift, tmp_path):
+    path = tmp_path / "c.las"
+    write_las(path, drift)
+    data = bytearray(path.read_bytes())
+    data[25] = 5  # LAS 1.5 has times in its header
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"c\.las: cannot be read as LAS or LAZ; it is broken"):
+        list(read_blocks(path, 100.0))
+
+
 def test_a_mesh_with_a_vertex_far_away_is_refused_before_it_is_sampled(tmp_path):
     path = tmp_path / "c.obj"
     path.write_text("v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\nf 1 2 3\n")
@@ -188,7 +198,7 @@ def test_a_pcd_of_other_rows_than_it_states_is_refused(rows, tmp_path):
     head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 200\nHEIGHT 1\n"
     text = f"{head}VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 200\nDATA ascii\n"
     path.write_text(text + "1.5 2 3\n" * 200)
-    assert len(np.concatenate(list(read_blocks(path, 1.0)))) == 200
+    assert len(np.concatenate([block.points for block in read_blocks(path, 1.0)])) == 200
     path.write_text(text + "1.5 2 3\n" * rows)
     with pytest.raises(InputError, match=rf"{rows} rows, but its header states 200 points"):
         list(read_blocks(path, 1.0))
@@ -224,7 +234,7 @@ POINT = "property float x\nproperty float y\nproperty float z\n"
 def test_a_ply_of_which_a_part_would_be_read_is_refused(head, message, tmp_path):
     path, rows = tmp_path / "drift.ply", "1 2 3\n" * 200
     path.write_text(f"ply\nformat ascii 1.0\nelement vertex 200\n{POINT}end_header\n{rows}")
-    assert len(np.concatenate(list(read_blocks(path, 1.0)))) == 200
+    assert len(np.concatenate([block.points for block in read_blocks(path, 1.0)])) == 200
     path.write_text(f"ply\nformat ascii 1.0\n{head}end_header\n{rows}")
     with pytest.raises(InputError, match=message):
         list(read_blocks(path, 1.0))
@@ -239,7 +249,7 @@ def test_a_pcd_with_other_fields_holds_the_points_that_open3d_reads(how, drift, 
     cloud.normals = open3d.utility.Vector3dVector(np.tile([0.0, 0.0, 1.0], (len(cloud.points), 1)))
     open3d.io.write_point_cloud(str(tmp_path / "a.pcd"), cloud, **how)
     theirs = np.asarray(open3d.io.read_point_cloud(str(tmp_path / "a.pcd")).points)
-    assert np.concatenate(list(read_blocks(tmp_path / "a.pcd", 1.0))).tolist() == theirs.tolist()
+    assert np.concatenate([block.points for block in read_blocks(tmp_path / "a.pcd", 1.0)]).tolist() == theirs.tolist()
 
 
 @pytest.mark.parametrize(
@@ -276,7 +286,7 @@ def test_a_binary_pcd_of_more_points_than_it_states_is_refused(tmp_path):
     head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {0}\nHEIGHT 1\n"
     head += "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {0}\nDATA binary\n"
     path.write_bytes(head.format(200).encode() + points)
-    assert len(np.concatenate(list(read_blocks(path, 1.0)))) == 200
+    assert len(np.concatenate([block.points for block in read_blocks(path, 1.0)])) == 200
     path.write_bytes(head.format(150).encode() + points)
     with pytest.raises(InputError, match="2400 bytes of points, but its header states 150 points, which take 1800"):
         list(read_blocks(path, 1.0))

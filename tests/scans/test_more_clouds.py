@@ -19,7 +19,7 @@ def rows(mark=" ", points=POINTS):
 
 
 def read(path):
-    return np.concatenate(list(read_blocks(path, 1.0)))
+    return np.concatenate([block.points for block in read_blocks(path, 1.0)])
 
 
 @pytest.mark.parametrize(

@@ -117,8 +117,7 @@ class _Writer:
         if len(mesh.normals) == len(mesh.vertices):
             attributes["NORMAL"] = self._accessor(mesh.normals, "VEC3")
         if len(mesh.texcoords) == len(mesh.vertices):
-            down = np.column_stack([mesh.texcoords[:, 0], 1 - mesh.texcoords[:, 1]])  # glTF's v runs downwards
-            attributes["TEXCOORD_0"] = self._accessor(down, "VEC2")
+            attributes["TEXCOORD_0"] = self._accessor(mesh.texcoords, "VEC2")
         material = self._material(self._scene.materials[surface.material])
         return self._mesh(surface.name, mesh.vertices, mesh.faces, attributes, material)
 

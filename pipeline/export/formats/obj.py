@@ -15,6 +15,7 @@ import trimesh
 
 from minexplore.bundle import ROCK_TEXTURE, ROOF_GEOM, TriangleMesh, floor_geom
 from pipeline.errors import ArtifactError
+from pipeline.export.frames import upwards
 from pipeline.export.scene import (
     ConvexPart,
     ExportScene,
@@ -42,7 +43,7 @@ class ObjText:
         """Add a mesh as an object in a group."""
         count = len(mesh.vertices)
         has_texture, has_normals = len(mesh.texcoords) == count, len(mesh.normals) == count
-        lists = (("v", mesh.vertices, 6), ("vt", mesh.texcoords, 6), ("vn", mesh.normals, 4))
+        lists = (("v", mesh.vertices, 6), ("vt", upwards(mesh.texcoords), 6), ("vn", mesh.normals, 4))
         used = (True, has_texture, has_normals)
         self._pieces.append(f"o {name}\ng {group}\n" + (f"usemtl {material}\n" if material else ""))
         for (key, values, digits), is_used in zip(lists, used, strict=True):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import ROCK_TEXTURE
-from pipeline.export.frames import turn_quaternion
+from pipeline.export.frames import turn_quaternion, upwards
 from pipeline.export.scene import ConvexPart, ExportScene, Files, Light, Material, Surface, hull_of
 
 WORLD, MINE = "/World", "/World/mine"
@@ -77,7 +77,7 @@ def _add_surface(stage: Any, surface: Surface, material: Any) -> None:
 
         kind = Sdf.ValueTypeNames.TexCoord2fArray
         st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
-        st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(surface.mesh.texcoords, np.float32)))
+        st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(upwards(surface.mesh.texcoords), np.float32)))
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     _add_labels(mesh.GetPrim(), surface)
 

@@ -20,6 +20,7 @@ class CloudSurveyParams(SurfaceSurveyParams):
     voxel_m: float = Field(
         default=0.2, ge=0.02, le=2, description="resolution of the surface; gaps of as much between points are bridged"
     )
+    colours: bool = Field(default=True, description="the visible rock has the colours of the points, if they have any")
     close_m: float = Field(
         default=3.0,
         ge=0,

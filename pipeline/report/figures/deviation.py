@@ -15,6 +15,8 @@ DEVIATION = "deviation"  # in the names of the meshes that the 3D view shows in 
 _MOST_M = 0.1  # of the colours' scale
 _GREY, _RED, _BLUE = np.array([200, 200, 200]), np.array([200, 30, 30]), np.array([30, 80, 200])  # RGB
 _UNSEEN = np.array([235, 190, 40])
+_LONGER, _SHORTER = np.array([220, 0, 220]), np.array([0, 0, 0])  # rays
+_STRAY_M = 0.3  # by which a ray's range differs that is drawn
 _BANDS = 5  # of colours to either side of none
 _EDGE_M, _MOST_TRIANGLES = 0.5, 150_000  # of the 3D view
 _DIM = 0.45  # of the colours: the lights of the 3D view are bright
@@ -31,9 +33,16 @@ def colours_of(off_m: np.ndarray) -> np.ndarray:
 
 
 def draw_deviation(
-    points_m: np.ndarray, off_m: np.ndarray, unseen_m: np.ndarray, frame: Frame, figures: dict[str, float]
+    points_m: np.ndarray,
+    off_m: np.ndarray,
+    unseen_m: np.ndarray,
+    frame: Frame,
+    figures: dict[str, float],
+    rays: tuple[np.ndarray, np.ndarray, dict[str, float]] | None = None,
 ) -> Image:
     """Return the largest deviation of each place of the plan, and yellow where the surface was not seen.
+
+    Ends of the scanner's rays are magenta where these are longer in the world by 30 cm, black where they are shorter.
 
     Parameters
     ----------
@@ -46,23 +55,46 @@ def draw_deviation(
         Of the plan.
     figures : dict
         Of `measure_scan`, for the headline.
+    rays : (ends (r, 3) m, how much longer in the world (r,) m, figures of `measure_rays`), optional
     """
     picture = np.full((frame.height_px, frame.width_px, 3), _WHITE, np.uint8)
     _mark(picture, unseen_m, np.tile(_UNSEEN, (len(unseen_m), 1)), frame)
     order = np.argsort(np.abs(off_m))  # the largest is drawn last
     _mark(picture, points_m[order], colours_of(off_m[order]), frame)
+    if rays is not None:
+        ends, longer, _ = rays
+        for stray, colour in ((longer > _STRAY_M, _LONGER), (longer < -_STRAY_M, _SHORTER)):
+            _mark(picture, ends[stray], np.tile(colour, (int(stray.sum()), 1)), frame)
     times = -(-_LEAST_PX // frame.width_px)  # a small mine is enlarged
     picture = np.repeat(np.repeat(picture, times, axis=0), times, axis=1)
-    shares = ", ".join(f"{100 * figures[f'within_{cm}cm']:.1f} % within {cm} cm" for cm in (5, 10, 30))
-    lines = (
+    lines = [
         f"red {100 * _MOST_M:.0f} cm in the rock, blue {100 * _MOST_M:.0f} cm in the free space, yellow not seen",
-        f"points: {shares}; mean {figures['mean_mm']:+.0f} mm; {100 * figures['seen_share']:.1f} % of the surface seen",
-    )
+        f"points: {_shares(figures)}; mean {figures['mean_mm']:+.0f} mm; {100 * figures['seen_share']:.1f} % of the "
+        "surface seen",
+    ]
+    if rays is not None:
+        lines += _lines_of_rays(rays[2])
     head = np.full(((len(lines) + 1) * _LINE_PX, picture.shape[1], 3), _WHITE, np.uint8)
     for k, text in enumerate(lines, start=1):
         place = (_LINE_PX // 2, _LINE_PX * k)
         cv2.putText(head, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
     return np.concatenate([head, picture])
+
+
+def _lines_of_rays(figures: dict[str, float]) -> list[str]:
+    longer, shorter = (f"{100 * figures[name]:.2f} %" for name in ("through_share", "short_share"))
+    lines = [
+        f"rays of the scanner: {_shares(figures)}",
+        f"longer by 30 cm, magenta: {longer}; shorter, black: {shorter}",
+    ]
+    if "worst_within_10cm" in figures:
+        place = ", ".join(f"{figures[f'worst_{axis}_m']:.1f}" for axis in "xyz")
+        lines[1] += f"; at worst {100 * figures['worst_within_10cm']:.1f} % within 10 cm, from near ({place})"
+    return lines
+
+
+def _shares(figures: dict[str, float]) -> str:
+    return ", ".join(f"{100 * figures[f'within_{cm}cm']:.1f} % within {cm} cm" for cm in (5, 10, 30))
 
 
 def _mark(picture: Image, points_m: np.ndarray, colours: np.ndarray, frame: Frame) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
+from pipeline.scans.point_blocks import PointBlock, Wanted
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.vector.shapes import METRES, REACH_M
 
@@ -27,7 +29,8 @@ Origin = tuple[float, float, float]
 class ScanFile:
     """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m.
 
-    A `look` needs no more than 2 million voxels, which are larger if the scan is.
+    A `look` needs no more than 2 million voxels, which are larger if the scan is. `timed` points have their times and
+    those with `colours` these, if the file states them.
     """
 
     path: str
@@ -36,6 +39,8 @@ class ScanFile:
     origin: Origin | None
     thin_m: float
     look: bool = False
+    timed: bool = False
+    colours: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,9 @@ def read_points(file: ScanFile) -> ScanPoints:
         If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
     """
     payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
-    cloud = ThinnedCloud(payload.arrays["points"], payload.arrays["count"], int(payload.values["total"]))
+    arrays = payload.arrays
+    total = int(payload.values["total"])
+    cloud = ThinnedCloud(arrays["points"], arrays["count"], total, arrays["rgb"], arrays["time"])
     x, y, z = payload.values["origin"]
     return ScanPoints(cloud, (x, y, z))
 
@@ -64,39 +71,40 @@ def read_here(file: dict[str, Any]) -> Payload:
     """Read a scan in this process; `read_points` has limits."""
     found = _read(ScanFile(**file))
     values = {"total": found.cloud.total, "origin": list(found.origin)}
-    return Payload(values, {"points": found.cloud.points_m, "count": found.cloud.count})
+    cloud = found.cloud
+    return Payload(values, {"points": cloud.points_m, "count": cloud.count, "rgb": cloud.rgb, "time": cloud.time_s})
 
 
 def _read(file: ScanFile) -> ScanPoints:
     path = Path(file.path)
-    blocks = _turned(read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2), file.up)
+    wanted = Wanted(file.colours, file.timed)
+    blocks = read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2, wanted)
     first = next(blocks, None)
     if first is None or not len(first):
         raise InputError(f"{path}: has no points")
-    origin = np.array(file.origin if file.origin is not None else origin_of(first, file.unit_m))
-    in_metres = ((block - origin) * file.unit_m for block in _after(first, blocks))
+    up = turned(first.points, file.up)
+    origin = np.array(file.origin if file.origin is not None else origin_of(up, file.unit_m))
+    in_metres = (
+        replace(block, points=(turned(block.points, file.up) - origin) * file.unit_m)
+        for block in itertools.chain([first], blocks)
+    )
     try:
         most = _LOOKED_AT if file.look else MOST_VOXELS
-        cloud = thin(_within_reach(path, in_metres), file.thin_m, most, file.look)
+        cloud = thin(_within_reach(in_metres), file.thin_m, most, file.look)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     x, y, z = origin.tolist()
     return ScanPoints(cloud, (x, y, z))
 
 
-def _turned(blocks: Iterator[np.ndarray], up: str) -> Iterator[np.ndarray]:
+def turned(points: np.ndarray, up: str) -> np.ndarray:
+    """Return points (n, 3) with the z axis up."""
+    return np.asarray(points[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else points)
+
+
+def _within_reach(blocks: Iterator[PointBlock]) -> Iterator[PointBlock]:
     for block in blocks:
-        yield block[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else block
-
-
-def _after(first: np.ndarray, others: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-    yield first
-    yield from others
-
-
-def _within_reach(path: Path, blocks: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-    for block in blocks:
-        far = np.abs(block).max(initial=0.0)
+        far = np.abs(block.points).max(initial=0.0)
         if not far <= REACH_M:
             least = far * min(METRES.values())
             cure = (

@@ -12,10 +12,10 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.survey.clouds.points import Origin, ScanFile, read_points
+from pipeline.survey.clouds.points import Origin, ScanFile, read_points, turned
 from pipeline.survey.clouds.thinned import ThinnedCloud
-from pipeline.survey.clouds.trajectory import read_trajectory
-from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
+from pipeline.survey.clouds.trajectory import Trajectory, read_trajectory
+from pipeline.survey.clouds.volume import NOWHERE, ScannedVolume, volume_of_cloud
 from pipeline.survey.solids.read import KEPT_M, MOST_FACETS, view_from_above
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh, Georeference
@@ -37,9 +37,11 @@ class ScanReading:
 def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -> tuple[ThinnedCloud, Origin]:
     """Read the points of a scan, m from the origin that is returned, thinned to voxels of `thin_m`.
 
-    A `look` at a large scan has larger ones.
+    A `look` at a large scan has larger ones. With a trajectory the points have their times, where the file states them.
     """
-    file = ScanFile(params.file, METRES[params.unit or "m"], params.up or "z", params.origin, thin_m, look)
+    timed, colours = params.trajectory is not None and not look, params.colours and not look
+    metres, up = METRES[params.unit or "m"], params.up or "z"
+    file = ScanFile(params.file, metres, up, params.origin, thin_m, look, timed, colours)
     found = read_points(file)
     return found.cloud, found.origin
 
@@ -54,12 +56,13 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
     """
     cloud, origin = thinned_scan(params, params.voxel_m / 2)
     metres = METRES[params.unit or "m"]
-    way = np.zeros((0, 3))
+    way, seen_from = NOWHERE, NOWHERE
     if params.trajectory is not None:
-        way = read_trajectory(Path(params.trajectory))
-        way = ((way[:, [0, 2, 1]] * [1, -1, 1] if params.up == "y" else way) - origin) * metres
+        read = read_trajectory(Path(params.trajectory))
+        trajectory = Trajectory(read.time_s, (turned(read.places, params.up or "z") - origin) * metres)
+        way, seen_from = trajectory.places, _places_of(cloud, trajectory, params)
     try:
-        found = volume_of_cloud(cloud, params.voxel_m, params.simplify_m, MOST_FACETS, way)
+        found = volume_of_cloud(cloud, params.voxel_m, params.simplify_m, MOST_FACETS, way, seen_from)
     except InputError as error:
         raise InputError(f"{params.file}: {error}") from error
     # The frame's height 0 is a whole metre below the lowest floor.
@@ -72,10 +75,33 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         origin[2] * metres + down,
         KEPT_M,
         found.bounding.points_m - lift,
+        found.bounding.rgb,
+        found.rays_m - lift,
     )
     place = Georeference(params.unit or "m", metres, (origin[0], origin[1]))
     manifold = manifold3d.Manifold(manifold3d.Mesh64(found.vertices, found.faces.astype(np.uint64)))
     return ScanReading(solid, view_from_above(manifold), place, found)
+
+
+def _places_of(cloud: ThinnedCloud, trajectory: Trajectory, params: CloudSurveyParams) -> np.ndarray:
+    """Return the place (n, 3) m of the scanner at each point's time, NaN beyond its trajectory; none without times.
+
+    Raises
+    ------
+    InputError
+        If no point has a time of the trajectory's: their clocks differ.
+    """
+    times = cloud.time_s[np.isfinite(cloud.time_s)]
+    if not len(times) or not trajectory.has_clock:
+        return NOWHERE
+    places = trajectory.at(cloud.time_s)
+    if np.isnan(places).all():
+        of_points, of_way = (f"{t.min():.3f} to {t.max():.3f} s" for t in (times, trajectory.time_s))
+        raise InputError(
+            f"{params.file}: its points' times, {of_points}, are not those of {params.trajectory}, {of_way}: the "
+            "clocks differ; state one clock in both, or time 0 in every row of the trajectory, which gives places alone"
+        )
+    return places
 
 
 def _place(middle_m: tuple[float, float, float], down: float) -> str:
@@ -91,6 +117,8 @@ def _listed(texts: list[str]) -> str:
 def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
     """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
+    if len(found.bounding.rgb):
+        warn_user(f"{name}: the visible rock has the colours of the points (survey.colours)")
     if found.moved_m > params.simplify_m:
         warn_user(
             f"{name}: of its surface, simplified to {len(found.faces):,} triangles, four fifths move by at most "
@@ -121,6 +149,12 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
         if gaps:
             listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m, down)}" for gap in gaps]
             warn_user(f"{name}: {len(gaps)} {what}: {_listed(listed)}")
+    if found.unseen:
+        sample = found.unseen + len(found.rays_m)
+        warn_user(
+            f"{name}: no place of the trajectory is known to have seen {found.unseen} of {sample} points; they are not "
+            "judged by rays"
+        )
     others = [size for size in found.others_m3 if size >= _LEAST_OTHER_M3]
     if others:
         warn_user(

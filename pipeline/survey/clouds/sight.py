@@ -1,8 +1,9 @@
-"""What a scanner saw of the free space: voxels on its rays to walls."""
+"""What a scanner saw: free voxels on its rays to walls, and the place that each point was seen from."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.survey.clouds.facing import SIGHT_M
 from pipeline.survey.clouds.flood import Walls
@@ -11,6 +12,9 @@ from pipeline.survey.clouds.voxels import STEPS, cells_at, grown, is_in, keys_of
 _RAYS = 1000  # from each place, 6 degrees apart; those of the next place lie between them
 _APART_M = 1.0  # between places of a trajectory that rays begin at
 _PLACES = 32  # at once, so that memory does not grow with the trajectory
+_TRIED = 8  # places nearest to a point, of which the first that sees it is taken
+_FRONT = 0.2  # cosine of the angle between a ray back to the scanner and the wall's normal, at least
+_BEFORE = 3.0  # voxels before a point, where its own wall may be: walls are thickened by one
 _GOLDEN = np.pi * (3 - np.sqrt(5))
 
 
@@ -58,3 +62,37 @@ def _closed(seen: np.ndarray, walls: np.ndarray) -> np.ndarray:
     for offset in offsets_of(STEPS):
         filled &= is_in(inner + offset, wide) | is_in(inner + offset, walls)
     return np.union1d(seen, inner[filled])
+
+
+def nearest_in_sight(points_m: np.ndarray, normals: np.ndarray, places_m: np.ndarray, walls: Walls) -> np.ndarray:
+    """Return for each point the nearest place that sees it, (n, 3) m, NaN where none of the eight nearest does.
+
+    Parameters
+    ----------
+    points_m, normals : (n, 3) float64
+        Normals show into the free space.
+    places_m : (k, 3) float64, m
+    walls : Walls
+        No ray passes their thickened voxels, except those beside the point.
+    """
+    found = np.full(points_m.shape, np.nan)
+    tree = cKDTree(places_m)
+    far, near = tree.query(points_m, np.arange(1, min(_TRIED, tree.n) + 1), distance_upper_bound=SIGHT_M)
+    for own_m, own in zip(far.T, near.T, strict=True):
+        rows = np.flatnonzero(np.isnan(found[:, 0]) & np.isfinite(own_m))
+        way = points_m[rows] - places_m[own[rows]]
+        front = -np.einsum("ij,ij->i", way, normals[rows]) > _FRONT * own_m[rows]
+        rows, way = rows[front], way[front]
+        rows = rows[_is_clear(places_m[own[rows]], way, own_m[rows], walls)]
+        found[rows] = places_m[own[rows]]
+    return found
+
+
+def _is_clear(places: np.ndarray, way: np.ndarray, far_m: np.ndarray, walls: Walls) -> np.ndarray:
+    """Return along which ways (n, 3) of a length (n,) m from places (n, 3) m no wall stands before the last voxels."""
+    clear, steps = np.ones(len(places), bool), far_m / walls.size_m - _BEFORE
+    for step in range(int(max(steps.max(initial=0), 0)) + 1):
+        rows = np.flatnonzero(clear & (step <= np.maximum(steps, 0)))
+        at = places[rows] + way[rows] * (step * walls.size_m / far_m[rows])[:, None]
+        clear[rows] = ~is_in(keys_of(cells_at(at, walls.size_m)), walls.thick)
+    return clear

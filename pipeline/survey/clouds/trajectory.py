@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,27 @@ from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 
 
-def read_trajectory(path: Path) -> np.ndarray:
-    """Return the places (n, 3) of rows `time x y z ...`, in the file's unit; lines that begin with # are no rows.
+@dataclass(frozen=True)
+class Trajectory:
+    """The places (n, 3) of a scanner and their times (n,), s, in ascending order."""
+
+    time_s: np.ndarray
+    places: np.ndarray
+
+    @property
+    def has_clock(self) -> bool:
+        """Return whether times differ: rows of one time are places alone."""
+        return bool(self.time_s[0] < self.time_s[-1])
+
+    def at(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the places (k, 3) at times (k,), on straight lines between rows; NaN before and after all rows."""
+        found = np.column_stack([np.interp(time_s, self.time_s, axis) for axis in self.places.T])
+        found[~((time_s >= self.time_s[0]) & (time_s <= self.time_s[-1]))] = np.nan
+        return found
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Return rows `time x y z ...`, places in the file's unit; lines that begin with # are no rows.
 
     Raises
     ------
@@ -26,13 +46,15 @@ def read_trajectory(path: Path) -> np.ndarray:
         if not words:
             continue
         try:
-            row = [plain_number(word) for word in words[1:4]]
+            row = [plain_number(word) for word in words[:4]]
         except ValueError:
             row = []
-        if len(row) != 3 or not np.isfinite(row).all():
+        if len(row) != 4 or not np.isfinite(row).all():
             raise InputError(f"{path}:{number}: {line.strip()[:60]!r} is no row of time x y z")
         rows.append(row)
         require_at_most(path, len(rows), "sweep_rows", "rows or more")
     if not rows:
         raise InputError(f"{path}: no rows of time x y z")
-    return np.array(rows)
+    found = np.array(rows)
+    found = found[np.argsort(found[:, 0], kind="stable")]
+    return Trajectory(found[:, 0], found[:, 1:])

@@ -11,8 +11,8 @@ from pipeline.errors import InputError
 from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
-from pipeline.survey.clouds.normals import PointPlanes, SignedDistance, planes_of, sided
-from pipeline.survey.clouds.sight import seen_from
+from pipeline.survey.clouds.normals import PointPlanes, SidedPoints, SignedDistance, planes_of, sided
+from pipeline.survey.clouds.sight import nearest_in_sight, seen_from
 from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
@@ -28,6 +28,7 @@ _FILL_VOXELS = 3  # the flood ends two voxels behind the plane of a hole at most
 _ROOM = 2  # voxels between what a flood reaches and the points: walls are thickened by one
 _BESIDE_M = 0.5  # from what a scanner saw: shadows and niches; what lies farther behind a hole may be a reflection
 _SEED = 0
+_RAYS = 20_000  # of the scanner, that the world is judged by
 NOWHERE = np.zeros((0, 3))
 
 
@@ -38,7 +39,9 @@ class ScannedVolume:
     Four fifths of it moved by `moved_m` at most when it was simplified. `bounding` are the points of it, `things` what
     stood free and was left out with its points `thing_points_m`, `thin_points_m` points with free space on both sides,
     such as ropes, `beyond_m` points with none, which bound nothing, 30 cm and more behind the surface, `gaps` where
-    nobody saw the surface, and `others_m3` the sizes of other free spaces that the points bound.
+    nobody saw the surface, and `others_m3` the sizes of other free spaces that the points bound. `rays_m` (k, 2, 3) are
+    places of the scanner and points that it saw from there: a sample of those of walls, and with times of those behind
+    walls too. `unseen` points of that sample no place sees.
     """
 
     vertices: np.ndarray
@@ -52,6 +55,8 @@ class ScannedVolume:
     beyond_m: np.ndarray
     gaps: list[Gap]
     others_m3: list[float]
+    rays_m: np.ndarray
+    unseen: int
 
 
 def volume_of_cloud(
@@ -60,6 +65,7 @@ def volume_of_cloud(
     tolerance_m: float,
     most_facets: int,
     way_m: np.ndarray = NOWHERE,
+    seen_from_m: np.ndarray = NOWHERE,
 ) -> ScannedVolume:
     """Return the free space of a scan.
 
@@ -74,6 +80,8 @@ def volume_of_cloud(
         Of the simplified surface.
     way_m : (n, 3) float64, m
         Places of the scanner. The space that it saw from them is built; without places, the largest space.
+    seen_from_m : (len(cloud), 3) float64, m
+        Place of the scanner that saw each point, NaN where it is not known; (0, 3): of none.
 
     Raises
     ------
@@ -86,6 +94,7 @@ def volume_of_cloud(
     things, rows = find_things(cloud, planes, sides, free.free, voxel_m)
     standing = cloud.points_m[rows]
     if len(rows):
+        seen_from_m = np.delete(seen_from_m, rows, axis=0) if len(seen_from_m) else seen_from_m
         cloud, planes = planes.without(cloud, rows)
         walls = _walls(cloud, planes, voxel_m)
         free = _seen(walls, way_m) if len(way_m) else walls.flood_again(free.free)
@@ -123,7 +132,27 @@ def volume_of_cloud(
         behind[far > far_m],
         gaps,
         [round(len(other.free) * voxel_m**3, 1) for other in others],
+        *_rays(cloud, sides, seen_from_m, way_m, walls),
     )
+
+
+def _rays(
+    cloud: ThinnedCloud, sides: SidedPoints, seen_from_m: np.ndarray, way_m: np.ndarray, walls: Walls
+) -> tuple[np.ndarray, int]:
+    """Return places of the scanner with points that it saw from there, (k, 2, 3) m, and how many points none sees."""
+    if not len(way_m):
+        return np.zeros((0, 2, 3)), 0
+    rng = np.random.default_rng(_SEED)
+    if len(seen_from_m):
+        rows = rng.permutation(np.concatenate([sides.rows, sides.beyond]))[:_RAYS]
+        ends, starts = cloud.points_m[rows], seen_from_m[rows]
+    else:
+        some = rng.permutation(len(sides.rows))[:_RAYS]
+        ends = cloud.points_m[sides.rows[some]]
+        starts = nearest_in_sight(ends, sides.normals[some], way_m, walls)
+    rays = np.stack([starts, ends], axis=1)
+    known = np.isfinite(starts).all(axis=1)
+    return rays[known], int((~known).sum())
 
 
 def _occupied(cloud: ThinnedCloud, voxel_m: float) -> np.ndarray:

@@ -166,10 +166,20 @@ def test_points_behind_walls_are_listed_and_purple_on_the_plan(tmp_path, points)
 def test_a_trajectory_has_rows_of_time_and_place(tmp_path):
     path = tmp_path / "way.txt"
     path.write_text("# time x y z\n0.0 1 2 3 0 0 0 1\n1.0, 4, 5, 6\n")
-    assert read_trajectory(path).tolist() == [[1, 2, 3], [4, 5, 6]]
+    found = read_trajectory(path)
+    assert found.places.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert found.time_s.tolist() == [0, 1]
 
 
-@pytest.mark.parametrize("row", ["0 1 2", "0 1 2 x", "0 1 2 nan"])
+def test_places_lie_between_rows_by_their_times_in_any_order_and_none_beyond_them(tmp_path):
+    path = tmp_path / "way.txt"
+    path.write_text("20 4 5 6\n10 1 2 3\n")
+    found = read_trajectory(path).at(np.array([10, 15, 20, 9.9, 20.1, np.nan]))
+    assert found[:3].tolist() == [[1, 2, 3], [2.5, 3.5, 4.5], [4, 5, 6]]
+    assert np.isnan(found[3:]).all()
+
+
+@pytest.mark.parametrize("row", ["0 1 2", "0 1 2 x", "0 1 2 nan", "noon 1 2 3"])
 def test_a_row_that_is_no_place_is_refused_by_its_line(tmp_path, row):
     path = tmp_path / "way.txt"
     path.write_text(f"0 1 2 3\n{row}\n")
@@ -183,6 +193,90 @@ def test_a_trajectory_chooses_the_space_that_is_built(tmp_path, points):
     way.write_text("0 3 11.5 1.5\n1 4 11.5 1.5\n")
     found = read(write(tmp_path / "a.las", np.concatenate([points, other])), trajectory=way.as_posix())
     assert found.workings.bounds == pytest.approx((0, 10, 7, 13), abs=0.15)
+
+
+def write_timed(path, points, time_s):
+    """Write points (n, 3) with their times (n,)."""
+    rows = np.column_stack([points, time_s])
+    match path.suffix:
+        case ".csv":
+            np.savetxt(path, rows, fmt="%.4f", delimiter=",", header="x,y,z,gps_time", comments="")
+        case ".dat":
+            np.savetxt(path, rows[:, [3, 0, 1, 2]], fmt="%.4f", header="time x y z", comments="")
+        case ".ply":
+            fields = "".join(f"property double {name}\n" for name in ("x", "y", "z", "timestamp"))
+            head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{fields}end_header\n"
+            path.write_bytes(head.encode() + rows.astype("<f8").tobytes())
+        case ".pcd":
+            head = "VERSION 0.7\nFIELDS x y z time\nSIZE 8 8 8 8\nTYPE F F F F\nCOUNT 1 1 1 1\n"
+            head += f"WIDTH {len(rows)}\nHEIGHT 1\nPOINTS {len(rows)}\nDATA binary\n"
+            path.write_bytes(head.encode() + rows.astype("<f8").tobytes())
+        case _:
+            cloud = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+            cloud.header.scales = [0.001] * 3
+            cloud.x, cloud.y, cloud.z = points.T
+            cloud.gps_time = time_s
+            cloud.write(str(path))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".pcd", ".csv", ".dat"])
+def test_times_of_points_are_read_where_the_format_has_them(tmp_path, points, suffix):
+    some, time_s = points[:400].round(4), 1000 + np.arange(400) / 8
+    path = write_timed(tmp_path / f"a{suffix}", some, time_s)
+    found = read_points(ScanFile(path.as_posix(), 1.0, "z", None, 0.001, timed=True))
+    order = np.argsort(found.cloud.time_s)
+    assert found.cloud.time_s[order] == pytest.approx(time_s)
+    assert found.cloud.points_m[order] + found.origin == pytest.approx(some, abs=0.002)
+    assert read_points(ScanFile(path.as_posix(), 1.0, "z", None, 0.001)).cloud.time_s.shape == (0,)
+
+
+def test_a_pcd_file_whose_times_have_an_unknown_type_is_refused_by_name_where_they_are_wanted(tmp_path, points, walked):
+    path, way = write_timed(tmp_path / "a.pcd", points, np.arange(len(points))), tmp_path / "way.txt"
+    path.write_bytes(path.read_bytes().replace(b"TYPE F F F F", b"TYPE F F F 4"))
+    way.write_text(walked[1])
+    with pytest.raises(InputError, match=r"a\.pcd: its header states time as 1 numbers 4 of 8 bytes"):
+        read(path, trajectory=way.as_posix())
+    assert len(read(path).solid.scan_m)
+
+
+@pytest.fixture(scope="module")
+def walked(points):
+    """Return the times of a drift's points, and the text of the trajectory along it: a metre a second."""
+    rows = [f"{100 + x} {x} 2.0 1.3\n" for x in range(1, 14)]
+    return 100 + np.clip(points[:, 0], 1, 13), "".join(rows)
+
+
+def test_with_times_rays_start_where_the_scanner_was(tmp_path, points, walked):
+    time_s, text = walked
+    (tmp_path / "way.txt").write_text(text)
+    way = (tmp_path / "way.txt").as_posix()
+    rays = read(write_timed(tmp_path / "a.las", points, time_s), trajectory=way).solid.rays_m
+    starts, ends = rays[:, 0], rays[:, 1]
+    assert len(rays) > 3000
+    assert starts[:, 0] == pytest.approx(np.clip(ends[:, 0], 1, 13), abs=0.1)  # the mean of a voxel, its first time
+    assert np.ptp(starts[:, 1:], axis=0) == pytest.approx([0, 0], abs=1e-9)
+    assert starts[0, 2] - ends[:, 2].min() == pytest.approx(1.3, abs=0.1)
+
+
+@pytest.mark.parametrize("clock", ["of another day", "none"])
+def test_clocks_that_differ_are_refused_with_both_ranges_and_without_a_clock_places_count(
+    tmp_path, points, walked, clock
+):
+    time_s, text = walked
+    way, path = tmp_path / "way.txt", write_timed(tmp_path / "a.las", points, time_s + 86_400)
+    if clock == "none":
+        way.write_text("".join(f"0 {line.partition(' ')[2]}\n" for line in text.splitlines()))
+        rays = read(path, trajectory=way.as_posix()).solid.rays_m
+        assert len(rays) > 3000
+        assert np.abs(rays[:, 0, 0] - rays[:, 1, 0]).max() < 4  # at the ends a nearer place is not there
+        return
+    way.write_text(text)
+    message = (
+        r"a\.las: its points' times, 86501\.000 to 86513\.000 s, are not those of .*way\.txt, 101\.000 to 113\.000 s"
+    )
+    with pytest.raises(InputError, match=message + ": the clocks differ; .* time 0 in every row"):
+        read(path, trajectory=way.as_posix())
 
 
 def test_a_scan_that_encloses_nothing_is_refused_by_name(tmp_path):

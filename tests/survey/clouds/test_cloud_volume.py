@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from pipeline.errors import InputError
+from pipeline.scans.point_blocks import PointBlock
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.clouds.volume import volume_of_cloud
 
@@ -29,7 +30,7 @@ def noisy(points, seed=1):
 
 
 def scanned(points, **values):
-    return volume_of_cloud(thin(iter([points]), VOXEL_M / 2, 10**6), VOXEL_M, 0.03, 20_000, **values)
+    return volume_of_cloud(thin(iter([PointBlock(points)]), VOXEL_M / 2, 10**6), VOXEL_M, 0.03, 20_000, **values)
 
 
 def solid_of(found):
@@ -141,7 +142,7 @@ def test_what_a_wet_floor_mirrors_is_not_built(plain):
     assert solid_of(scanned(points)).volume() == pytest.approx(drift().volume(), rel=0.08)  # one of two alike
     found = scanned(points, way_m=way)
     assert iou(found, drift()) >= 0.92  # a cone below the hole was seen
-    assert len(found.beyond_m) > 0.6 * len(thin(iter([mirrored]), VOXEL_M / 2, 10**6))
+    assert len(found.beyond_m) > 0.6 * len(thin(iter([PointBlock(mirrored)]), VOXEL_M / 2, 10**6))
 
 
 def test_points_that_enclose_nothing_are_refused():
@@ -153,14 +154,17 @@ def test_points_that_enclose_nothing_are_refused():
 
 
 def test_a_scan_in_blocks_is_thinned_as_a_whole(plain):
-    whole, blocks = thin(iter([plain]), 0.1, 10**6), thin(iter(np.array_split(plain, 7)), 0.1, 10**6)
+    whole, blocks = (
+        thin(iter([PointBlock(plain)]), 0.1, 10**6),
+        thin(map(PointBlock, np.array_split(plain, 7)), 0.1, 10**6),
+    )
     assert isinstance(whole, ThinnedCloud)
     assert whole.points_m == pytest.approx(blocks.points_m)
     assert (whole.count.sum(), blocks.total) == (len(plain), len(plain))
 
 
 def test_a_look_at_a_large_scan_takes_larger_voxels_with_the_same_means(plain):
-    found = thin(iter(np.array_split(plain, 7)), 0.01, 3000, coarsen=True)
+    found = thin(map(PointBlock, np.array_split(plain, 7)), 0.01, 3000, coarsen=True)
     assert 500 < len(found) <= 3000
     assert found.count.sum() == found.total == len(plain)
     assert np.average(found.points_m, axis=0, weights=found.count) == pytest.approx(plain.mean(axis=0))
@@ -168,4 +172,4 @@ def test_a_look_at_a_large_scan_takes_larger_voxels_with_the_same_means(plain):
 
 def test_more_voxels_than_the_limit_are_refused(plain):
     with pytest.raises(InputError, match=r"fill more than 500 voxels of 0\.1 m; --voxel"):
-        thin(iter([plain]), 0.1, 500)
+        thin(iter([PointBlock(plain)]), 0.1, 500)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.scans.point_blocks import PointBlock
 from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Walls
 from pipeline.survey.clouds.normals import planes_of
@@ -36,7 +37,7 @@ def cloud(middle):
     for k, (y, z) in enumerate((y, z) for y in (-1, 0, 1) for z in (-1, 0, 1) if (y, z) != (0, 0)):
         other = manifold3d.Manifold.cube([LONG_M, WIDE_M, HIGH_M])
         points.append(sampled(other.translate([0, APART_M * y, APART_M * z]), k + 1))
-    return thin(iter([np.concatenate(points)]), VOXEL_M / 2, 10**6)
+    return thin(iter([PointBlock(np.concatenate(points))]), VOXEL_M / 2, 10**6)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.survey.clouds.flood import Walls
-from pipeline.survey.clouds.sight import seen_from
+from pipeline.survey.clouds.sight import nearest_in_sight, seen_from
 from pipeline.survey.clouds.voxels import cells_at, cells_of_keys, keys_of
 
 SIZE_M = 0.2
@@ -46,3 +46,20 @@ def test_rays_that_meet_no_wall_show_no_free_space(way):
 
 def test_places_in_walls_see_nothing():
     assert len(seen_from(np.array([[0.1, 1.5, 1.5]]), walls(box((10, 3, 3))))) == 0
+
+
+def test_a_point_is_seen_from_the_nearest_place_that_no_wall_hides(way):
+    drift = walls(box((10, 3, 3)))
+    points = np.array([[4.1, 0.0, 1.3], [4.1, 3.0, 1.3], [4.1, 1.5, 0.0]])
+    normals = np.array([[0.0, 1, 0], [0, -1, 0], [0, 0, 1]])
+    found = nearest_in_sight(points, normals, way, drift)
+    assert found == pytest.approx(np.tile([4.3, 1.5, 1.3], (3, 1)), abs=0.21)
+    behind = np.array([[4.1, -1.4, 1.3]])  # nearer than the way is to the drift's other wall
+    assert nearest_in_sight(points[:1], normals[:1], np.concatenate([way, behind]), drift)[0, 1] == 1.5
+
+
+def test_a_point_that_is_behind_a_wall_or_shows_its_back_is_seen_from_nowhere(way):
+    drift = walls(np.concatenate([box((10, 3, 3)), box((10, 3, 3)) + np.array([0, 5, 0])]))
+    points = np.array([[4.1, 8.0, 1.3], [4.1, 0.0, 1.3]])
+    normals = np.array([[0.0, -1, 0], [0, -1, 0]])
+    assert np.isnan(nearest_in_sight(points, normals, way, drift)).all()

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from minexplore.bundle import TOPOLOGY
 from pipeline.params.survey import CloudSurveyParams
@@ -11,21 +12,29 @@ from pipeline.survey.load import _read
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import validate_volume
 from pipeline.volume.world.proof.scan import measure_scan
-from tests.survey.clouds.test_cloud_files import write
+from tests.survey.clouds.test_cloud_files import write_timed
 from tests.survey.clouds.test_cloud_volume import noisy, sampled
 from tests.volume.world.test_solid_world import broken, crossing
 from tests.volume_worlds import VolumeWorld, proof
 
 pytestmark = pytest.mark.slow
+WAY = [*((x, 2.0) for x in range(1, 40)), *((20.0, y) for y in range(-19, 24))]  # of the scanner, a metre a second
+
+
+def times_along(points):
+    """Return the times at which the scanner is nearest to points (n, 3)."""
+    return cKDTree(np.array(WAY)).query(points[:, :2])[1].astype(float)
 
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scan")
-    path = write(folder / "a.laz", noisy(sampled(crossing(), 100)))
+    points = noisy(sampled(crossing(), 100))
+    path, way = write_timed(folder / "a.laz", points, times_along(points)), folder / "way.txt"
+    way.write_text("".join(f"{k} {x} {y} 1.3\n" for k, (x, y) in enumerate(WAY)))
     params = CloudSurveyParams(kind="cloud", name="test", file="data/x", heights=None)
     made = VolumeWorld.__new__(VolumeWorld)
-    made._build(_read(params.model_copy(update={"file": path.as_posix()})), folder)
+    made._build(_read(params.model_copy(update={"file": path.as_posix(), "trajectory": way.as_posix()})), folder)
     return made
 
 
@@ -45,6 +54,15 @@ def test_nearly_all_points_are_near_the_surface_and_all_of_it_was_seen(found):
     assert scan["within_10cm"] >= 0.99
     assert abs(scan["mean_mm"]) <= 10
     assert scan["seen_share"] >= 0.99
+
+
+def test_the_world_has_the_ranges_of_the_scan_where_its_scanner_was(found):
+    rays = found.metrics["rays"]
+    assert rays["rays"] >= 10_000
+    assert rays["within_5cm"] >= 0.9  # noise of 2 cm in all directions is 4 cm along a ray at 60 degrees to the normal
+    assert rays["within_10cm"] >= 0.97
+    assert rays["through_share"] + rays["short_share"] <= 0.002
+    assert abs(rays["median_mm"]) <= 10
 
 
 def test_the_sign_of_the_deviation_is_positive_in_the_rock(world):

@@ -36,7 +36,7 @@ from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
 from pipeline.volume.world.proof.region import region_of
-from pipeline.volume.world.proof.scan import ScanDeviation, measure_scan
+from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.reach import neighbours_of, reached_from
 from pipeline.volume.world.record import VolumeRecord
@@ -51,11 +51,12 @@ _PLACES = 5  # where bodies are thrown in a mine that is too large for one model
 
 @dataclass(frozen=True)
 class Validated:
-    """The figures of a volume world by group, its certificate, and of a scan how far its points are off."""
+    """The figures of a volume world by group, its certificate, and how far a scan's points and its rays are off."""
 
     metrics: dict[str, Any]
     certificate: Certificate
     scan: ScanDeviation | None = None
+    rays: RayDeviation | None = None
 
 
 @dataclass(frozen=True)
@@ -123,11 +124,11 @@ def validate_volume(
     """
     if len(floors):
         solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
-    rng = np.random.default_rng(params.seed)
-    volume = closed_volume(world.mine)
+    rng, volume = np.random.default_rng(params.seed), closed_volume(world.mine)
     fronts = fronts_of(volume, world.parts)
     compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
     scan = measure_scan(volume, solid.scan_m, rng) if len(solid.scan_m) else None
+    rays = measure_rays(volume, world.rock, solid.rays_m) if len(solid.rays_m) else None
     metrics = {
         "volume": {
             "facets": len(world.mine.faces),
@@ -141,7 +142,7 @@ def validate_volume(
             if len(solid)
             else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
         ),
-        **({} if scan is None else {"scan": scan.figures}),
+        **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
         "enclosure": {
             **_enclosure(params, volume, fronts, rng),
             "bare_m2": round(fronts.bare_m2, 9),
@@ -155,7 +156,7 @@ def validate_volume(
     figures = flatten(metrics)
     certificate = certify(world.record.world_sha256, figures, applying_limits(params, metrics))
     certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
-    return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate, scan)
+    return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate, scan, rays)
 
 
 def _solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> dict[str, Any]:

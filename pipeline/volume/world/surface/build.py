@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from minexplore.bundle import VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
@@ -21,33 +20,36 @@ from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief.joints import JointedRock, relief_of_joints
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
+from pipeline.types import Image
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import FineRock, refine
 from pipeline.volume.world.surface.room import room_about
+from pipeline.volume.world.surface.scanned import NO_RGB, NO_SCAN, ScanColours, unseen
 
-NO_SCAN = np.zeros((0, 3))
 _WIDEST_M = 0.5
 _SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
 _FACES = 2.2  # of a square whose side is the spacing
-_SEEN_M = (0.3, 0.9)  # from the next point of a scan: up to here the walls are the scan's, from here on synthetic rock
 
 
 @dataclass(frozen=True)
 class VolumeRock:
-    """The chunks of the visible rock as `NAME.msh`, and a report on its mesh, closed by the floors."""
+    """The chunks of the visible rock as `NAME.msh`, its texture, and a report on its mesh, closed by the floors."""
 
     files: Bundle
+    texture: Image
     report: MeshReport
 
 
-def rock_of_volume(params: SurfaceParams, compiled: Path, scan_m: np.ndarray = NO_SCAN) -> VolumeRock:
+def rock_of_volume(
+    params: SurfaceParams, compiled: Path, texture: Image, scan_m: np.ndarray = NO_SCAN, scan_rgb: np.ndarray = NO_RGB
+) -> VolumeRock:
     """Return the visible rock of the volume in a folder of stage 3.
 
-    Near points (n, 3) m of a scan it is the volume itself, which follows them. Away from them, and in workings that
-    were not scanned, it is synthetic.
+    Near points (n, 3) m of a scan it is the volume itself, which follows them, with their colours (n, 3), if they have
+    any. Away from them, and in workings that were not scanned, it is synthetic and has the texture.
 
     Raises
     ------
@@ -55,8 +57,9 @@ def rock_of_volume(params: SurfaceParams, compiled: Path, scan_m: np.ndarray = N
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
     rock = displaced_rock(params, decode(compiled / VOLUME, VolumeFacets), scan_m)
-    files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in cut_rock(rock, params).items()}
-    return VolumeRock(files, _report(rock))
+    chunks, texture = cut_rock(rock, params, texture, ScanColours(scan_m, scan_rgb))
+    files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}
+    return VolumeRock(files, texture, _report(rock))
 
 
 def displaced_rock(params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN) -> DisplacedRock:
@@ -65,7 +68,7 @@ def displaced_rock(params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarr
     fine = refine(volume, spacing_m)
     rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
-    wanted, share = _wanted_m(params, fine), _unseen(fine.vertices, scan_m)
+    wanted, share = _wanted_m(params, fine), unseen(fine.vertices, scan_m)
     room = room_about(fine, volume)
     free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
@@ -109,15 +112,6 @@ def _wanted_m(params: SurfaceParams, fine: FineRock) -> np.ndarray:
         return wanted
     modulation = Modulation(rough.modulation_m, rough.modulation_spread)
     return relief_of_noise(fine, *relief, modulation, np.random.default_rng(rough.seed))
-
-
-def _unseen(places: np.ndarray, scan_m: np.ndarray) -> np.ndarray:
-    """Return the share (n,) of synthetic rock at places (n, 3) m: it grows from 0 to 1 away from a scan's points."""
-    if not len(scan_m):
-        return np.ones(len(places))
-    near, far = _SEEN_M
-    apart, _ = cKDTree(scan_m).query(places, distance_upper_bound=far)
-    return np.asarray(np.clip((apart - near) / (far - near), 0.0, 1.0))
 
 
 def _relief(params: SurfaceParams) -> Relief:

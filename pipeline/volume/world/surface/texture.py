@@ -42,6 +42,13 @@ def lay_texture(rock: DisplacedRock, group: np.ndarray, tether_m: float | None) 
     return laid, relax_texture(mesh.vertices, mesh.faces, corners, axes[group], tether_m)
 
 
+def facing_sides(rock: DisplacedRock, group: np.ndarray) -> np.ndarray:
+    """Return which faces (m,) look along the positive side of their group's third axis; opposite walls do not."""
+    inward = rock.fine.direction[rock.mesh.source[rock.mesh.faces]].mean(axis=1)
+    third = np.cross(*_axes().transpose(1, 0, 2))
+    return np.asarray(np.einsum("ij,ij->i", inward, third[group]) > 0)
+
+
 def _axes() -> np.ndarray:
     """Return the axes (groups, 2, 3) of each group's texture: along the wall and up, or east and north."""
     angle = np.pi / _WAYS * np.arange(_WAYS)

@@ -47,8 +47,8 @@ def files(box):
 
 def with_rock(source, folder):
     built, rough, bundle = VolumeWorld(source, folder), folder / "rough", folder / "rocky"
-    write(rough, rock_of_volume(CONFIG.surface, folder / "compiled").files)
     texture = np.full((16, 16, 3), 90, np.uint8)
+    write(rough, rock_of_volume(CONFIG.surface, folder / "compiled", texture).files)
     plan = built.traced["free_space"]
     write(bundle, bundle_volume(CONFIG.realism, built.survey, plan, built.compiled, rough, texture))
     return folder
