@@ -110,7 +110,7 @@ class _Shell:
         bodies = shaped(tried, kind, depth_m)
         depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
         inside, shared = self._inside(bodies), np.zeros(len(bodies))
-        is_sliver = tried.areas_m2 <= SLIVER_M2  # its normal is rounding: the part may be in the free space, on no facet
+        is_sliver = tried.areas_m2 <= SLIVER_M2  # of any normal: its part may be free, on no facet
         for k in np.flatnonzero((is_sliver | (inside > 0)) & (inside < _SHALLOW_M)):
             shared[k] = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[k]))
         least = np.where(is_sliver, _LEAST_M, THIN_M)
