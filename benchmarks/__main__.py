@@ -107,6 +107,9 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python(
         "volume-throws", "setup", "benchmarks.comparisons.volume.throw_bodies", "artifacts/bench/volume-throws", "5"
     ),
+    _python(
+        "random-volumes", "setup", "benchmarks.comparisons.volume.random_volumes", _PARTS + "random-volumes.md", "15"
+    ),
     _python("volume-large", "setup", "benchmarks.comparisons.volume.large", "artifacts/bench/volume-large.jsonl", "15"),
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
