@@ -96,11 +96,24 @@ def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
         body = manifold3d.Manifold.hull_points((points[:, None] + spread).reshape(-1, 3)).as_original()
         keys[body.original_id()] = len(FacetLabel) * int(volume.source[k]) + FacetLabel.WALL
         bodies.append(body)
-    solid = manifold3d.Manifold.batch_boolean([one.solid, *bodies], manifold3d.OpType.Subtract)
-    parts = solid.decompose()
-    if len(parts) > 1:  # pockets that the rock cut off
-        solid = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
+    solid = _without(one.solid, bodies)
     found = volume_of(KeyedSolid(solid, keys), volume)
     up = found.normals[:, 2] > _ROOF_NZ * np.linalg.norm(found.normals, axis=1)
     found.label[up & (found.label == FacetLabel.WALL)] = FacetLabel.ROOF
     return found
+
+
+def _without(free: manifold3d.Manifold, rock: list[manifold3d.Manifold]) -> manifold3d.Manifold:
+    """Return the free space without some rock, and without the pockets that the rock cuts off."""
+    parts = free.decompose()
+    small = [part for part in parts if part.volume() <= _POCKET_M3]  # nobody cut these off
+    if small:
+        free = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
+    left = manifold3d.Manifold.batch_boolean([free, *rock], manifold3d.OpType.Subtract)
+    parts = left.decompose()
+    if len(parts) > 1:
+        left = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
+    if not small:
+        return left
+    others = manifold3d.Manifold.batch_boolean([manifold3d.Manifold.compose(small), *rock], manifold3d.OpType.Subtract)
+    return manifold3d.Manifold.compose([left, others])

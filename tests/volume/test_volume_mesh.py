@@ -12,6 +12,7 @@ from benchmarks.comparisons.volume.random_volumes import beyond, judge
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.types import ClosedMesh
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
@@ -19,7 +20,9 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
+from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.world.solid import volume_of_solid
 from tests.heights import HEADER
 
 DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -92,6 +95,18 @@ def test_two_drifts_with_a_centimetre_of_rock_between_them_stay_two_with_rock_th
     assert found.thin_m2 == 0
     assert found.thinnest_m > 0.0199
     assert found.intrusion_m3 < 1e-9
+
+
+def test_a_free_space_under_a_litre_that_thin_rock_did_not_cut_off_stays(tmp_path):
+    _, rough, _ = built(BESIDE, tmp_path)
+    hole = manifold3d.Manifold.cube([0.07, 0.07, 0.07]).translate([0, 0, -9])
+    mesh = manifold3d.Manifold.compose([rough.solid, hole]).to_mesh64()
+    vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
+    volume = volume_of_solid(ClosedMesh(vertices, faces, 0.0, 0.0, np.zeros((0, 3))), 0.364)
+    assert facets_without_part(volume)
+    sizes = sorted(part.volume() for part in without_thin_rock(volume, np.zeros((0, 3))).solid.decompose())
+    assert len(sizes) == 3
+    assert sizes[0] == pytest.approx(0.07**3)
 
 
 def test_thin_rock_under_a_floor_is_taken_from_the_drift_below(tmp_path):
