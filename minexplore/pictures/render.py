@@ -14,6 +14,7 @@ from minexplore.physics.robot import qpos_address, separate_contacts
 from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
+from minexplore.pictures.shown import shown_spec
 from minexplore.rotations import quaternion
 from minexplore.sensing.coverage import CellGrid
 from minexplore.world import World
@@ -92,8 +93,11 @@ class Renderer:
         return self.model, self.data
 
     def _compile(self) -> mujoco.MjModel:
-        spec = self.world.spec()
-        separate_contacts(spec)
+        if self.world.volume is None:
+            spec = self.world.spec()
+            separate_contacts(spec)
+        else:
+            spec = shown_spec(self.world)
         look = look_of(self.world.record)
         add_sky(spec, look)
         for i in range(self.robots):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 from pydantic import TypeAdapter
 
 from minexplore.bundle import (
+    MESHES,
     MODEL,
     ROCK_TEXTURE,
     ROOF,
@@ -19,8 +19,10 @@ from minexplore.bundle import (
     ground_material,
     has_visible_rock,
     mesh_file,
+    mesh_of,
 )
 from minexplore.floors.volume_arrays import FacetLabel, VolumeArrays
+from minexplore.pictures.shown import without_parts
 from minexplore.world import World
 from pipeline.export.extract import light_of, material_of
 from pipeline.export.labels import FLOOR_LABEL, ROCK_LABEL, ROOF_LABEL, surface_label
@@ -47,9 +49,8 @@ def read_volume_scene(world: World, licence: str) -> ExportScene:
         If a file has changed since the world was loaded.
     """
     record: VolumeRecord = TypeAdapter(VolumeRecord).validate_python(world.record)
-    model = ElementTree.fromstring(world.read(MODEL))
-    rock = sorted(mesh.get("name", "") for mesh in model.iter("mesh") if mesh.get("file"))
-    spec = _without_shapes(model)
+    rock = sorted(mesh_of(name) for name in record.files if name.startswith(MESHES))
+    spec = mujoco.MjSpec.from_string(without_parts(world.read(MODEL)))
     return ExportScene(
         _facts(record, licence),
         _parts(record, arrays_of(world)),
@@ -58,14 +59,6 @@ def read_volume_scene(world: World, licence: str) -> ExportScene:
         [light_of(light) for light in spec.lights],
         world.read(ROCK_TEXTURE) if has_visible_rock(world.record) else None,
     )
-
-
-def _without_shapes(root: ElementTree.Element) -> mujoco.MjSpec:
-    """Return the model without meshes and geoms: MuJoCo's specs take minutes for 100,000 of them."""
-    for parent in list(root.iter()):
-        for child in [one for one in parent if one.tag in ("mesh", "geom") and parent.tag != "default"]:
-            parent.remove(child)
-    return mujoco.MjSpec.from_string(ElementTree.tostring(root).decode())
 
 
 def _facts(record: VolumeRecord, licence: str) -> WorldFacts:

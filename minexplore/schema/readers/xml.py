@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 from xml.parsers import expat
 
 from minexplore.bundle import BundleError
@@ -43,14 +44,40 @@ class Node:
         return f"{self.above}/{step}" if self.above else step
 
 
+class ElementReader(Protocol):
+    """Takes elements as they come: `walk_xml` keeps none of them."""
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """Take the begin of an element."""
+
+    def end(self, tag: str) -> None:
+        """Take its end."""
+
+    def text(self, text: str) -> None:
+        """Take text in it."""
+
+
 def read_xml(file: str, data: bytes) -> Node:
     """Return the root element of an XML file. `require_size` has its limit.
 
     Raises
     ------
     BundleError
-        If the file has too many elements or attributes, or an element that is too long or too deep, is not plain ASCII
-        XML, or holds text, a document type, an entity, a comment or a processing instruction.
+        As `walk_xml`, and if the file has too many elements or attributes, or too deep ones, or holds text.
+    """
+    reader = _XmlReader(file)
+    walk_xml(file, data, reader)
+    return reader.root
+
+
+def walk_xml(file: str, data: bytes, reader: ElementReader) -> None:
+    """Hand the elements of an XML file to a reader, one by one.
+
+    Raises
+    ------
+    BundleError
+        If an element of the file is too long, or it is not plain ASCII XML, or it holds a document type, an entity, a
+        comment or a processing instruction.
     """
     for mark in _REFUSED:
         if mark in data:
@@ -62,7 +89,6 @@ def read_xml(file: str, data: bytes) -> Node:
     if long := _LONG_ELEMENT.search(data):
         line = data.count(b"\n", 0, long.start()) + 1
         raise BundleError(f"{file}: line {line}: an element of more than {_MOST_OF_ELEMENT} bytes")
-    reader = _XmlReader(file)
     parser = expat.ParserCreate("us-ascii")
     parser.buffer_text = True
     parser.StartElementHandler = reader.start
@@ -72,7 +98,6 @@ def read_xml(file: str, data: bytes) -> Node:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise BundleError(f"{file}: not XML from line {error.lineno}, character {error.offset + 1} on") from error
-    return reader.root
 
 
 class _XmlReader:

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 from scipy.spatial import cKDTree
 
-from minexplore.bundle import MINE_BODY
+from minexplore.bundle import MINE_BODY, MODEL
 from minexplore.floors.volume_arrays import Parts
+from minexplore.schema.readers.xml import walk_xml
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.volume.world.model import part_names
@@ -27,40 +28,88 @@ class Compiled:
 
 
 def compare_model(xml: bytes, parts: Parts, zones: list[ZoneStrip], most: int, rng: np.random.Generator) -> Compiled:
-    """Compare a model with the parts: all as written, and at most `most` of them as MuJoCo compiles them."""
-    try:
-        root = ElementTree.fromstring(xml)
-    except ElementTree.ParseError as error:
-        line, before = error.position
-        raise ArtifactError(f"mine.xml: not XML from line {line}, character {before + 1} on") from error
-    written = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.iter("mesh") if not mesh.get("file")}
-    geoms = {geom.get("name"): geom.get("pos", "0 0 0") for geom in root.iterfind(f".//body[@name='{MINE_BODY}']/geom")}
+    """Compare a model with the parts: all as written, and at most `most` of them as MuJoCo compiles them.
+
+    Raises
+    ------
+    BundleError
+        If it is no plain XML.
+    ArtifactError
+        If MuJoCo refuses a part.
+    """
     names = part_names(parts, zones)
-    unlike = len(set(written) ^ set(names)) + len(set(geoms) ^ set(names))
-    for number, name in enumerate(names):
-        if name in written and name in geoms:
-            placed = _numbers(written[name]) + _numbers(geoms[name])
-            unlike += not (placed.shape == parts[number].shape and np.abs(placed - parts[number]).max() < _WRITTEN_M)
-    shared = [k for k, name in enumerate(names) if name in written and name in geoms]
-    chosen = rng.permutation(shared)[:most].tolist()
-    return Compiled(unlike, _compiled_mm({k: names[k] for k in chosen}, written, geoms, parts))
+    written = _WrittenParts(parts, names, rng.permutation(len(names))[:most].tolist())
+    walk_xml(MODEL, xml, written)
+    kept = {k: names[k] for k in written.kept if k in written.vertices and k in written.places}
+    return Compiled(written.unlike, _compiled_mm(kept, written.vertices, written.places, parts))
+
+
+class _WrittenParts:
+    """Takes the meshes and geoms of parts as they come; the text of some, `kept`, is kept.
+
+    A part is where it should be if its mesh and its place give its corners, so of each mesh only the least and the
+    greatest distance of the part's corners from the mesh's are kept.
+    """
+
+    def __init__(self, parts: Parts, names: list[str], kept: list[int]) -> None:
+        self._parts, self._numbers, self.kept = parts, {name: k for k, name in enumerate(names)}, kept
+        self._some, self._open, self._others = set(kept), list[str](), 0
+        self._off, self._place = np.full((2, len(names), 3), np.nan), np.full((len(names), 3), np.nan)
+        self.vertices, self.places = dict[int, str](), dict[int, str]()
+
+    @property
+    def unlike(self) -> int:
+        """Return how many parts are missing or elsewhere, and how many meshes and geoms are of no part."""
+        off = np.abs(self._off - self._place).max(axis=(0, 2))
+        return self._others + int((~(off < _WRITTEN_M)).sum())  # what is missing is no number
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """Take a mesh without a file, or a geom of the mine's own body."""
+        if tag == "mesh" and "file" not in attributes:
+            number = self._numbers.get(attributes.get("name", ""))
+            self._others += number is None
+            if number is not None:
+                self._take_mesh(number, attributes.get("vertex", ""))
+        elif tag == "geom" and self._open and self._open[-1] == MINE_BODY:
+            number = self._numbers.get(attributes.get("name", ""))
+            self._others += number is None
+            if number is not None:
+                self._take_place(number, attributes.get("pos", "0 0 0"))
+        self._open.append(attributes.get("name", "") if tag == "body" else "")
+
+    def end(self, tag: str) -> None:
+        """Leave an element."""
+        self._open.pop()
+
+    def text(self, text: str) -> None:
+        """Pass text over: the schema refuses it."""
+
+    def _take_mesh(self, number: int, vertices: str) -> None:
+        corners, own = _numbers(vertices), self._parts[number]
+        if corners.shape == own.shape:
+            self._off[:, number] = (own - corners).min(axis=0), (own - corners).max(axis=0)
+        if number in self._some:
+            self.vertices[number] = vertices
+
+    def _take_place(self, number: int, place: str) -> None:
+        self._place[number] = _numbers(place)
+        if number in self._some:
+            self.places[number] = place
 
 
 def _numbers(text: str) -> np.ndarray:
     return np.array(text.split(), np.float64).reshape(-1, 3)
 
 
-def _compiled_mm(
-    names: dict[int, str], written: dict[str | None, str], geoms: dict[str | None, str], parts: Parts
-) -> float:
+def _compiled_mm(names: dict[int, str], vertices: dict[int, str], places: dict[int, str], parts: Parts) -> float:
     """Return the largest distance, mm, between the corners of compiled hulls and those of their parts."""
     if not names:
         return 0.0
     root = ElementTree.Element("mujoco")
     asset, world = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "worldbody")
-    for name in names.values():
-        ElementTree.SubElement(asset, "mesh", name=name, vertex=written[name], inertia="shell")
-        ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, pos=geoms[name])
+    for number, name in names.items():
+        ElementTree.SubElement(asset, "mesh", name=name, vertex=vertices[number], inertia="shell")
+        ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, pos=places[number])
     try:
         model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root).decode())
     except ValueError as error:
