@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 from shapely import MultiPolygon, Polygon
 
 Image = UInt8[np.ndarray, "rows cols *channels"]
-NO_PICTURE = np.zeros((1, 1, 3), np.uint8)  # in place of a picture of what a world does not have
+NO_PICTURE: Image = np.full((80, 560, 3), 255, np.uint8)  # in place of a picture of what a world does not have
+for _row, _line in enumerate(
+    ("Not drawn: this world has nothing to show here.", "See docs/reference/bundle.md, Pictures.")
+):
+    cv2.putText(NO_PICTURE, _line, (16, 32 + 28 * _row), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (60, 60, 60), 1, cv2.LINE_AA)
+NO_PICTURE.setflags(write=False)
 Mask = Bool[np.ndarray, "rows cols"]
 Points2 = Float64[np.ndarray, "n 2"]
 Points3 = Float64[np.ndarray, "n 3"]
