@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from minexplore.bundle import VOLUME
+from minexplore.bundle import TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
@@ -26,8 +26,10 @@ from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import FineRock, refine
+from pipeline.volume.world.surface.narrow import NO_BALLS, Balls, balls_along
 from pipeline.volume.world.surface.room import room_about
 from pipeline.volume.world.surface.scanned import NO_RGB, NO_SCAN, ScanColours, unseen
+from pipeline.volume.world.topology import LegNetwork
 
 _WIDEST_M = 0.5
 _SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
@@ -56,20 +58,24 @@ def rock_of_volume(
     InputError
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
-    rock = displaced_rock(params, decode(compiled / VOLUME, VolumeFacets), scan_m)
+    volume = decode(compiled / VOLUME, VolumeFacets)
+    balls = balls_along(volume, decode(compiled / TOPOLOGY, LegNetwork))
+    rock = displaced_rock(params, volume, scan_m, balls)
     chunks, texture = cut_rock(rock, params, texture, ScanColours(scan_m, scan_rgb))
     files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}
     return VolumeRock(files, texture, _report(rock))
 
 
-def displaced_rock(params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN) -> DisplacedRock:
-    """Return the displaced rock of a volume; see `rock_of_volume`."""
+def displaced_rock(
+    params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN, balls: Balls = NO_BALLS
+) -> DisplacedRock:
+    """Return the displaced rock of a volume, whose narrowest passage fits `balls`; see `rock_of_volume`."""
     spacing_m = _spacing_m(params, volume)
     fine = refine(volume, spacing_m)
     rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = _wanted_m(params, fine), unseen(fine.vertices, scan_m)
-    room = room_about(fine, volume)
+    room = room_about(fine, volume, balls)
     free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
     if len(rock.crossings):

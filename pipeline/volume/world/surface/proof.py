@@ -18,16 +18,15 @@ from pipeline.surface.mesh.mesh_checks import find_crossings, join_meshes
 from pipeline.types import Mesh
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.union import Volume
+from pipeline.volume.world.surface.narrow import Balls, balls_along, places_along
 from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLES = 100_000  # of the rock, by area
 _ON_EDGE_M = 2e-3  # of the floor: the rock's points have 0.1 mm, its meshes 32 bits
 _BESIDE_M = 1.0  # about such a place the relief is taken back, and the simplified mesh has edges as long
 _FOLDED = -0.999  # cosine between normals
-_APART_M = 1.0  # along the legs, of the places that the widths and the rays are of
-_MIDDLE = (0.25, 0.75)  # of a leg: at its ends others meet it, or it ends
 _RAYS = 64  # from each place
-_LEAST_M = 0.2  # from a wall: nearer, the direction of a wall is uncertain
+_LEAST_M = 0.2  # from a wall: rays begin farther away
 _DIGITS = 6
 
 
@@ -45,8 +44,8 @@ def measure_rock(
     inside it. `open_m` is the length of the rock's border that is not on the floor's border, `bare_m` the length of the
     floor's border without rock on it. `crossings` counts places where the rock crosses itself; those where facets of
     the volume do so, or lie on each other, are `folded`. `leaks` counts rays from the legs that end on no rock and no
-    floor, or on a face from behind. `narrowest_kept` is the share of the distance to the walls that is left where it is
-    least.
+    floor, or on a face from behind. `narrowest_kept` is the share of the distance to walls and roofs that is left
+    in the middle of the narrowest passage: legs may run beside a wall.
     """
     if not rock:
         return {"shown": 0}
@@ -57,7 +56,8 @@ def measure_rock(
     gap = np.abs(away)
     is_floor = volume.label == FacetLabel.FLOOR
     open_m, bare_m = _borders_m(vertices, faces, volume.vertices, volume.faces[is_floor])
-    places = _places(legs)
+    places, _ = places_along(legs)
+    balls = balls_along(volume, legs)
     places = places[inside.distance_m(places) > _LEAST_M]
     return {
         "shown": 1,
@@ -70,7 +70,7 @@ def measure_rock(
         "bare_m": round(bare_m, _DIGITS),
         **_crossings(vertices, faces, volume),
         "leaks": _leaks(places, (vertices, faces), (volume.vertices, volume.faces[is_floor]), rng),
-        "narrowest_kept": round(_kept(places, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
+        "narrowest_kept": round(_kept(balls, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
     }
 
 
@@ -130,18 +130,6 @@ def _distance_to_edges(places: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return found
 
 
-def _places(legs: LegNetwork) -> np.ndarray:
-    """Return places (n, 3) m along the legs, half-way up."""
-    places = [np.zeros((0, 3))]
-    for leg in legs.legs:
-        a, b = np.array(legs.stations_m[leg.start]), np.array(legs.stations_m[leg.end])
-        (_, _, up, down), (_, _, far_up, far_down) = leg.lrud_m
-        a, b = a + [0, 0, (up - down) / 2], b + [0, 0, (far_up - far_down) / 2]  # noqa: RUF005
-        share = np.linspace(*_MIDDLE, max(1, round(leg.length_m / 2 / _APART_M)))[:, None]
-        places.append(a * (1 - share) + b * share)
-    return np.concatenate(places)
-
-
 _Triangles = tuple[np.ndarray, np.ndarray]
 
 
@@ -166,12 +154,11 @@ def _leaks(places: np.ndarray, rock: _Triangles, floors: _Triangles, rng: np.ran
     return int((missed | behind & (found["geometry_ids"].numpy() == 0)).sum())
 
 
-def _kept(places: np.ndarray, rock: _Triangles, walls: _Triangles) -> float:
-    """Return the share of the distance to the walls that the rock leaves, at the place where that is least."""
-    if not len(places):
+def _kept(balls: Balls, rock: _Triangles, walls: _Triangles) -> float:
+    """Return the share of the distance to walls and roofs that the rock leaves in the middle of the narrowest ball."""
+    if not len(balls.radii_m):
         return 1.0
     middle = rock[0].mean(axis=0)
-    near = (places - middle).astype(np.float32)
-    seen, solid = (_scene(middle, one).compute_distance(near, nthreads=1).numpy() for one in (rock, walls))
-    narrow = int(solid.argmin())
-    return float(seen[narrow] / solid[narrow])
+    narrow = (balls.middles_m[balls.radii_m.argmin()][None] - middle).astype(np.float32)
+    seen, solid = (_scene(middle, one).compute_distance(narrow, nthreads=1).numpy() for one in (rock, walls))
+    return float(seen[0] / solid[0])

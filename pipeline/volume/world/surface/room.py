@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.volume.world.surface.fine import FineRock
+from pipeline.volume.world.surface.narrow import NO_BALLS, Balls
 
 _LIFT_M = 2e-3  # of the rays' starts off the surface, over the rounding of 32 bits
 _CONES = ((0.0, 1), (35.0, 6), (65.0, 6))  # angle from the way across, deg, and rays
@@ -19,14 +21,17 @@ _STEEP = 0.9  # of a way's height: it has no level way across
 _AT_ONCE = 100_000  # points
 _UPRIGHT = 0.3  # height of an upright wall's normal: higher up, walls lean in
 _NARROWEST = 5  # per cent of the walls' points: corners and noses of rock are narrower than any passage
+_REACH_M = 0.36  # beyond a ball: relief from there could come into it
 _FAR_M = 100.0  # where a ray hits nothing
 
 
-def room_about(rock: FineRock, volume: VolumeFacets) -> Room:
+def room_about(rock: FineRock, volume: VolumeFacets, balls: Balls = NO_BALLS) -> Room:
     """Return half widths, and the largest balls that touch each point in the workings and in the rock.
 
     Rays in a cone about the way into the workings, and about the way into the rock, find both. The ball through a hit
-    touches the surface. The narrowest passage has the half width that one wall in twenty has at most.
+    touches the surface. The narrowest passage has the half width that one wall in twenty has at most. In a cave of
+    uneven walls these rays pass its narrowest place by: about the narrowest of the `balls` that fit in the passages,
+    the half width is their radius.
     """
     middle = volume.vertices.mean(axis=0)  # rays are cast in 32 bits
     scene = ray_scene(volume.vertices - middle, volume.faces, 1)
@@ -35,6 +40,11 @@ def room_about(rock: FineRock, volume: VolumeFacets) -> Room:
     for at in range(0, len(used), _AT_ONCE):
         part = used[at : at + _AT_ONCE]
         half[part], free[part], behind[part] = _radii(scene, rock.vertices[part] - middle, rock.direction[part])
+    narrow = balls.narrowest
+    if len(narrow.radii_m):
+        far, number = cKDTree(narrow.middles_m).query(rock.vertices)
+        near = far < narrow.radii_m[number] + _REACH_M
+        half[near] = np.minimum(half[near], narrow.radii_m[number[near]])
     return Room(half, free, behind, np.zeros(len(half)), _narrowest(rock, half))
 
 
