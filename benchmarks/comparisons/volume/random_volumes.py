@@ -83,9 +83,9 @@ def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
         "floor.step_mm": 1e3 * floor.step_m,
         "floor.other_step_mm": 1e3 * floor.other_step_m,
         "enclosure.intrusion_um": 1e6 * found.intrusion_m3 / found.measured_m2,
-        "enclosure.missing_m2": found.missing_m2,
-        "enclosure.bare_m2": fronts.bare_m2,
-        "enclosure.thin_m2": found.thin_m2,
+        "enclosure.missing_share": found.missing_m2 / found.surface_m2,
+        "enclosure.bare_share": fronts.bare_m2 / found.surface_m2,
+        "enclosure.thin_share": found.thin_m2 / found.surface_m2,
         "crossings": len(crossing_facets(volume.vertices, volume.faces, CROSSING_M)),
     }
 

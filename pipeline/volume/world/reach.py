@@ -43,12 +43,19 @@ def components_of(count: int, pairs: np.ndarray, usable: np.ndarray) -> np.ndarr
     return found
 
 
-def reached_from(cells: FloorSpans, pairs: np.ndarray, start: int, robot: RobotSize) -> np.ndarray:
-    """Return which spans (s,) a robot's disc covers on its ways from the span `start`."""
+def regions_of(cells: FloorSpans, pairs: np.ndarray, start: int, robot: RobotSize) -> np.ndarray:
+    """Return the number (s,) of the region that the middle of a robot on each span can drive in; the largest is 0.
+
+    It is -1 where the robot does not fit; on the span `start` it does.
+    """
     fits = (cells.storey >= 0) & (cells.clearance_m >= robot.radius_m)
     fits[start] = True
-    middle = components_of(len(fits), pairs, fits)
-    reached: np.ndarray = middle == middle[start]
+    return components_of(len(fits), pairs, fits)
+
+
+def covered(cells: FloorSpans, pairs: np.ndarray, middles: np.ndarray, robot: RobotSize) -> np.ndarray:
+    """Return which spans (s,) a robot's disc covers whose middle is on any of some spans (s,)."""
+    reached = middles
     usable = cells.storey >= 0
     kept = pairs[usable[pairs].all(axis=1)]
     for _ in range(int(np.ceil(robot.radius_m / cells.cell_m))):

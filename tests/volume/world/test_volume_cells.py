@@ -9,7 +9,8 @@ import pytest
 from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.maps import octree_of, storey_maps
-from pipeline.volume.world.reach import RobotSize, components_of, neighbours_of, reached_from
+from pipeline.volume.world.proof.reached import straight_ways
+from pipeline.volume.world.reach import RobotSize, components_of, covered, neighbours_of, regions_of
 from pipeline.volume.world.spans import spans_of
 from tests.octomap import FREE, OCCUPIED, BinaryTree
 
@@ -59,12 +60,18 @@ def test_columns_have_the_volume_of_the_free_space_with_floors_over_each_other_a
     assert np.allclose((found.roof_m - found.floor_m)[in_shaft], 6)
 
 
+def reached_from(cells, pairs, start):
+    """Return the spans that a robot's disc covers on its ways from one."""
+    region = regions_of(cells, pairs, start, ROBOT)
+    return covered(cells, pairs, region == region[start], ROBOT)
+
+
 def test_floors_over_each_other_are_two_storeys_and_a_robot_stays_on_its_own():
     cells = cells_of(volume_of(SHAFT), 0.25, ROBOT)
     assert sorted(np.unique(cells.storey).tolist()) == [0, 1]
     pairs = neighbours_of(cells, ROBOT)
     start = int(np.argmin(np.linalg.norm(cells.places_m - [2, 1, 4], axis=1)))
-    reached = reached_from(cells, pairs, start, ROBOT)
+    reached = reached_from(cells, pairs, start)
     assert np.allclose(cells.floor_m[reached], 4)
     assert reached.sum() == (cells.floor_m == 4).sum()
 
@@ -89,7 +96,7 @@ def test_the_disc_of_a_robot_does_not_pass_a_gap_that_is_narrower():
     solid = box(0, 0, 0, 4, 3, 2) + box(4, 1.2, 0, 1, 0.6, 2) + box(5, 0, 0, 4, 3, 2)
     cells = cells_of(volume_of(solid), 0.1, ROBOT)
     start = int(np.argmin(np.linalg.norm(cells.places_m - [2, 1.5, 0], axis=1)))
-    reached = reached_from(cells, neighbours_of(cells, ROBOT), start, ROBOT)
+    reached = reached_from(cells, neighbours_of(cells, ROBOT), start)
     assert cells.places_m[reached, 0].max() < 5
     assert cells.storey.max() == 0  # a storey is what is level; width is the robot's matter
 
@@ -107,3 +114,14 @@ def test_the_octree_has_all_the_free_space_and_a_map_has_each_storey():
     maps = storey_maps(cells)
     assert sorted(maps) == ["map_00.png", "map_00.yaml", "map_01.png", "map_01.yaml"]
     assert b"# storey 1: floor" in maps["map_01.yaml"]
+
+
+def test_straight_ways_of_a_metre_end_four_cells_farther_and_none_crosses_a_step_that_the_map_has():
+    step = box(0, 0, 0, 3, 2, 2) + box(3, 0, -0.5, 3, 2, 2)
+    cells = cells_of(volume_of(step), 0.25, ROBOT)
+    ways = straight_ways(cells, neighbours_of(cells, ROBOT))
+    apart = cells.places_m[ways[:, 1]] - cells.places_m[ways[:, 0]]
+    assert np.allclose(np.sort(apart[:, :2], axis=1), [0, 1])
+    assert np.allclose(apart[:, 2], 0)
+    columns, rows = 24, 8
+    assert len(ways) == 2 * (columns // 2 - 4) * rows + columns * (rows - 4)

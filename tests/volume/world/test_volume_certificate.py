@@ -8,10 +8,12 @@ import pytest
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
+from pipeline.export.scene import box_corners
 from pipeline.proof.certificate import certify
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.certificate import applying_limits
+from pipeline.volume.world.proof.compiled import compare_model
 from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
 
 # A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
@@ -67,7 +69,7 @@ def test_a_certificate_for_which_no_ball_was_pushed_does_not_hold():
 def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
     mutant = with_parts(opened, lambda k, corners: None if k == 0 else corners)
     found = validated(mutant, ramp.legs)
-    assert broken(found) >= {"enclosure.missing_m2", "enclosure.bare_m2", "enclosure.unlike"}
+    assert broken(found) >= {"enclosure.missing_share", "enclosure.bare_share", "enclosure.unlike"}
 
 
 def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
@@ -84,7 +86,7 @@ def test_a_part_that_is_thinned_is_thinner_than_a_body_sinks_in(ramp, opened):
         return np.column_stack([corners[:, :2], level + 0.05 * (corners[:, 2] - level)]) if k == floor else corners
 
     assert np.ptp(opened.parts[floor][:, 2]) == pytest.approx(0.3, abs=0.01)  # the part is under the level drift
-    assert broken(validated(with_parts(opened, thinned), ramp.legs)) >= {"enclosure.thin_m2"}
+    assert broken(validated(with_parts(opened, thinned), ramp.legs)) >= {"enclosure.thin_share"}
 
 
 def test_a_facet_that_is_turned_over_encloses_no_space(ramp, opened):
@@ -124,13 +126,38 @@ def test_a_model_without_a_part_or_with_a_geom_of_its_own_is_unlike_its_parts(ra
     assert validated(dataclasses.replace(opened, model=more), ramp.legs).metrics["enclosure"]["unlike"] > 0
 
 
-def test_a_robot_that_starts_in_a_pit_reaches_little_of_the_floors(tmp_path):
+def test_each_part_that_a_model_lacks_or_has_elsewhere_counts_once(ramp, opened):
+    names = re.findall(rb'<geom name="(rock_\d+)"', opened.model)
+    without_mesh = re.sub(rb'<mesh name="%b"[^>]*>' % names[0], b"", opened.model)
+    without_geom = re.sub(rb'<geom name="%b"[^>]*>' % names[1], b"", opened.model)
+    swapped = re.sub(rb'(<geom name="%b"[^>]*pos=")[^"]*' % names[2], rb"\g<1>1 2 3", opened.model)
+    assert opened.model not in (without_mesh, without_geom, swapped)
+    for model in (without_mesh, without_geom, swapped):
+        found = compare_model(model, opened.parts, opened.record.zones, 20, np.random.default_rng(0))
+        assert found.unlike == 1
+    assert compare_model(opened.model, opened.parts, opened.record.zones, 20, np.random.default_rng(0)).unlike == 0
+
+
+def test_a_robot_that_starts_in_a_pit_reaches_little_of_the_largest_floor(tmp_path):
     world = VolumeWorld(WINZE, tmp_path)
     opened = world.opened()
     whole = validated(opened, world.legs).metrics["reach"]["share"]
     foot = dataclasses.replace(opened.record.spawn, anchor_m=(30.0, 5.0, opened.record.volume.low_m))
     pit = validated(dataclasses.replace(opened, record=dataclasses.replace(opened.record, spawn=foot)), world.legs)
     assert whole > 0.5 > pit.metrics["reach"]["share"]
+    found = validated(opened, world.legs).metrics["reach"]["of_largest"], pit.metrics["reach"]["of_largest"]
+    assert found[0] == 1 > found[1] > 0
+
+
+def test_robots_do_not_come_to_the_ends_of_ways_that_rock_stands_across(ramp, opened):
+    assert validated(opened, ramp.legs, robot_contacts=1).metrics["drives"] == {"ways": 24, "share": 1.0}
+    ridges = [np.array([x, 0, -2.0]) + box_corners(np.array([0.05, 2.0, 6.0])) for x in np.arange(0.6, 60, 0.8)]
+    parts = [opened.parts[k] for k in range(len(opened.parts))] + ridges
+    label = [*opened.parts.label.tolist(), *[int(FacetLabel.WALL)] * len(ridges)]
+    mutant = dataclasses.replace(opened, parts=collect_labelled(parts, label))
+    found = validated(mutant, ramp.legs, robot_contacts=1)
+    assert "drives.share" in broken(found)
+    assert found.metrics["drives"]["share"] < 0.8  # ways across the drift are free
 
 
 def test_robots_and_balls_escape_where_the_largest_wall_is_left_out(ramp, opened):

@@ -35,10 +35,10 @@ from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
+from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
 from pipeline.volume.world.proof.region import region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
-from pipeline.volume.world.reach import neighbours_of, reached_from
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
@@ -129,6 +129,7 @@ def validate_volume(
     compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
     scan = measure_scan(volume, solid.scan_m, rng) if len(solid.scan_m) else None
     rays = measure_rays(volume, world.rock, solid.rays_m) if len(solid.rays_m) else None
+    reach = reach_of(world.cells, robot_size(params.volume), world.record.spawn.anchor_m)
     metrics = {
         "volume": {
             "facets": len(world.mine.faces),
@@ -145,13 +146,13 @@ def validate_volume(
         **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
         "enclosure": {
             **_enclosure(params, volume, fronts, rng),
-            "bare_m2": round(fronts.bare_m2, 9),
             "compiled_mm": round(compiled.compiled_mm, 6),
             "unlike": compiled.unlike,
         },
         "rock": measure_rock(volume, world.legs, world.rock, rng),
-        "reach": _reach(params, world),
+        "reach": reach.figures,
         **_bodies(params, volume, fronts.parts, rng),
+        **_drives(params, world, fronts.parts, reach),
     }
     figures = flatten(metrics)
     certificate = certify(world.record.world_sha256, figures, applying_limits(params, metrics))
@@ -244,30 +245,16 @@ def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets
 
 def _enclosure(params: VolumeProofParams, volume: Volume, fronts: Fronts, rng: np.random.Generator) -> dict[str, Any]:
     found = measure_enclosure(volume, fronts.parts, params.tiles, rng, fronts.faces)
+    areas = {"missing": found.missing_m2, "bare": fronts.bare_m2, "thin": found.thin_m2}
     return {
         "intrusion_m3": round(found.intrusion_m3, 9),
         "intrusion_um": round(1e6 * found.intrusion_m3 / found.measured_m2, 6),
-        "missing_m2": round(found.missing_m2, 9),
+        **{f"{name}_m2": round(area, 9) for name, area in areas.items()},
+        **{f"{name}_share": round(area / found.surface_m2, 12) for name, area in areas.items()},
         "surface_m2": round(found.surface_m2, 3),
         "measured_m2": round(found.measured_m2, 3),
         "thinnest_mm": round(_MM * found.thinnest_m, 6),
-        "thin_m2": round(found.thin_m2, 9),
         "full_share": round(found.full_share, 6),
-    }
-
-
-def _reach(params: VolumeProofParams, world: VolumeBundle) -> dict[str, Any]:
-    """Return what of the floors a robot gets to from where it starts."""
-    cells = world.cells
-    robot = robot_size(params.volume)
-    start = int(np.linalg.norm(cells.places_m - world.record.spawn.anchor_m, axis=1).argmin())
-    reached = reached_from(cells, neighbours_of(cells, robot), start, robot)
-    cell_m2, floors = cells.cell_m**2, int((cells.storey >= 0).sum())
-    return {
-        "share": round(float(reached.sum()) / max(len(reached), 1), 6),
-        "m2": round(float(reached.sum()) * cell_m2, 3),
-        "level_m2": round(floors * cell_m2, 3),
-        "floor_m2": round(len(reached) * cell_m2, 3),
     }
 
 
@@ -294,6 +281,14 @@ def _bodies(
         thrown = (throw_balls(volume, one.parts, asked, False, rng, targets=one.targets) for one in places)
         found["balls"] = _thrown(sum(thrown, Throws()))
     return found
+
+
+def _drives(params: VolumeProofParams, world: VolumeBundle, parts: list[ShellPart], reach: MapReach) -> dict[str, Any]:
+    """Return the robots that drive where the map says they can, if robots are asked for."""
+    if not params.robot_contacts:
+        return {}
+    found = measure_drives(world.mine, parts, world.cells, reach, np.random.default_rng(params.seed))
+    return {"drives": {"ways": found.ways, "share": round(found.arrived / found.ways, 6) if found.ways else 1.0}}
 
 
 def _thrown(found: Throws) -> dict[str, int]:
