@@ -25,7 +25,7 @@ _LOOK_M = 0.02  # over a span's middle: its floor is under it
 
 
 @dataclass(frozen=True)
-class Drives:
+class DrivenWays:
     """Ways of 1 m that were driven, and the robots that came to their ends."""
 
     ways: int
@@ -63,14 +63,14 @@ def reach_of(cells: FloorSpans, robot: RobotSize, spawn_m: Sequence[float]) -> M
 
 def measure_drives(
     facets: VolumeFacets, parts: list[ShellPart], cells: FloorSpans, reach: MapReach, rng: np.random.Generator
-) -> Drives:
+) -> DrivenWays:
     """Drive robots straight over spans that the map joins, on ways that are drawn.
 
     There are no ways where the map has no straight one of 1 m.
     """
     ways = straight_ways(cells, reach.pairs[reach.middles[reach.pairs].all(axis=1)])
     if not len(ways):
-        return Drives(0, 0)
+        return DrivenWays(0, 0)
     ways = rng.permuted(rng.choice(ways, min(WAYS, len(ways)), replace=False), axis=1)
     starts, ends = np.moveaxis(cells.places_m[ways], 1, 0)
     columns = FloorColumns(facets)
@@ -80,7 +80,7 @@ def measure_drives(
     model = spec_of(_parts_about(parts, starts, ends), add_robots(len(ways)), floor).compile()
     data, yaw = mujoco.MjData(model), np.arctan2(*(ends - starts)[:, 1::-1].T)
     at = [stand(data, model, f"r{n}", starts[n], normals[n], float(yaw[n])) for n in range(len(ways))]
-    return Drives(len(ways), int(_drive(model, data, np.array(at), starts, ends).sum()))
+    return DrivenWays(len(ways), int(_drive(model, data, np.array(at), starts, ends).sum()))
 
 
 def straight_ways(cells: FloorSpans, pairs: np.ndarray) -> np.ndarray:
