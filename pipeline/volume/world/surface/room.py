@@ -11,6 +11,7 @@ from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.lattice import WALL
+from pipeline.surface.mesh.walls import smoothstep
 from pipeline.volume.world.surface.fine import FineRock
 from pipeline.volume.world.surface.narrow import NO_BALLS, Balls
 
@@ -22,6 +23,7 @@ _AT_ONCE = 100_000  # points
 _UPRIGHT = 0.3  # height of an upright wall's normal: higher up, walls lean in
 _NARROWEST = 5  # per cent of the walls' points: corners and noses of rock are narrower than any passage
 _REACH_M = 0.36  # beyond a ball: relief from there could come into it
+_FADE_M = 1.0  # farther away: there a wall has its own half width again, as rock that bulges at once crosses itself
 _FAR_M = 100.0  # where a ray hits nothing
 
 
@@ -43,8 +45,9 @@ def room_about(rock: FineRock, volume: VolumeFacets, balls: Balls = NO_BALLS) ->
     narrow = balls.narrowest
     if len(narrow.radii_m):
         far, number = cKDTree(narrow.middles_m).query(rock.vertices)
-        near = far < narrow.radii_m[number] + _REACH_M
-        half[near] = np.minimum(half[near], narrow.radii_m[number[near]])
+        radius = narrow.radii_m[number]
+        own = smoothstep((far - radius - _REACH_M) / _FADE_M)
+        half = np.minimum(half, radius + (half - radius) * own)
     return Room(half, free, behind, np.zeros(len(half)), _narrowest(rock, half))
 
 
