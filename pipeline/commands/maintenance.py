@@ -31,7 +31,7 @@ def _forget_other_params(params: dict[str, Any]) -> None:
 
     from pipeline.params.reading.places import COMPOSED
 
-    if COMPOSED.is_file() and yaml.safe_load(COMPOSED.read_text()) != params:
+    if COMPOSED.is_file() and yaml.load(COMPOSED.read_text(), yaml.CSafeLoader) != params:
         COMPOSED.unlink()
 
 

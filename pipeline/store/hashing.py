@@ -126,6 +126,7 @@ def _is_folder(folder: str, root: Path) -> bool:
 _IMPORT = re.compile(r"^[ \t]*((?:import|from)[ \t](?:[^(\n]*\([^)]*\)|(?:\\\n|[^\n])*))", re.MULTILINE)
 
 
+@functools.cache  # of any root
 def _imported_names(source: str) -> frozenset[str]:
     """Return the names that a source imports; only its import statements are parsed, which takes a tenth of the time.
 

@@ -88,6 +88,7 @@ def test_what_is_current_is_not_driven_again_and_an_older_team_is(mines, kept):
     assert asked == [*keys, keys[1]]
 
 
+@pytest.mark.slow
 def test_a_record_of_a_small_mine_has_a_value_for_each_team(mines):
     record = team.measure((mines[0], 0))
     assert record["speed_up"][0] == 1.0

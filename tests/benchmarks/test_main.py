@@ -40,7 +40,7 @@ def test_an_unknown_name_gives_one_line_with_the_nearest_names(capsys):
 
 
 def test_further_arguments_and_the_exit_code_are_those_of_the_command():
-    done = run("bench-growth", "--no-such-option")
+    done = run("fuzz", "--no-such-option")  # its command imports little
     assert done.returncode == 2
     assert "--no-such-option" in done.stderr
 

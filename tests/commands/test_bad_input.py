@@ -185,8 +185,8 @@ def copied(traced_project, tmp_path):
     return traced_project.copy(tmp_path / "copy")
 
 
-def test_stations_outside_a_stated_frame_are_refused(copied):
-    text = message_of(copied.stage("survey", "survey.frame_m=[-20,-20,40,40]"))
+def test_stations_outside_a_stated_frame_are_refused(traced_project):
+    text = message_of(traced_project.stage("survey", "survey.frame_m=[-20,-20,40,40]"))
     assert "beyond survey.frame_m = [-20.0, -20.0, 40.0, 40.0]" in text
 
 
@@ -223,8 +223,8 @@ def test_transparent_pixels_of_a_plan_are_white_paper(project):
         ("survey=plan survey.poses.scale_range_px_per_m=[0,1]", "want 0 < low < high"),
     ],
 )
-def test_an_override_out_of_range_is_one_line(copied, override, message):
-    assert message in message_of(copied.stage("contours", *override.split()))
+def test_an_override_out_of_range_is_one_line(traced_project, override, message):
+    assert message in message_of(traced_project.stage("contours", *override.split()))
 
 
 @pytest.mark.parametrize("text", ["overrides: [a, b]\n", "overrides: 5\n", "other: 1\n", "overrides: 'a\n"])
@@ -238,10 +238,10 @@ def set_overrides(project, overrides):
 
 
 @pytest.mark.parametrize("overrides", ["contours.tolerance_m=-1", "'"])
-def test_make_refuses_wrong_overrides_and_keeps_those_in_params_yaml(copied, overrides):
-    before = (copied.folder / "params.yaml").read_bytes()
-    assert overrides.partition("=")[0] in message_of(set_overrides(copied, overrides))
-    assert (copied.folder / "params.yaml").read_bytes() == before
+def test_make_refuses_wrong_overrides_and_keeps_those_in_params_yaml(traced_project, overrides):
+    before = (traced_project.folder / "params.yaml").read_bytes()
+    assert overrides.partition("=")[0] in message_of(set_overrides(traced_project, overrides))
+    assert (traced_project.folder / "params.yaml").read_bytes() == before
 
 
 def test_make_without_overrides_clears_wrong_ones(copied):

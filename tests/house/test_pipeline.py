@@ -131,7 +131,7 @@ def test_make_starts_dvc_only_where_something_differs_from_the_lock(repro, tmp_p
     project = repro.copy(tmp_path / "mine")
     monkeypatch.chdir(project.folder)
     assert is_reproduced()
-    cached = yaml.safe_load(Path("dvc.lock").read_text())["stages"]["report"]["outs"][0]["md5"]
+    cached = yaml.load(Path("dvc.lock").read_text(), yaml.CSafeLoader)["stages"]["report"]["outs"][0]["md5"]
     changes = {
         "stages/survey.py": lambda text: text + b"\n",  # an input
         "artifacts/realism/world/mine.xml": lambda text: text + b" ",  # a file of a folder

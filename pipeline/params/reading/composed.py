@@ -23,7 +23,7 @@ def composed_section(section: str) -> Any:
         If the file is missing or is not a composed configuration.
     """
     try:
-        return getattr(Config.model_validate(yaml.safe_load(COMPOSED.read_text())), section)
+        return getattr(Config.model_validate(yaml.load(COMPOSED.read_text(), yaml.CSafeLoader)), section)
     except FileNotFoundError:
         raise ParamsError(f"{COMPOSED}: missing; write it with `python -m pipeline.compose`") from None
     except (yaml.YAMLError, ValidationError) as error:

@@ -44,6 +44,7 @@ def network(flying_id):
     env.close()
 
 
+@pytest.mark.slow
 def test_the_frontier_explorer_flies_through_the_tee_without_touching_it_and_stays_below_the_bound(flying_id, network):
     env = make_env(flying_id, 1)
     assert isinstance(env.robots, FlyerBatch)

@@ -114,10 +114,8 @@ def test_an_open_tour_is_as_short_as_the_shortest_of_all_orders():
         assert length(tour) <= 1.1 * ending
 
 
-_SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("depth-first", "two-level")]
-
-
-@pytest.mark.parametrize("name", ["frontier-tour", *_SLOW])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["frontier-tour", "depth-first", "two-level"])
 def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee, name):
     env = MineVectorEnv(1, world=tee.bundle, task={"max_steps": 2000})
     (episode,) = run_episodes(env, make_policy(name, 1, env.task), [0])

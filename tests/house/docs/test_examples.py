@@ -120,11 +120,15 @@ def parts_of(script):
 
 
 def test_the_notebook_installs_the_wheel_and_then_holds_the_parts_of_its_script():
-    import nbformat  # takes more than a second to load, in each worker
-
-    notebook = nbformat.read(EXAMPLES / "drive.ipynb", as_version=4)
-    nbformat.validate(notebook)
-    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
+    notebook = json.loads((EXAMPLES / "drive.ipynb").read_text())
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     assert "pip install minexplore" in cells[0]
     assert cells[1:] == parts_of(EXAMPLES / "drive.py")
-    assert not any(cell.get("outputs") for cell in notebook.cells)
+    assert not any(cell.get("outputs") for cell in notebook["cells"])
+
+
+@pytest.mark.slow
+def test_the_notebook_has_the_format_of_its_version():
+    import nbformat
+
+    nbformat.validate(nbformat.read(EXAMPLES / "drive.ipynb", as_version=4))

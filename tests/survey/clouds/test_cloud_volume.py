@@ -134,6 +134,7 @@ def test_a_place_of_the_scanner_chooses_the_space_that_is_built(plain):
     assert solid_of(found).volume() == pytest.approx(other.volume(), rel=0.04)
 
 
+@pytest.mark.slow
 def test_what_a_wet_floor_mirrors_is_not_built(plain):
     hole = np.linalg.norm(plain[:, :2] - [7, 2], axis=1) < 0.6
     mirrored = plain * [1, 1, -1] - [0, 0, 0.3]

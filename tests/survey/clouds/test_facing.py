@@ -46,6 +46,7 @@ def oriented(cloud):
     return turned_alike(cloud.points_m, planes_of(cloud).normals, thick, VOXEL_M)
 
 
+@pytest.mark.slow
 def test_the_flood_ends_at_a_hole_though_rock_is_enclosed_by_other_drifts(cloud, middle):
     found = volume_of_cloud(cloud, VOXEL_M, 0.03, 20_000)
     solid = manifold3d.Manifold(manifold3d.Mesh64(found.vertices, found.faces.astype(np.uint64)))
