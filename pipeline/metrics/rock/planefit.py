@@ -226,5 +226,17 @@ def normal_scatter_deg(planes: VoxelPlanes) -> np.ndarray:
     return np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
 
 
+def planes_at(points: np.ndarray, planes: VoxelPlanes, size_m: float) -> np.ndarray:
+    """Return the number (n,) of the plane of the voxel that holds each point (n, 3) m; -1 without one."""
+    cell = np.floor(points / size_m).astype(np.int64)
+    if not (len(cell) and len(planes.cell)):
+        return np.full(len(cell), -1)
+    low = cell.min(axis=0)
+    span = cell.max(axis=0) - low + 1
+    known, wanted = _keys(planes.cell - low, span), _keys(cell - low, span)
+    at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+    return np.where(known[at] == wanted, at, -1)
+
+
 def _keys(cell: np.ndarray, span: np.ndarray) -> np.ndarray:
     return (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
