@@ -8,7 +8,6 @@ import gc
 import sys
 from typing import Any
 
-_OBJECTS = 50_000  # new objects between two searches for circles of objects
 # Numbers of glibc's mallopt.
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 _KEPT_BYTES = 1 << 27  # at the end of the heap; an array of a million numbers has 8 MB
@@ -18,11 +17,10 @@ _MAPPED_BYTES = 1 << 26
 def keep_memory() -> None:
     """Set this process up for arrays that come and go, and for objects that stay.
 
-    Python searches for circles of objects after 700 new ones, a tenth of the time of a small mine. The C library gives
-    each large array back to the system at once, and the system clears every page of the next one. When it ends, Python
-    searches all objects for circles once more, which takes 0.6 s with the libraries of a stage loaded.
+    The C library gives each large array back to the system at once, and the system clears every page of the next one.
+    When it ends, Python searches all objects for circles once more, which takes 0.6 s with the libraries of a stage
+    loaded.
     """
-    gc.set_threshold(_OBJECTS)
     atexit.register(gc.freeze)
     library = _c_library()
     if hasattr(library, "mallopt"):

@@ -34,6 +34,7 @@ from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import MineScene, ZoneStrip, place_lights, tile_zones, tilt_about_centre
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
+from pipeline.store.palette_png import encode_texture
 from pipeline.types import (
     ConvexParts,
     DriftNetwork,
@@ -80,7 +81,7 @@ def assemble_world(
         lights=_lights(params, topology),
         smooth=smooth,
         rough=chunks,
-        texture=texture,
+        texture=encode_texture(texture) if smooth else b"",
         anchor_m=spawn.anchor_m,
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),

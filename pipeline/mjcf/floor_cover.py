@@ -67,9 +67,11 @@ def cover_floor(
     uneven = 0.35 * params.relief_m * sum(share * noise.of(scale_m) for scale_m, share in _UNDULATIONS_M)
     wander = noise.of(_WANDER_SCALE_M)
     walls = list(shapely.get_parts(free.boundary))
-    height = params.relief_m + uneven + _banks(params, free, walls, places) - _ruts(params, places, network, wander)
+    inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
+    banks = _banks(params, walls, places, inside)
+    height = params.relief_m + uneven + banks - _ruts(params, places, network, wander)
     height = _flooded(params, places, height, zones, wander)
-    height = np.clip(_sunk_under_rock(free, walls, places, height), _LOWEST_M, COVER_M)
+    height = np.clip(_sunk_under_rock(walls, places, height, ~inside), _LOWEST_M, COVER_M)
     vertices, faces = _simplified(params, np.column_stack([places, height]), _faces(cells))
     faces = _upwards(vertices, faces)
     return _cut(vertices, faces, zones)
@@ -164,16 +166,15 @@ def _near(lines: list, places: np.ndarray, reach_m: float) -> np.ndarray:
     return np.asarray(cKDTree(points).query(places, distance_upper_bound=reach_m)[0])
 
 
-def _banks(params: FloorParams, free: Polygon, walls: list[BaseGeometry], places: np.ndarray) -> np.ndarray:
-    """Return how much higher the floor is towards the ribs, where passing wheels push it."""
-    away = _near(walls, places, params.bank_width_m)
-    away[~shapely.contains_xy(free, places[:, 0], places[:, 1])] = 0.0
+def _banks(params: FloorParams, walls: list[BaseGeometry], places: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return how much higher the floor is towards the ribs, where passing wheels push it, and behind them."""
+    away = np.zeros(len(places))
+    away[inside] = _near(walls, places[inside], params.bank_width_m)
     return params.bank_m * _smooth_step(1 - away / params.bank_width_m)
 
 
-def _sunk_under_rock(free: Polygon, walls: list[BaseGeometry], places: np.ndarray, height: np.ndarray) -> np.ndarray:
+def _sunk_under_rock(walls: list[BaseGeometry], places: np.ndarray, height: np.ndarray, far: np.ndarray) -> np.ndarray:
     """Lower the floor behind the walls to its lowest; without this slope simplification would cut into the drift."""
-    far = ~shapely.contains_xy(free, places[:, 0], places[:, 1])
     behind_m = np.minimum(_near(walls, places[far], 1.0), 1.0)
     sunk = _smooth_step((behind_m - _SUNK_M[0]) / (_SUNK_M[1] - _SUNK_M[0]))
     height[far] += sunk * (_LOWEST_M - height[far])

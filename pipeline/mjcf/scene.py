@@ -13,7 +13,7 @@ from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle
-from pipeline.types import ConvexParts, Image, Mesh, SolidExtent
+from pipeline.types import ConvexParts, Mesh, SolidExtent
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class MineScene:
     """The complete content of a world, in the mine frame.
 
     `smooth` is the octagonal surface. `rough` holds the chunks of the rough surface as `NAME.msh`; if there are any,
-    the smooth surface is hidden. Without `smooth` nothing shows rock, and `texture` is not used. `fittings` holds the
-    visible floor and the furniture as `NAME.msh`; water stands on the floor zones named in `puddles`, `water_m` above
-    the flat floor.
+    the smooth surface is hidden. `texture` is the picture of the rock as PNG. Without `smooth` nothing shows rock, and
+    no texture is used. `fittings` holds the visible floor and the furniture as `NAME.msh`; water stands on the floor
+    zones named in `puddles`, `water_m` above the flat floor.
     """
 
     name: str
@@ -68,7 +68,7 @@ class MineScene:
     lights: list[SpotLight]
     smooth: dict[str, Mesh]
     rough: Bundle
-    texture: Image
+    texture: bytes
     anchor_m: tuple[float, float]
     heading_rad: float
     T_world_mine: np.ndarray

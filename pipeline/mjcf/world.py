@@ -34,7 +34,6 @@ from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN
 from pipeline.mjcf.fittings import add_fittings
 from pipeline.mjcf.scene import MineScene
 from pipeline.store.codecs import Bundle, encode
-from pipeline.store.palette_png import encode_palette_png
 from pipeline.types import ConvexParts
 
 _VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # not the flat floor: the floor zones show it
@@ -62,9 +61,8 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     _add_roof(spec, mine, scene)
     if scene.has_visible_rock:
         meshes = _add_surface(spec, mine, scene) | add_fittings(spec, mine, scene)
-        texture = encode_palette_png(scene.texture) or encode(Path(ROCK_TEXTURE), scene.texture)
         fields = _add_rough_floor(spec, mine, scene) if scene.is_rough else {}
-        spec.assets = {**meshes, ROCK_TEXTURE: texture, **fields}
+        spec.assets = {**meshes, ROCK_TEXTURE: scene.texture, **fields}
     for i, light in enumerate(scene.lights):
         mine.add_light(
             name=spot_light(i),

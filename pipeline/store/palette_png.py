@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 
+from pipeline.store.codecs import encode
 from pipeline.types import Image
 
 MOST_COLOURS = 256
 _CODES = 1 << 24  # colours of three bytes
+
+
+def encode_texture(picture: Image) -> bytes:
+    """Return a picture (rows, cols, 3) uint8, BGR, as PNG, with a palette if its colours are few enough."""
+    return encode_palette_png(picture) or encode(Path("texture.png"), picture)
 
 
 def encode_palette_png(picture: Image) -> bytes | None:

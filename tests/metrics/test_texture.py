@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.metrics.rock.planefit import fit_voxel_planes, normal_scatter_deg, sweep_residuals
+from pipeline.metrics.rock.planefit import fit_voxel_planes, normal_scatter_deg, sweep_planes, sweep_residuals
 from pipeline.metrics.rock.texture import (
     AXES,
     REAL,
-    WINDOWS_M,
     Axis,
     RockPoints,
     axis_ratios,
@@ -213,12 +212,25 @@ def test_planes_of_full_voxels_are_those_fitted_to_them_alone():
         np.testing.assert_array_equal(vars(kept)[name], values)
 
 
-def test_planes_are_fitted_once_for_each_size_of_voxels(monkeypatch):
-    sizes = []
-    monkeypatch.setattr(
-        "pipeline.metrics.rock.texture.fit_voxel_planes",
-        lambda points, size, least: sizes.append(size) or fit_voxel_planes(points, size, least),
-    )
-    plane = wall(lambda x, z: np.zeros_like(x))
-    measure_axes(RockPoints(plane, sweep_walls(plane), plane, None))
-    assert [size for size in sizes if np.isscalar(size)] == list(WINDOWS_M)
+def test_large_voxels_have_the_sums_of_the_small_ones_within_them():
+    points = wall(lambda x, z: 0.15 + 0.02 * np.random.default_rng(8).standard_normal(len(x)), n=20_000, length=4.0)
+    points += [400.0, -7.0, 0.0]
+    windows = (0.10, 0.15, 0.30, 1.00)  # 0.15 is no multiple of 0.10
+    for window, (planes, found) in zip(windows, sweep_planes(points, windows, 20), strict=True):
+        alone = fit_voxel_planes(points, window, 20)
+        assert len(alone.count) > 10
+        np.testing.assert_array_equal(planes.cell, alone.cell)
+        np.testing.assert_array_equal(planes.count, alone.count)
+        np.testing.assert_allclose(planes.centre, alone.centre, atol=1e-12)
+        np.testing.assert_allclose(planes.sigma, alone.sigma, atol=1e-12)
+        np.testing.assert_allclose(np.abs((planes.normal * alone.normal).sum(axis=1)), 1, atol=1e-12)
+        cell = np.floor(points / window).astype(int)
+        away = [
+            (points[(cell == at).all(axis=1)] - centre) @ normal
+            for at, centre, normal in zip(alone.cell, alone.centre, alone.normal, strict=True)
+        ]
+        assert found.voxels == len(away)
+        assert found.ra_m == pytest.approx(np.abs(np.concatenate(away)).mean(), rel=1e-9)
+        assert found.rq_m == pytest.approx(np.sqrt((np.concatenate(away) ** 2).mean()), rel=1e-9)
+        assert found.rz_m == pytest.approx(np.mean([np.ptp(of) for of in away]), rel=1e-9)
+        assert found.p95_m == pytest.approx(np.percentile(np.abs(np.concatenate(away)), 95), rel=1e-9)

@@ -10,7 +10,7 @@ from shapely import LinearRing
 from pipeline.geometry.nearest_edges import nearest_edges
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
-from pipeline.metrics.rock.planefit import fit_voxel_planes
+from pipeline.metrics.rock.planefit import fit_voxel_planes, planes_at
 
 _LEAST_POINTS = 24
 _FILL = 0.8  # share of a window that a profile must span
@@ -68,43 +68,49 @@ def profiles_of_runs(runs: list[np.ndarray], window_m: float) -> list[Profile]:
 def profiles_of_cloud(points: np.ndarray, window_m: float, strip_m: float = 0.05) -> list[Profile]:
     """Cut points of a surface (n, 3) m into voxels, and each voxel into horizontal strips along its fitted plane."""
     planes = fit_voxel_planes(points, window_m, 4 * _LEAST_POINTS)
-    cells = np.floor(points / window_m).astype(np.int64)
-    order = np.lexsort(cells.T[::-1])
-    place = {tuple(c): i for i, c in enumerate(planes.cell.tolist())}
-    starts = np.flatnonzero(np.any(np.diff(cells[order], axis=0, prepend=cells[order][:1] - 1) != 0, axis=1))
-    profiles = []
-    for part in np.split(order, starts[1:]):
-        k = place.get(tuple(cells[part[0]].tolist()))
-        if k is None or planes.sigma[k] > window_m / 6:  # a corner, not a surface
-            continue
-        profiles += _strips(points[part] - planes.centre[k], planes.normal[k], window_m, strip_m)
-    return profiles
-
-
-def _strips(local: np.ndarray, normal: np.ndarray, window_m: float, strip_m: float) -> list[Profile]:
+    plane = planes_at(points, planes, window_m)
+    used = np.flatnonzero((plane >= 0) & (planes.sigma[plane] <= window_m / 6)) if len(planes.sigma) else plane[:0]
+    plane, normal = plane[used], planes.normal  # voxels at a corner, which is no surface, are left out
     level = np.cross(normal, [0.0, 0.0, 1.0])
-    level = level / np.linalg.norm(level) if np.linalg.norm(level) > 0.3 else np.array([1.0, 0.0, 0.0])
-    level -= (level @ normal) * normal
-    level /= np.linalg.norm(level)
-    across = np.cross(normal, level)
-    strip = np.floor(local @ across / strip_m).astype(int)
-    order = np.argsort(strip, kind="stable")
-    profiles = []
-    for part in np.split(local[order], np.flatnonzero(np.diff(strip[order])) + 1):
-        if len(part) >= _LEAST_POINTS:
-            flat = np.column_stack([part @ level, part @ normal])
-            flat = flat[np.argsort(flat[:, 0], kind="stable")]
-            if np.ptp(flat[:, 0]) >= _FILL * window_m * 0.8:
-                profiles.append(_from_line(flat))
-    return profiles
+    size = np.linalg.norm(level, axis=1, keepdims=True)
+    level = np.where(size > 0.3, level / np.maximum(size, 1e-30), [1.0, 0.0, 0.0])
+    level -= np.einsum("ij,ij->i", level, normal)[:, None] * normal
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    local = points[used] - planes.centre[plane]
+    along, up, out = (np.einsum("ij,ij->i", local, of[plane]) for of in (level, np.cross(normal, level), normal))
+    strip = np.floor(up / strip_m).astype(np.int64)
+    order, count = _runs(along, plane * (np.ptp(strip) + 1) + strip - strip.min() if len(strip) else strip)
+    last = np.cumsum(count) - 1
+    long = along[order[last]] - along[order[last - count + 1]] >= _FILL * window_m * 0.8
+    kept = (count >= _LEAST_POINTS) & long
+    order, count = order[np.repeat(kept, count)], count[kept]
+    return _from_lines(np.column_stack([along[order], out[order]]), count)
+
+
+def _runs(along: np.ndarray, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the order (n,) by number, and by place of the same number, and how many (k,) of each number there are."""
+    order = np.lexsort((along, number))
+    first = np.flatnonzero(np.diff(number[order], prepend=-1))
+    return order, np.diff(first, append=len(order))
 
 
 def _from_line(points: np.ndarray) -> Profile:
     """Fit a straight line to points (n, 2); return the positions along it and the offsets from it."""
-    centred = points - points.mean(axis=0)
-    _, vectors = np.linalg.eigh(centred.T @ centred)
-    profile = centred @ vectors[:, ::-1]
-    return profile[np.argsort(profile[:, 0], kind="stable")]
+    return _from_lines(points, np.array([len(points)]))[0]
+
+
+def _from_lines(points: np.ndarray, count: np.ndarray) -> list[Profile]:
+    """Fit a straight line to each run of so many of the points (n, 2), as `_from_line` does."""
+    if not len(count):
+        return []
+    first = np.cumsum(count) - count
+    centred = points - np.repeat(np.add.reduceat(points, first) / count[:, None], count, axis=0)
+    x, y = centred.T
+    xx, xy, yy = (np.add.reduceat(product, first) for product in (x * x, x * y, y * y))
+    _, vectors = np.linalg.eigh(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2))
+    along, off = (np.einsum("ij,ij->i", centred, np.repeat(vectors[:, :, k], count, axis=0)) for k in (1, 0))
+    order, _ = _runs(along, np.repeat(np.arange(len(count)), count))
+    return np.split(np.column_stack([along, off])[order], first[1:])
 
 
 def spectrum_of(profiles: list[Profile], wavelength_m: np.ndarray, window_m: float, footprint_m: float) -> Spectrum:

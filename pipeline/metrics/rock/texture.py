@@ -21,7 +21,7 @@ from pipeline.metrics.rock.planefit import (
     VoxelPlanes,
     fit_voxel_planes,
     normal_scatter_deg,
-    residuals_of,
+    sweep_planes,
 )
 from pipeline.metrics.rock.profile import arc_windows, project_on_rings, tapered
 
@@ -110,13 +110,9 @@ def bump_rq_m(planes: VoxelPlanes) -> float | None:
 
 def sweep_walls(walls: np.ndarray) -> WallSweep:
     """Fit planes to walls in voxels of 0.10 to 2.00 m, of each size once."""
-    residuals, kept = [], {}
-    for window in WINDOWS_M:
-        planes = fit_voxel_planes(walls, window, _SWEEP_MIN_POINTS)
-        residuals.append(residuals_of(planes, window))
-        if window in (_JAG_M, _BUMP_M):
-            kept[window] = planes.holding(_MIN_POINTS)
-    return WallSweep([found for found in residuals if found is not None], kept[_JAG_M], kept[_BUMP_M])
+    planes, residuals = zip(*sweep_planes(walls, WINDOWS_M, _SWEEP_MIN_POINTS), strict=True)
+    jags, bumps = (planes[WINDOWS_M.index(window)].holding(_MIN_POINTS) for window in (_JAG_M, _BUMP_M))
+    return WallSweep([found for found in residuals if found is not None], jags, bumps)
 
 
 def roughness_integral_m2(sweep: list[Residuals]) -> float | None:

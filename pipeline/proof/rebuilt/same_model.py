@@ -40,7 +40,7 @@ from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.prisms import require_prisms
 from pipeline.store.codecs import decode
-from pipeline.types import NO_PICTURE, ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
+from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
 _LEVELS = 1  # of 255: another processor may round the other way
@@ -104,7 +104,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         lights=remake_lights(folder, stated, network),
         smooth=_smooth(stated),
         rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
-        texture=decode(folder / ROCK_TEXTURE, Image) if record.has_visible_rock else NO_PICTURE,
+        texture=files.get(ROCK_TEXTURE, b""),
         anchor_m=record.spawn.anchor_m,
         heading_rad=heading_at(network, record.spawn.anchor_m),
         T_world_mine=tilt_about_centre(record.tilt_deg, record.world_m),

@@ -275,7 +275,9 @@ def _require_kept(folder: Path, rock: np.ndarray, grid: Occupancy, height: str) 
         return
     row, col = np.nonzero(grid.clearance_m >= _SMALLEST_M)
     places = grid.origin_m + (np.column_stack([col, row]) + 0.5) * grid.cell_m
-    spare = cKDTree(rock).query(places)[0] - (_KEPT_SHARE * grid.clearance_m[row, col] - _KEPT_M)
+    kept_m = _KEPT_SHARE * grid.clearance_m[row, col] - _KEPT_M
+    away = cKDTree(rock).query(places, distance_upper_bound=max(kept_m.max(initial=0.0), 0.0) + 1e-9)[0]  # inf beyond
+    spare = away - kept_m
     if spare.min(initial=0.0) < 0:
         x, y = places[int(spare.argmin())]
         raise ArtifactError(

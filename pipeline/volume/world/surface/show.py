@@ -19,8 +19,8 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN, Look
-from pipeline.store.codecs import Bundle, encode
-from pipeline.store.palette_png import encode_palette_png
+from pipeline.store.codecs import Bundle
+from pipeline.store.palette_png import encode_texture
 from pipeline.types import Image
 
 
@@ -29,7 +29,7 @@ def rock_files(rough: Path, texture: Image) -> Bundle:
     chunks = {mesh_file(path.stem): path.read_bytes() for path in sorted(rough.glob("*.msh"))}
     if not chunks:
         return {}
-    return {**chunks, ROCK_TEXTURE: encode_palette_png(texture) or encode(Path(ROCK_TEXTURE), texture)}
+    return {**chunks, ROCK_TEXTURE: encode_texture(texture)}
 
 
 def chunk_names(files: Bundle) -> list[str]:
