@@ -22,6 +22,7 @@ _GRID_M = 1e-7  # of corners: without a grid rounding leaves spikes of no width 
 _DIGITS = 9  # of corners: on the grid, or between two places on it
 _EDGE_M = 1.0  # longest edge of an outline and of a leg
 _LEAST_M2 = 1e-12  # of a triangle, twice
+_GOES_ON = 10_000  # pieces in common of two facets of one way: more than any other two patches have
 _SAME = 1_000_000  # pieces in common of two facets of one patch: more than any two patches have
 
 
@@ -129,7 +130,8 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     rows = [np.arange(starts[cell], starts[cell + 1]) for cell in cell_of]
     patch = np.repeat(np.arange(len(rows)), [len(some) for some in rows])
     spots = triangles[np.concatenate([np.zeros(0, int), *rows])]
-    mates = np.array(list(_mates(places, spots, patch, of_patch, shared, floors)), int).reshape(-1, 2)
+    goes_on = np.array([is_leg(piece) and bool(network.joined[piece.shot, 1]) for piece in pieces])
+    mates = np.array(list(_mates(places, spots, patch, of_patch, shared, floors, goes_on)), int).reshape(-1, 2)
     return FloorSurface(places, spots, patch, of_patch, _patches_over(cells, group, cell_of), mates)
 
 
@@ -211,10 +213,13 @@ def _mates(
     pieces: list[list[int]],
     shared: SharedFloors,
     floors: SectionFloors,
+    goes_on: np.ndarray,
 ) -> Iterator[tuple[int, int]]:
     """Yield the pairs of edges that are joined, each edge once: first those of patches with most pieces in common.
 
-    Of two floors that part at an edge the lower one goes on, and a wall stands under the other.
+    Over the section that two legs of one tube share their floor goes on, whatever else ends or begins there. Of two
+    other floors that part at an edge the lower one goes on, and a wall stands under the other. `goes_on` (n,) says
+    which pieces share a section with the next one.
     """
     edges: dict[tuple[int, int], list[int]] = defaultdict(list)
     for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
@@ -225,7 +230,7 @@ def _mates(
         for one in ours if a < b else []:
             for two in edges.get((b, a), []):
                 p, q = int(patch[one // 3]), int(patch[two // 3])
-                tries.append((_SAME if p == q else len(set(pieces[p]) & set(pieces[q])), one, two))
+                tries.append((_SAME if p == q else _in_common(set(pieces[p]), set(pieces[q]), goes_on), one, two))
         if len(tries) == 1 and tries[0][0]:
             yield tries[0][1:]
         elif tries:
@@ -239,6 +244,13 @@ def _mates(
         heights[line, k][piece] = height
     for line, tries in several.items():
         yield from _best(line, tries, heights, shared)
+
+
+def _in_common(one: set[int], two: set[int], goes_on: np.ndarray) -> int:
+    """Return how many pieces two patches have in common; more than any have if a leg's tube goes on from one to two."""
+    ends, starts = one - two, two - one
+    follow = any(goes_on[k] and k + 1 in b for a, b in ((ends, starts), (starts, ends)) for k in a)
+    return len(one & two) + _GOES_ON * follow
 
 
 def _best(
