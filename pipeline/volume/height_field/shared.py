@@ -17,6 +17,8 @@ TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
 _REACH_M = 15.0  # along the survey, between legs that may share a floor
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+_RIM_M = 1.0  # between corners on the rim of an overlap
+_LEAST_M2 = 1e-6  # of an overlap that has an inside
 _NEAR_M = 0.01  # between two overlaps that are one
 
 
@@ -50,11 +52,34 @@ class SharedFloors:
         count, run = connected_components(coo_matrix((np.ones(len(follow)), follow.T), (n, n)), directed=False)
         nearest = np.full(count, np.inf)
         np.minimum.at(nearest, run, least)
+        self._floors = floors
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
 
     def has(self, one: int, two: int) -> bool:
         """Return whether two pieces share a floor where they are not far apart in height."""
         return (min(one, two), max(one, two)) in self._pairs
+
+    def level_lines(self) -> Iterator[tuple[int, shapely.Geometry]]:
+        """Yield a piece and the lines where its floor and one that it shares it with begin to be two, seen from above.
+
+        Heights are taken at the corners of a triangulation of the overlap, no farther apart on its rim than a metre.
+        """
+        pairs = np.array(sorted(self._pairs), int).reshape(-1, 2)
+        overlap = shapely.intersection(*self._floors.outlines[pairs.T])
+        parts, row = shapely.get_parts(shapely.segmentize(overlap, _RIM_M), return_index=True)
+        some = shapely.area(parts) > _LEAST_M2
+        triangles, part = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[some]), return_index=True)
+        pair = pairs[row[some][part]]
+        places = shapely.get_coordinates(shapely.get_exterior_ring(triangles)).reshape(-1, 4, 2)
+        one, two = (self._floors.heights_at(np.repeat(k, 4), places.reshape(-1, 2)) for k in pair.T)
+        for apart in (APART_M, -APART_M):
+            over = (one - two).reshape(-1, 4) - apart
+            start, end = over[:, :3], over[:, 1:]
+            triangle, edge = np.nonzero((start > 0) != (end > 0))  # two of a triangle's edges, or none
+            begin, end = start[triangle, edge], end[triangle, edge]
+            share = (begin / (begin - end))[:, None]
+            spots = (1 - share) * places[triangle, edge] + share * places[triangle, edge + 1]
+            yield from zip(pair[triangle[::2], 0].tolist(), shapely.linestrings(spots.reshape(-1, 2, 2)), strict=True)
 
     def is_one(self, one: int, two: int, heights_m: tuple[float, float]) -> bool:
         """Return whether two pieces share a floor at a place where their sections have these heights."""

@@ -22,7 +22,7 @@ _GRID_M = 1e-7  # of corners: without a grid rounding leaves spikes of no width 
 _DIGITS = 9  # of corners: on the grid, or between two places on it
 _EDGE_M = 1.0  # longest edge of an outline and of a leg
 _LEAST_M2 = 1e-12  # of a triangle, twice
-_GOES_ON = 10_000  # pieces in common of two facets of one way: more than any other two patches have
+_PASSES = 10_000  # pieces in common of two facets that a leg passes over: more than any other two patches have
 _SAME = 1_000_000  # pieces in common of two facets of one patch: more than any two patches have
 
 
@@ -116,6 +116,8 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     """
     shared = SharedFloors(network, pieces, floors)
     lines = _lines(network, pieces, floors)
+    for piece, line in shared.level_lines():
+        lines[piece].append(line)
     groups = FloorGroups(pieces, floors, shared, lines)
     cells, group = _cells(lines, groups)
     over: list[dict[int, float]] = [{} for _ in cells]
@@ -130,8 +132,8 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     rows = [np.arange(starts[cell], starts[cell + 1]) for cell in cell_of]
     patch = np.repeat(np.arange(len(rows)), [len(some) for some in rows])
     spots = triangles[np.concatenate([np.zeros(0, int), *rows])]
-    goes_on = np.array([is_leg(piece) and bool(network.joined[piece.shot, 1]) for piece in pieces])
-    mates = np.array(list(_mates(places, spots, patch, of_patch, shared, floors, goes_on)), int).reshape(-1, 2)
+    ways = _Ways(network, pieces)
+    mates = np.array(list(_mates(places, spots, patch, of_patch, shared, floors, ways)), int).reshape(-1, 2)
     return FloorSurface(places, spots, patch, of_patch, _patches_over(cells, group, cell_of), mates)
 
 
@@ -213,13 +215,12 @@ def _mates(
     pieces: list[list[int]],
     shared: SharedFloors,
     floors: SectionFloors,
-    goes_on: np.ndarray,
+    ways: _Ways,
 ) -> Iterator[tuple[int, int]]:
     """Yield the pairs of edges that are joined, each edge once: first those of patches with most pieces in common.
 
-    Over the section that two legs of one tube share their floor goes on, whatever else ends or begins there. Of two
-    other floors that part at an edge the lower one goes on, and a wall stands under the other. `goes_on` (n,) says
-    which pieces share a section with the next one.
+    Where a leg passes over an edge its floor goes on, whatever else ends or begins there. Of two other floors that
+    part at an edge the lower one goes on, and a wall stands under the other.
     """
     edges: dict[tuple[int, int], list[int]] = defaultdict(list)
     for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
@@ -230,7 +231,7 @@ def _mates(
         for one in ours if a < b else []:
             for two in edges.get((b, a), []):
                 p, q = int(patch[one // 3]), int(patch[two // 3])
-                tries.append((_SAME if p == q else _in_common(set(pieces[p]), set(pieces[q]), goes_on), one, two))
+                tries.append((_SAME if p == q else len(set(pieces[p]) & set(pieces[q])), one, two))
         if len(tries) == 1 and tries[0][0]:
             yield tries[0][1:]
         elif tries:
@@ -242,15 +243,36 @@ def _mates(
     found = floors.heights_at(np.array([piece for _, _, piece in rows], int), middles)
     for (line, k, piece), height in zip(rows, found.tolist(), strict=True):
         heights[line, k][piece] = height
-    for line, tries in several.items():
-        yield from _best(line, tries, heights, shared)
+    for (line, tries), legs in zip(several.items(), ways.over(places, list(several)), strict=True):
+        order = [(ways.in_common(*(pieces[patch[edge // 3]] for edge in both), legs), *both) for _, *both in tries]
+        yield from _best(line, order, heights, shared)
 
 
-def _in_common(one: set[int], two: set[int], goes_on: np.ndarray) -> int:
-    """Return how many pieces two patches have in common; more than any have if a leg's tube goes on from one to two."""
-    ends, starts = one - two, two - one
-    follow = any(goes_on[k] and k + 1 in b for a, b in ((ends, starts), (starts, ends)) for k in a)
-    return len(one & two) + _GOES_ON * follow
+class _Ways:
+    """The ways of the legs that are flat enough to drive on, seen from above."""
+
+    def __init__(self, network: SurveyNetwork, pieces: list[Solid]) -> None:
+        legs = [k for k, piece in enumerate(pieces) if piece.is_drivable and is_leg(piece)]
+        self._legs = np.array(legs, int)
+        self._tree = shapely.STRtree(shapely.linestrings(network.ways_m[[pieces[k].shot for k in legs], :, :2]))
+        self._goes_on = {k for k in legs if network.joined[pieces[k].shot, 1]}
+
+    def over(self, places: np.ndarray, lines: list[tuple[int, int]]) -> list[set[int]]:
+        """Return the legs that pass over each line between two places (p, 2) m."""
+        found: list[set[int]] = [set() for _ in lines]
+        segments = shapely.linestrings(places[np.array(lines, int).reshape(-1, 2)])
+        for line, leg in self._tree.query(segments, predicate="dwithin", distance=TOUCH_M).T.tolist():
+            found[line].add(int(self._legs[leg]))
+        return found
+
+    def in_common(self, one: list[int], two: list[int], legs: set[int]) -> int:
+        """Return how many pieces two patches have in common; more than any have if one of the legs passes over both.
+
+        Legs that share a section are one way.
+        """
+        pairs = [(a, b) for a in one for b in two if a == b or min(a, b) in self._goes_on and abs(a - b) == 1]
+        passes = any(a in legs and b in legs for a, b in pairs)
+        return sum(a == b for a, b in pairs) + _PASSES * passes
 
 
 def _best(
