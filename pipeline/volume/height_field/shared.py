@@ -15,7 +15,6 @@ from pipeline.volume.union import Solid
 
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
-_REACH_M = 15.0  # along the survey, between legs that may share a floor
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
 _RIM_M = 1.0  # between corners on the rim of an overlap
 _LEAST_M2 = 1e-6  # of an overlap that has an inside
@@ -31,14 +30,12 @@ class SharedFloors:
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
-        """Find the pairs among the pieces that are flat enough to drive on and near each other along the survey."""
+        """Find the pairs among the pieces that are flat enough to drive on."""
         drivable = np.flatnonzero([piece.is_drivable for piece in pieces])
-        shot = np.array([piece.shot for piece in pieces])
         outlines = floors.outlines
         tree = shapely.STRtree(outlines[drivable])
         one, two = drivable[tree.query(outlines[drivable], predicate="dwithin", distance=TOUCH_M)]
-        near = (one < two) & network.near_legs(_REACH_M).has(shot[one], shot[two])
-        one, two = one[near], two[near]
+        one, two = one[one < two], two[one < two]
         overlap = shapely.intersection(shapely.buffer(outlines[one], TOUCH_M), outlines[two])
         places, row = shapely.get_coordinates(overlap, return_index=True)
         apart = floors.heights_at(one[row], places) - floors.heights_at(two[row], places)
