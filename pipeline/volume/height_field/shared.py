@@ -56,7 +56,7 @@ class SharedFloors:
         """Return whether two pieces share a floor where they are not far apart in height."""
         return (min(one, two), max(one, two)) in self._pairs
 
-    def level_lines(self) -> Iterator[tuple[int, shapely.Geometry]]:
+    def borders(self) -> Iterator[tuple[int, shapely.Geometry]]:
         """Yield a piece and the lines where its floor and one that it shares it with begin to be two, seen from above.
 
         Heights are taken at the corners of a triangulation of the overlap, no farther apart on its rim than a metre.
@@ -68,9 +68,8 @@ class SharedFloors:
         triangles, part = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[some]), return_index=True)
         pair = pairs[row[some][part]]
         places = shapely.get_coordinates(shapely.get_exterior_ring(triangles)).reshape(-1, 4, 2)
-        one, two = (self._floors.heights_at(np.repeat(k, 4), places.reshape(-1, 2)) for k in pair.T)
-        for apart in (APART_M, -APART_M):
-            over = (one - two).reshape(-1, 4) - apart
+        for upper, lower in (pair.T, pair.T[::-1]):
+            over = self._over(np.repeat(upper, 4), np.repeat(lower, 4), places.reshape(-1, 2)).reshape(-1, 4)
             start, end = over[:, :3], over[:, 1:]
             triangle, edge = np.nonzero((start > 0) != (end > 0))  # two of a triangle's edges, or none
             begin, end = start[triangle, edge], end[triangle, edge]
@@ -78,9 +77,19 @@ class SharedFloors:
             spots = (1 - share) * places[triangle, edge] + share * places[triangle, edge + 1]
             yield from zip(pair[triangle[::2], 0].tolist(), shapely.linestrings(spots.reshape(-1, 2, 2)), strict=True)
 
-    def is_one(self, one: int, two: int, heights_m: tuple[float, float]) -> bool:
-        """Return whether two pieces share a floor at a place where their sections have these heights."""
-        return self.has(one, two) and abs(heights_m[0] - heights_m[1]) < APART_M
+    def is_one(self, one: np.ndarray, two: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return which pairs (n,) of pieces that share a floor somewhere do so at places (n, 2) m."""
+        found: np.ndarray = np.maximum(self._over(one, two, places), self._over(two, one, places)) < 0
+        return found
+
+    def _over(self, upper: np.ndarray, lower: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return how far (n,) m floors are over the height, at places (n, 2) m, up to which they are one with others.
+
+        It is the roof of the lower one, beyond which rock is between the two, or `APART_M`.
+        """
+        height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
+        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), MEET_M, APART_M)
+        return found
 
 
 def _stations(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:
