@@ -7,13 +7,16 @@ from collections.abc import Iterator
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 
-_PASSES = 10_000  # pieces in common of two facets that a leg passes over: more than any other two patches have
+# Pieces in common of two facets that a leg passes over, at that edge or elsewhere on the border: more than others have.
+_PASSES, _PASSES_BORDER = 100_000, 10_000
 _SAME = 1_000_000  # pieces in common of two facets of one patch: more than any two patches have
 
 
@@ -28,8 +31,8 @@ def joined_edges(
 ) -> Iterator[tuple[int, int]]:
     """Yield the pairs of edges that are joined, each edge once: first those of patches with most pieces in common.
 
-    Where a leg passes over an edge its floor goes on, whatever else ends or begins there. Of two other floors that
-    part at an edge the lower one goes on, and a wall stands under the other.
+    Where a leg passes over a border its floor goes on, whatever else ends or begins there. Of two other floors that
+    part the lower one goes on, and a wall stands under the other.
     """
     edges: dict[tuple[int, int], list[int]] = defaultdict(list)
     for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
@@ -52,9 +55,38 @@ def joined_edges(
     found = floors.heights_at(np.array([piece for _, _, piece in rows], int), middles)
     for (line, k, piece), height in zip(rows, found.tolist(), strict=True):
         heights[line, k][piece] = height
-    for (line, tries), legs in zip(several.items(), ways.over(places, list(several)), strict=True):
-        order = [(ways.in_common(*(pieces[patch[edge // 3]] for edge in both), legs), *both) for _, *both in tries]
+    over = ways.over(places, list(several))
+    border = _borders([_sides(tries, patch, pieces) for tries in several.values()], list(several))
+    by_border: dict[int, set[int]] = defaultdict(set)
+    for k, legs in zip(border.tolist(), over, strict=True):
+        by_border[k] |= legs
+    for (line, tries), k, legs in zip(several.items(), border.tolist(), over, strict=True):
+        order = []
+        for common, one, two in tries:
+            both = pieces[patch[one // 3]], pieces[patch[two // 3]]
+            passes = _PASSES * ways.pass_over(*both, legs) + _PASSES_BORDER * ways.pass_over(*both, by_border[k])
+            order.append((common + passes * (common < _SAME), one, two))
         yield from _best(line, order, heights, shared)
+
+
+def _sides(tries: list[tuple[int, int, int]], patch: np.ndarray, pieces: list[list[int]]) -> frozenset[object]:
+    """Return which floors are on both sides of a line, by their pieces."""
+    _, *sides = zip(*tries, strict=True)
+    return frozenset(frozenset(tuple(pieces[patch[edge // 3]]) for edge in side) for side in sides)
+
+
+def _borders(sides: list[frozenset[object]], lines: list[tuple[int, int]]) -> np.ndarray:
+    """Return the border (n,) that each line between two places is of: lines that meet and part the same floors."""
+    first: dict[tuple[int, frozenset[object]], int] = {}
+    pairs = [
+        (n, first.setdefault((end, side), n))
+        for n, (line, side) in enumerate(zip(lines, sides, strict=True))
+        for end in line
+    ]
+    n = len(lines)
+    joined = coo_matrix((np.ones(len(pairs)), np.array(pairs, int).reshape(-1, 2).T), (n, n))
+    found: np.ndarray = connected_components(joined, directed=False)[1]
+    return found
 
 
 class LegWays:
@@ -74,14 +106,10 @@ class LegWays:
             found[line].add(int(self._legs[leg]))
         return found
 
-    def in_common(self, one: list[int], two: list[int], legs: set[int]) -> int:
-        """Return how many pieces two patches have in common; more than any have if one of the legs passes over both.
-
-        Legs that share a section are one way.
-        """
+    def pass_over(self, one: list[int], two: list[int], legs: set[int]) -> bool:
+        """Return whether some of the legs pass from one patch to the other; legs that share a section are one way."""
         pairs = [(a, b) for a in one for b in two if a == b or (min(a, b) in self._goes_on and abs(a - b) == 1)]
-        passes = any(a in legs and b in legs for a, b in pairs)
-        return sum(a == b for a, b in pairs) + _PASSES * passes
+        return any(a in legs and b in legs for a, b in pairs)
 
 
 def _best(
