@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -16,9 +17,19 @@ from pipeline.volume.union import Solid
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+_LEAST_APART_M = 1.5
 _RIM_M = 1.0  # between corners on the rim of an overlap
 _LEAST_M2 = 1e-6  # of an overlap that has an inside
 _NEAR_M = 0.01  # between two overlaps that are one
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Where ways of legs cross seen from above: the upper leg (n,), its length up to there, and how far it is over."""
+
+    upper: np.ndarray
+    along_m: np.ndarray
+    over_m: np.ndarray
 
 
 class SharedFloors:
@@ -51,6 +62,7 @@ class SharedFloors:
         np.minimum.at(nearest, run, least)
         self._floors = floors
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
+        self.crossings = _crossings(network, pieces, self._pairs)
 
     def has(self, one: int, two: int) -> bool:
         """Return whether two pieces share a floor where they are not far apart in height."""
@@ -83,13 +95,24 @@ class SharedFloors:
         return found
 
     def _over(self, upper: np.ndarray, lower: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return how far (n,) m floors are over the height, at places (n, 2) m, up to which they are one with others.
-
-        It is the roof of the lower one, beyond which rock is between the two, or `APART_M`.
-        """
+        """Return how far (n,) m floors are over the height at which they are no more one with others, at places."""
         height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
-        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), MEET_M, APART_M)
+        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), _LEAST_APART_M, APART_M)
         return found
+
+
+def _crossings(network: SurveyNetwork, pieces: list[Solid], pairs: set[tuple[int, int]]) -> Crossings:
+    """Return where the legs among some pairs of pieces pass over each other."""
+    legs = np.array([pair for pair in sorted(pairs) if all(is_leg(pieces[k]) for k in pair)], int).reshape(-1, 2)
+    ways = network.ways_m[[piece.shot for piece in pieces]]
+    lines = shapely.linestrings(ways[:, :, :2])
+    legs = legs[shapely.dwithin(*lines[legs.T], TOUCH_M)]
+    place = shapely.get_point(shapely.shortest_line(*lines[legs.T]), 0)
+    along = shapely.line_locate_point(lines[legs], place[:, None])
+    share = along / np.maximum(shapely.length(lines[legs]), TOUCH_M)
+    height = (1 - share) * ways[legs, 0, 2] + share * ways[legs, 1, 2]
+    row, upper = np.arange(len(legs)), height.argmax(axis=1)
+    return Crossings(legs[row, upper], along[row, upper], np.ptp(height, axis=1))
 
 
 def _stations(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from pipeline.volume.height_field.edges import LegWays, joined_edges
 from pipeline.volume.height_field.groups import FloorGroups, cells_over
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import TOUCH_M, SharedFloors
+from pipeline.volume.height_field.shared import TOUCH_M, Crossings, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST, Solid
 
@@ -137,36 +137,30 @@ def _lines(
 ) -> dict[int, list[shapely.Geometry]]:
     """Return what each piece parts floors by: its outline, the leg, and where floors that it shares begin to be two."""
     found = {k: [floors.outlines[k].exterior] for k, piece in enumerate(pieces) if piece.is_drivable}
-    legs = np.array([k for k in found if is_leg(pieces[k])], int)
-    for leg, way in zip(
-        legs.tolist(), _ways(network.ways_m[[pieces[k].shot for k in legs]], legs, shared), strict=True
-    ):
-        found[leg].append(way)
+    ramps = _ramps(shared.crossings)
+    for leg in found:
+        if is_leg(pieces[leg]):
+            way = shapely.LineString(network.ways_m[pieces[leg].shot][:, :2])
+            beside = {at for at in ramps.get(leg, ()) if _LEAST_RAMP_M < at < way.length - _LEAST_RAMP_M}
+            corners = shapely.line_interpolate_point(way, [0.0, *sorted(beside), way.length])
+            found[leg].append(shapely.LineString(corners))
     for piece, line in shared.borders():
         found[piece].append(line)
     return found
 
 
-def _ways(ways: np.ndarray, legs: np.ndarray, shared: SharedFloors) -> np.ndarray:
-    """Return the ways (n, 2, 3) m of legs (n,) seen from above, with corners beside those that they pass over.
+def _ramps(crossings: Crossings) -> dict[int, list[float]]:
+    """Return the lengths, m, along ways that pass over others at which they have a corner, by leg.
 
-    There the floor has the height of the lower leg. It rises to that of the upper one as steeply as robots drive.
+    At the crossing the floor has the height of the lower leg. It rises to that of the upper one as steeply as robots
+    drive.
     """
-    lines = shapely.linestrings(ways[:, :, :2])
-    one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=TOUCH_M)
-    meet = np.array([shared.has(*pair) for pair in legs[np.column_stack([one, two])].tolist()], bool) & (one != two)
-    one, two = one[meet], two[meet]
-    place = shapely.get_point(shapely.shortest_line(lines[one], lines[two]), 0)
-    run = shapely.length(lines)
-    along, other = shapely.line_locate_point(lines[one], place), shapely.line_locate_point(lines[two], place)
-    rise = np.diff(ways[:, :, 2], axis=1)[:, 0] / np.maximum(run, _GRID_M)
-    over = ways[one, 0, 2] + along * rise[one] - ways[two, 0, 2] - other * rise[two]
-    corners: list[list[float]] = [[0.0, length] for length in run.tolist()]
-    for leg, middle, reach in zip(one.tolist(), along.tolist(), (over / STEEPEST).tolist(), strict=True):
-        beside = (middle - reach, middle + reach) if reach > _LEAST_RAMP_M else ()
-        corners[leg] += [at for at in beside if _LEAST_RAMP_M < at < run[leg] - _LEAST_RAMP_M]
-    found = [shapely.line_interpolate_point(line, sorted(set(some))) for line, some in zip(lines, corners, strict=True)]
-    return np.array([shapely.LineString(some) for some in found], object)
+    found: dict[int, list[float]] = {}
+    ramp_m = crossings.over_m / STEEPEST
+    for leg, along, ramp in zip(crossings.upper.tolist(), crossings.along_m.tolist(), ramp_m.tolist(), strict=True):
+        if ramp > _LEAST_RAMP_M:
+            found.setdefault(leg, []).extend((along - ramp, along + ramp))
+    return found
 
 
 def _cells(lines: dict[int, list[shapely.Geometry]], groups: FloorGroups) -> tuple[np.ndarray, np.ndarray]:
@@ -207,8 +201,9 @@ def _patches_over(cells: np.ndarray, group: np.ndarray, cell_of: np.ndarray) -> 
 def _patches(cells: np.ndarray, over: list[list[int]], shared: SharedFloors) -> Iterator[list[list[int]]]:
     """Yield for each cell the sets of its pieces that share a floor there."""
     pairs = [(cell, a, b) for cell, some in enumerate(over) for a in some for b in some if a < b and shared.has(a, b)]
-    cell, one, two = np.array(pairs, int).reshape(-1, 3).T
-    is_one = shared.is_one(one, two, shapely.get_coordinates(shapely.point_on_surface(cells))[cell])
+    rows = np.array(pairs, int).reshape(-1, 3)
+    middles = shapely.get_coordinates(shapely.point_on_surface(cells))
+    is_one = shared.is_one(rows[:, 1], rows[:, 2], middles[rows[:, 0]])
     linked = {pair for pair, holds in zip(pairs, is_one.tolist(), strict=True) if holds}
     for cell, some in enumerate(over):
         left, patches = sorted(some), []
