@@ -17,7 +17,7 @@ from pipeline.volume.union import Solid
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
-_LEAST_APART_M = 1.5
+_LEAST_APART_M = 1.5  # what is nearer is one floor, though rock may be between; from there up to 2 m the roof decides
 _RIM_M = 1.0  # between corners on the rim of an overlap
 _LEAST_M2 = 1e-6  # of an overlap that has an inside
 _NEAR_M = 0.01  # between two overlaps that are one
@@ -95,7 +95,7 @@ class SharedFloors:
         return found
 
     def _over(self, upper: np.ndarray, lower: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return how far (n,) m floors are over the height at which they are no more one with others, at places."""
+        """Return how far (n,) m upper floors are over the height up to which they are one with lower ones, at places."""
         height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
         found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), _LEAST_APART_M, APART_M)
         return found
