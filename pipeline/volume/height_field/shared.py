@@ -95,7 +95,7 @@ class SharedFloors:
         return found
 
     def _over(self, upper: np.ndarray, lower: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return how far (n,) m upper floors are over the height up to which they are one with lower ones, at places."""
+        """Return how far (n,) m upper floors are beyond the height up to which they are one with lower ones."""
         height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
         found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), _LEAST_APART_M, APART_M)
         return found
