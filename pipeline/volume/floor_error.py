@@ -220,9 +220,7 @@ def _in_other_working(
 def _steps(
     volume: Volume, network: SurveyNetwork, ways: np.ndarray
 ) -> tuple[tuple[Ledge, ...], tuple[float, float, float], FloorPlace | None]:
-    """Return the steps of more than 1 cm, the largest, m, on the ways, where legs meet, and elsewhere.
-
-    The last that is returned is where the largest step of legs that meet is.
+    """Return the steps over 1 cm, the largest, m: on the ways, where legs meet, elsewhere; and the place of the second.
 
     A step is from a floor's facet down or up to another floor 5 cm beyond its edge, the least between their planes on
     the way: floors that meet in a kink have none. Both facets are flat enough to drive on: where a ledge begins, the
