@@ -32,7 +32,8 @@ def joined_edges(
     """Yield the pairs of edges that are joined, each edge once: first those of patches with most pieces in common.
 
     Where a leg passes over a border its floor goes on, whatever else ends or begins there. Of two other floors that
-    part the lower one goes on, and a wall stands under the other.
+    part the lower one goes on, and a wall stands under the other. Where two legs pass over one edge the upper one goes
+    on: it comes down through the lower passage's roof, and the lower one would rise through the upper one's floor.
     """
     edges: dict[tuple[int, int], list[int]] = defaultdict(list)
     for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
@@ -124,7 +125,7 @@ def _best(
         ours, theirs = heights[line, one // 3], heights[line, two // 3]
         if common or _follow(ours, theirs, shared):
             mean = sum(ours.values()) / len(ours) + sum(theirs.values()) / len(theirs)
-            order.append((-common, mean, one, two))
+            order.append((-common, mean if common < _PASSES else -mean, one, two))
     joined: set[int] = set()
     for _, _, one, two in sorted(order):
         if one not in joined and two not in joined:
