@@ -18,7 +18,10 @@ def flatten(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[str]:
-    """Return one line for each metric that breaches its limit: name, value, limit."""
+    """Return one line for each metric that breaches its limit: name, value, limit, and where that is known, the place.
+
+    The place of `a.b_mm` is `a.b_at`.
+    """
     flat = flatten(metrics)
     lines = []
     for name, limit in limits.items():
@@ -28,7 +31,8 @@ def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[st
         elif not isinstance(value, int | float):
             lines.append(f"{name}: not measured (limit {format_limit(limit)})")
         elif not limit.holds(value):
-            lines.append(f"{name} = {value:.6g}: limit {format_limit(limit)}")
+            at = flat.get(f"{name.rpartition('_')[0]}_at")
+            lines.append(f"{name} = {value:.6g}: limit {format_limit(limit)}{'' if at is None else f', {at}'}")
     return lines
 
 

@@ -33,10 +33,19 @@ _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives the
 
 
 @dataclass(frozen=True)
+class FloorPlace:
+    """Where something was measured: the legs, and the place, m, from the middle of the survey."""
+
+    legs: str
+    place_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class FloorFigures:
     """How the floor follows the survey, m: largest and median error; largest step on the legs' ways, and elsewhere.
 
     A leg's way is what is within 0.5 m of its surveyed floor. Steps where legs meet and other steps are measured apart.
+    `error_at` and `step_at` are where the largest error and the largest step of legs that meet are.
     """
 
     error_m: float  # without those that lie in another working
@@ -52,36 +61,44 @@ class FloorFigures:
     share_built: float  # of all the surveyed length
     elsewhere: tuple[InOtherWorking, ...]
     ledges: tuple[Ledge, ...]
+    error_at: FloorPlace
+    step_at: FloorPlace | None
 
 
 @dataclass(frozen=True)
 class InOtherWorking:
     """A leg that lies in the deeper working of another, so that the floor under it is the other's.
 
-    `share` is that of the leg's samples, `off_m` the floor's largest height over the survey.
+    `share` is that of the leg's samples, `off_m` the floor's largest height over the survey, which is at `place_m`.
     """
 
     leg: str
     other: str
     share: float
     off_m: float
+    place_m: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Ledge:
-    """A step of more than 1 cm between the floors of two legs: the largest, and the length of all its edges."""
+    """A step of more than 1 cm between the floors of two legs: the largest, its place, and the length of all edges.
+
+    `meet` says whether the legs are near each other along the survey.
+    """
 
     leg: str
     other: str
     step_m: float
     length_m: float
+    place_m: tuple[float, float, float]
+    meet: bool
 
 
 def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     """Measure the floor along the drivable legs, and the steps beside its facets.
 
     A place lies in another working if the section of another leg holds it, whose floor is deeper by more than 1 cm.
-    There one floor cannot have both heights. Such places are listed where the floor is more than 1 cm off.
+    There one floor cannot have both heights. Such places are listed where it is more than 1 cm off, or has a hole.
     """
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
@@ -90,9 +107,10 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     off = height - places[:, 2]
     on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(off) < _STEP_MOST_M)
     other = _other_working(network, places, owner)
-    listed = on_floor & (other >= 0) & (np.abs(off) > _OFF_M)
-    error = np.abs(off)[on_floor & ~listed]
-    ledges, steps = _steps(volume, network, places)
+    listed = (hit >= 0) & (other >= 0) & (np.abs(off) > _OFF_M)
+    judged = np.flatnonzero(on_floor & ~listed)
+    error = np.abs(off)[judged]
+    ledges, steps, step_at = _steps(volume, network, places)
     normal = volume.normals[volume.label == FacetLabel.FLOOR]
     area = np.linalg.norm(normal, axis=1)
     steep = area[-normal[:, 2] < np.cos(np.radians(20)) * area].sum() / area.sum()
@@ -105,9 +123,20 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
         float(steep),
         *_tracks(volume, network, shots),
         _share_built(volume, network),
-        tuple(_in_other_working(network, owner, other, listed, off)),
+        tuple(_in_other_working(network, places, owner, other, listed, off)),
         ledges,
+        _place(network, [owner[judged][error.argmax()]], places[judged][error.argmax()]),
+        step_at,
     )
+
+
+def _place(network: SurveyNetwork, legs: list[int], place: np.ndarray) -> FloorPlace:
+    return FloorPlace(" and ".join(dict.fromkeys(map(network.leg_name, legs))), _triple(place))
+
+
+def _triple(place: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = place.tolist()
+    return x, y, z
 
 
 def _tracks(volume: Volume, network: SurveyNetwork, shots: np.ndarray) -> tuple[float, float]:
@@ -171,21 +200,27 @@ def _other_working(network: SurveyNetwork, places: np.ndarray, owner: np.ndarray
 
 
 def _in_other_working(
-    network: SurveyNetwork, owner: np.ndarray, other: np.ndarray, listed: np.ndarray, off: np.ndarray
+    network: SurveyNetwork,
+    places: np.ndarray,
+    owner: np.ndarray,
+    other: np.ndarray,
+    listed: np.ndarray,
+    off: np.ndarray,
 ) -> Iterator[InOtherWorking]:
     """Return an entry for each pair of legs."""
     pairs, number = np.unique(np.column_stack([owner, other])[listed], axis=0, return_inverse=True)
     count = np.bincount(owner)
     for k, (leg, working) in enumerate(pairs.tolist()):
-        heights = off[listed][number == k]
-        worst = float(heights[np.argmax(np.abs(heights))])
-        yield InOtherWorking(network.leg_name(leg), network.leg_name(working), len(heights) / int(count[leg]), worst)
+        these = np.flatnonzero(listed)[number == k]
+        worst = these[np.argmax(np.abs(off[these]))]
+        names = network.leg_name(leg), network.leg_name(working)
+        yield InOtherWorking(*names, len(these) / int(count[leg]), float(off[worst]), _triple(places[worst]))
 
 
 def _steps(
     volume: Volume, network: SurveyNetwork, ways: np.ndarray
-) -> tuple[tuple[Ledge, ...], tuple[float, float, float]]:
-    """Return the steps of more than 1 cm, and the largest, m, on the ways, where two legs meet, and elsewhere.
+) -> tuple[tuple[Ledge, ...], tuple[float, float, float], FloorPlace | None]:
+    """Return the steps over 1 cm, the largest, m: on the ways, where legs meet, elsewhere; and the place of the second.
 
     A step is from a floor's facet down or up to another floor 5 cm beyond its edge, the least between their planes on
     the way: floors that meet in a kink have none. Both facets are flat enough to drive on: where a ledge begins, the
@@ -213,16 +248,20 @@ def _steps(
     good = (hit >= 0) & (step < _STEP_MOST_M) & drivable[edges[:, 2]] & drivable[hit] & _open(volume, middle, out)
     shot = np.array([piece.shot for piece in volume.pieces])[volume.source]
     pairs = np.column_stack([shot[edges[good, 2]], shot[hit[good]]])
-    step, length = step[good], length[good]
-    on_way = cKDTree(ways).query(middle[good], distance_upper_bound=_WAY_M)[0] < _WAY_M
+    step, length, middle = step[good], length[good], middle[good]
+    on_way = cKDTree(ways).query(middle, distance_upper_bound=_WAY_M)[0] < _WAY_M
     meets = network.near_legs(NEAR_M).has(*pairs.T)
     ledges = []
     for leg, other in np.unique(np.sort(pairs[step > _OFF_M], axis=1), axis=0).tolist():
-        these = (np.sort(pairs, axis=1) == (leg, other)).all(axis=1) & (step > _OFF_M)
+        these = np.flatnonzero((np.sort(pairs, axis=1) == (leg, other)).all(axis=1) & (step > _OFF_M))
+        most = these[np.argmax(step[these])]
         names = network.leg_name(leg), network.leg_name(other)
-        ledges.append(Ledge(*names, float(step[these].max()), float(length[these].sum())))
+        size = float(step[most]), float(length[these].sum())
+        ledges.append(Ledge(*names, *size, _triple(middle[most]), bool(meets[most])))
     largest = [float(step[some].max(initial=0.0)) for some in (on_way, meets, ~meets)]
-    return tuple(ledges), (largest[0], largest[1], largest[2])
+    worst = np.argmax(np.where(meets, step, -1.0)) if meets.any() else None
+    at = None if worst is None else _place(network, pairs[worst].tolist(), middle[worst])
+    return tuple(ledges), (largest[0], largest[1], largest[2]), at
 
 
 def _across(

@@ -147,7 +147,7 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     floors = network.floors_m[shot]
     left = np.column_stack([across * lrud[:, :1], [0, 0]])
     right = np.column_stack([-across * lrud[:, 1:2], [0, 0]])
-    if abs(step[2]) > run:
+    if min(abs(step[2]), abs(floors[1, 2] - floors[0, 2])) > run:  # stations may be at any height over a floor
         sections = _plumb_sections(places, lrud, across[0])
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     middle, half = (left + right) / 2, (left - right) / 2

@@ -149,6 +149,15 @@ def test_metrics_within_limits_pass_and_breaches_name_metric_value_and_limit():
     assert breaches({"blocked": 0}, LIMITS) == ["iou.a: not measured (limit >= 0.99)"]
 
 
+def test_a_breach_names_the_place_of_its_figure_if_that_is_known():
+    limits = {"floor.step_mm": Limit(max=10), "floor.error_mm": Limit(max=10)}
+    found = breaches({"floor": {"step_mm": 12.0, "step_at": "1 to 2 at (3.00, 4.00, 5.00) m", "error_mm": 11}}, limits)
+    assert found == [
+        "floor.step_mm = 12: limit <= 10, 1 to 2 at (3.00, 4.00, 5.00) m",
+        "floor.error_mm = 11: limit <= 10",
+    ]
+
+
 def test_the_gate_fails_for_a_metric_that_fell_too_far_or_is_missing():
     before = {"iou.a": 0.991, "texture.published.overall": 0.95}
     assert regressions({"iou.a": 0.9891, "texture.published.overall": 0.941}, before) == []

@@ -63,13 +63,13 @@ def test_a_floor_keeps_7_mm_to_the_survey_all_along_its_legs_as_vertices_go(tmp_
     assert measure_floor(after, network).error_m < 0.0071
 
 
-def test_a_floor_from_which_a_wall_goes_down_keeps_its_step(tmp_path):
+def test_a_floor_from_which_a_wall_goes_down_keeps_its_height(tmp_path):
     rows = "A,1,-20,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
-    rows += "B,3,-8,-24,2,2,2,3,0\nB,4,0,-12,2,2,0.4,3,0\nB,5,0,12,2,2,0.4,3,0\nB,6,8,24,2,2,2,3,0\n"
+    rows += "B,3,-8,-24,2,2,2,3,0\nB,4,0,-12,2,2,0.6,3,0\nB,5,0,12,2,2,0.6,3,0\nB,6,8,24,2,2,2,3,0\n"
     network, _rough, before, after, _ = solved(GateCase("over", HEADER + rows), tmp_path)
-    step = measure_floor(before, network).other_step_m
-    assert step == pytest.approx(0.4, abs=0.01)
-    assert measure_floor(after, network).other_step_m == pytest.approx(step, abs=1e-6)
+    (hole,) = measure_floor(before, network).elsewhere
+    assert hole.off_m == pytest.approx(-0.6, abs=0.01)
+    assert measure_floor(after, network).elsewhere[0].off_m == pytest.approx(hole.off_m, abs=1e-6)
     assert (after.label == FacetLabel.FLOOR).sum() < (before.label == FacetLabel.FLOOR).sum() / 2
 
 

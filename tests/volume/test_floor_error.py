@@ -1,9 +1,13 @@
 """Which differences and steps of floors are measured against a survey."""
 
+import dataclasses
+
+import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
+from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import pieces_of, unite
@@ -33,6 +37,40 @@ def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
 def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_path):
     network, rough = built(table_of("cave", 15), tmp_path)
     assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
+
+
+@pytest.mark.parametrize("seed", [31, 53, 76, 88])
+def test_a_leg_keeps_its_floor_where_the_floor_of_another_ends_or_begins_below_it(tmp_path, seed):
+    network, rough = built(table_of("cave", seed), tmp_path)
+    found = measure_floor(solve_floors(rough, network), network)
+    assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+
+
+def test_a_leg_with_a_flat_floor_is_no_shaft_however_its_stations_lie(tmp_path):
+    roof_to_floor = "A,1,0,0,2,2,2,1,2\nA,2,1.5,0,2,2,0.2,1,0\nA,3,12,0,2,2,0.2,1,0\n"
+    network, rough = built(HEADER + roof_to_floor, tmp_path)
+    assert abs(network.ends_m[0, 1, 2] - network.ends_m[0, 0, 2]) > 1.5
+    assert rough.pieces[0].is_drivable
+    assert not rough.pieces[0].is_plumb
+    found = measure_floor(solve_floors(rough, network), network)
+    assert max(found.error_m, found.step_m) < 0.01
+    assert found.over_floor == 1
+
+
+def test_the_largest_error_and_step_name_the_legs_and_the_place(tmp_path):
+    network, rough = built(HEADER + PARTING, tmp_path)
+    found = measure_floor(rough, network)
+    assert "1 to 3" in found.step_at.legs
+    ledge = next(ledge for ledge in found.ledges if ledge.step_m == found.step_m)
+    assert ledge.meet
+    assert found.step_at.place_m == ledge.place_m
+    volume = solve_floors(rough, network)
+    places = volume.vertices.copy()
+    floor = np.unique(volume.faces[volume.label == FacetLabel.FLOOR])
+    places[floor[places[floor, 0] < places[:, 0].min() + 0.01], 2] -= 0.3  # at the end of the first leg
+    at = measure_floor(dataclasses.replace(volume, vertices=places), network).error_at
+    assert at.legs == "0 to 1"
+    assert at.place_m[0] == pytest.approx(network.places_m[0, 0], abs=0.01)
 
 
 def test_a_leg_over_the_deeper_prism_of_a_station_elsewhere_lies_in_that_working(tmp_path):

@@ -1,4 +1,4 @@
-"""Floors have the survey's heights along legs, and only legs that meet share a floor."""
+"""Floors have the survey's heights along legs, and legs share a floor where they are near in height."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from benchmarks.comparisons.volume.cases import GateCase
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import NEAR_M, solve_floors
+from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.union import pieces_of, unite
 from tests.heights import HEADER
 
@@ -37,15 +38,28 @@ def test_a_floor_beside_a_leg_on_its_wall_does_not_turn_about_it(tmp_path):
     assert measure_floor(volume, network).error_m < 0.01
 
 
-def test_passages_that_cross_without_a_common_station_keep_their_floors_and_the_ledge(tmp_path):
+def test_passages_that_cross_without_a_common_station_share_a_floor_where_they_are_near_in_height(tmp_path):
     network, rough = of_rows(OVER.format(z=0.4), tmp_path)
     volume = solve_floors(rough, network)
     found = measure_floor(volume, network)
-    assert found.step_m < 0.01
-    assert found.other_step_m == pytest.approx(0.4, abs=0.01)
-    assert [(ledge.leg, ledge.other) for ledge in found.ledges] == [("1 to 2", "3 to 4")]
+    assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+    assert found.ledges == ()
+    assert [(place.leg, place.other) for place in found.elsewhere] == [("3 to 4", "1 to 2")]
+    assert found.elsewhere[0].off_m == pytest.approx(-0.4, abs=0.01)
+    assert np.hypot(*found.elsewhere[0].place_m[:2]) < 0.3  # where their ways cross
+    _, height = drop(volume.vertices, volume.faces, np.array([[0, y, 1.0] for y in (-1.5, -1.2, 1.2, 1.5)]))
+    assert np.abs(height - 0.4).max() < 0.01  # the ramp is as steep as robots drive
+
+
+def test_passages_that_cross_far_apart_in_height_keep_their_floors_and_the_hole_is_listed(tmp_path):
+    network, rough = of_rows(OVER.format(z=0.6), tmp_path)
+    volume = solve_floors(rough, network)
+    found = measure_floor(volume, network)
+    assert max(found.error_m, found.step_m) < 0.01
+    assert [(place.leg, place.other) for place in found.elsewhere] == [("3 to 4", "1 to 2")]
+    assert found.elsewhere[0].off_m == pytest.approx(-0.6, abs=0.01)
     heights = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR]), 2]
-    assert np.minimum(np.abs(heights), np.abs(heights - 0.4)).max() < 0.005
+    assert np.minimum(np.abs(heights), np.abs(heights - 0.6)).max() < 0.005
 
 
 def test_legs_are_near_each_other_along_the_survey_and_not_across_it(tmp_path):

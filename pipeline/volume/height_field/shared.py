@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -15,9 +16,20 @@ from pipeline.volume.union import Solid
 
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
-_REACH_M = 15.0  # along the survey, between legs that may share a floor
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+_LEAST_APART_M = 1.5  # what is nearer is one floor, though rock may be between; from there up to 2 m the roof decides
+_RIM_M = 1.0  # between corners on the rim of an overlap
+_LEAST_M2 = 1e-6  # of an overlap that has an inside
 _NEAR_M = 0.01  # between two overlaps that are one
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Where ways of legs cross seen from above: the upper leg (n,), its length up to there, and how far it is over."""
+
+    upper: np.ndarray
+    along_m: np.ndarray
+    over_m: np.ndarray
 
 
 class SharedFloors:
@@ -29,14 +41,12 @@ class SharedFloors:
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
-        """Find the pairs among the pieces that are flat enough to drive on and near each other along the survey."""
+        """Find the pairs among the pieces that are flat enough to drive on."""
         drivable = np.flatnonzero([piece.is_drivable for piece in pieces])
-        shot = np.array([piece.shot for piece in pieces])
         outlines = floors.outlines
         tree = shapely.STRtree(outlines[drivable])
         one, two = drivable[tree.query(outlines[drivable], predicate="dwithin", distance=TOUCH_M)]
-        near = (one < two) & network.near_legs(_REACH_M).has(shot[one], shot[two])
-        one, two = one[near], two[near]
+        one, two = one[one < two], two[one < two]
         overlap = shapely.intersection(shapely.buffer(outlines[one], TOUCH_M), outlines[two])
         places, row = shapely.get_coordinates(overlap, return_index=True)
         apart = floors.heights_at(one[row], places) - floors.heights_at(two[row], places)
@@ -50,15 +60,59 @@ class SharedFloors:
         count, run = connected_components(coo_matrix((np.ones(len(follow)), follow.T), (n, n)), directed=False)
         nearest = np.full(count, np.inf)
         np.minimum.at(nearest, run, least)
+        self._floors = floors
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
+        self.crossings = _crossings(network, pieces, self._pairs)
 
     def has(self, one: int, two: int) -> bool:
         """Return whether two pieces share a floor where they are not far apart in height."""
         return (min(one, two), max(one, two)) in self._pairs
 
-    def is_one(self, one: int, two: int, heights_m: tuple[float, float]) -> bool:
-        """Return whether two pieces share a floor at a place where their sections have these heights."""
-        return self.has(one, two) and abs(heights_m[0] - heights_m[1]) < APART_M
+    def borders(self) -> Iterator[tuple[int, shapely.Geometry]]:
+        """Yield a piece and the lines where its floor and one that it shares it with begin to be two, seen from above.
+
+        Heights are taken at the corners of a triangulation of the overlap, no farther apart on its rim than a metre.
+        """
+        pairs = np.array(sorted(self._pairs), int).reshape(-1, 2)
+        overlap = shapely.intersection(*self._floors.outlines[pairs.T])
+        parts, row = shapely.get_parts(shapely.segmentize(overlap, _RIM_M), return_index=True)
+        some = shapely.area(parts) > _LEAST_M2
+        triangles, part = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[some]), return_index=True)
+        pair = pairs[row[some][part]]
+        places = shapely.get_coordinates(shapely.get_exterior_ring(triangles)).reshape(-1, 4, 2)
+        for upper, lower in (pair.T, pair.T[::-1]):
+            over = self._over(np.repeat(upper, 4), np.repeat(lower, 4), places.reshape(-1, 2)).reshape(-1, 4)
+            start, end = over[:, :3], over[:, 1:]
+            triangle, edge = np.nonzero((start > 0) != (end > 0))  # two of a triangle's edges, or none
+            begin, end = start[triangle, edge], end[triangle, edge]
+            share = (begin / (begin - end))[:, None]
+            spots = (1 - share) * places[triangle, edge] + share * places[triangle, edge + 1]
+            yield from zip(pair[triangle[::2], 0].tolist(), shapely.linestrings(spots.reshape(-1, 2, 2)), strict=True)
+
+    def is_one(self, one: np.ndarray, two: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return which pairs (n,) of pieces that share a floor somewhere do so at places (n, 2) m."""
+        found: np.ndarray = np.maximum(self._over(one, two, places), self._over(two, one, places)) < 0
+        return found
+
+    def _over(self, upper: np.ndarray, lower: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return how far (n,) m upper floors are beyond the height up to which they are one with lower ones."""
+        height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
+        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), _LEAST_APART_M, APART_M)
+        return found
+
+
+def _crossings(network: SurveyNetwork, pieces: list[Solid], pairs: set[tuple[int, int]]) -> Crossings:
+    """Return where the legs among some pairs of pieces pass over each other."""
+    legs = np.array([pair for pair in sorted(pairs) if all(is_leg(pieces[k]) for k in pair)], int).reshape(-1, 2)
+    ways = network.ways_m[[piece.shot for piece in pieces]]
+    lines = shapely.linestrings(ways[:, :, :2])
+    legs = legs[shapely.dwithin(*lines[legs.T], TOUCH_M)]
+    place = shapely.get_point(shapely.shortest_line(*lines[legs.T]), 0)
+    along = shapely.line_locate_point(lines[legs], place[:, None])
+    share = along / np.maximum(shapely.length(lines[legs]), TOUCH_M)
+    height = (1 - share) * ways[legs, 0, 2] + share * ways[legs, 1, 2]
+    row, upper = np.arange(len(legs)), height.argmax(axis=1)
+    return Crossings(legs[row, upper], along[row, upper], np.ptp(height, axis=1))
 
 
 def _stations(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:

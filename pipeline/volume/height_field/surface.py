@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,17 +11,18 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.volume.height_field.edges import LegWays, joined_edges
 from pipeline.volume.height_field.groups import FloorGroups, cells_over
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
+from pipeline.volume.height_field.shared import TOUCH_M, Crossings, SharedFloors
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import Solid
+from pipeline.volume.union import STEEPEST, Solid
 
 _GRID_M = 1e-7  # of corners: without a grid rounding leaves spikes of no width where outlines meet
 _DIGITS = 9  # of corners: on the grid, or between two places on it
 _EDGE_M = 1.0  # longest edge of an outline and of a leg
+_LEAST_RAMP_M = 0.02  # along a leg that passes over another
 _LEAST_M2 = 1e-12  # of a triangle, twice
-_SAME = 1_000_000  # pieces in common of two facets of one patch: more than any two patches have
 
 
 @dataclass(frozen=True)
@@ -114,32 +114,52 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     follow each other.
     """
     shared = SharedFloors(network, pieces, floors)
-    lines = _lines(network, pieces, floors)
+    lines = _lines(network, pieces, floors, shared)
     groups = FloorGroups(pieces, floors, shared, lines)
     cells, group = _cells(lines, groups)
-    over: list[dict[int, float]] = [{} for _ in cells]
-    for cell, piece, z in _floors_over(cells, group, floors, groups.of_piece):
-        over[cell][piece] = z
+    over = _pieces_over(cells, group, floors, groups.of_piece)
     some = np.flatnonzero([len(found) > 0 for found in over])
     cells, group, over = cells[some], group[some], [over[cell] for cell in some]
-    patches = [(cell, some) for cell, found in enumerate(over) for some in _patches(found, shared)]
+    patches = [(cell, some) for cell, found in enumerate(_patches(cells, over, shared)) for some in found]
     cell_of, of_patch = np.array([cell for cell, _ in patches], int), [some for _, some in patches]
     places, triangles, owner = _triangles(cells)
     starts = np.searchsorted(owner, np.arange(len(cells) + 1))
     rows = [np.arange(starts[cell], starts[cell + 1]) for cell in cell_of]
     patch = np.repeat(np.arange(len(rows)), [len(some) for some in rows])
     spots = triangles[np.concatenate([np.zeros(0, int), *rows])]
-    mates = np.array(list(_mates(places, spots, patch, of_patch, shared, floors)), int).reshape(-1, 2)
+    ways = LegWays(network, pieces)
+    mates = np.array(list(joined_edges(places, spots, patch, of_patch, shared, floors, ways)), int).reshape(-1, 2)
     return FloorSurface(places, spots, patch, of_patch, _patches_over(cells, group, cell_of), mates)
 
 
-def _lines(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> dict[int, list[shapely.Geometry]]:
-    """Return what each piece parts floors by: its outline, and the leg."""
-    found = {}
-    for number, piece in enumerate(pieces):
-        if piece.is_drivable:
-            leg = [shapely.LineString(network.ways_m[piece.shot][:, :2])] if is_leg(piece) else []
-            found[number] = [floors.outlines[number].exterior, *leg]
+def _lines(
+    network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors, shared: SharedFloors
+) -> dict[int, list[shapely.Geometry]]:
+    """Return what each piece parts floors by: its outline, the leg, and where floors that it shares begin to be two."""
+    found = {k: [floors.outlines[k].exterior] for k, piece in enumerate(pieces) if piece.is_drivable}
+    ramps = _ramps(shared.crossings)
+    for leg in found:
+        if is_leg(pieces[leg]):
+            way = shapely.LineString(network.ways_m[pieces[leg].shot][:, :2])
+            beside = {at for at in ramps.get(leg, ()) if _LEAST_RAMP_M < at < way.length - _LEAST_RAMP_M}
+            corners = shapely.line_interpolate_point(way, [0.0, *sorted(beside), way.length])
+            found[leg].append(shapely.LineString(corners))
+    for piece, line in shared.borders():
+        found[piece].append(line)
+    return found
+
+
+def _ramps(crossings: Crossings) -> dict[int, list[float]]:
+    """Return the lengths, m, along ways that pass over others at which they have a corner, by leg.
+
+    At the crossing the floor has the height of the lower leg. It rises to that of the upper one as steeply as robots
+    drive.
+    """
+    found: dict[int, list[float]] = {}
+    ramp_m = crossings.over_m / STEEPEST
+    for leg, along, ramp in zip(crossings.upper.tolist(), crossings.along_m.tolist(), ramp_m.tolist(), strict=True):
+        if ramp > _LEAST_RAMP_M:
+            found.setdefault(leg, []).extend((along - ramp, along + ramp))
     return found
 
 
@@ -158,17 +178,16 @@ def _cells(lines: dict[int, list[shapely.Geometry]], groups: FloorGroups) -> tup
     return np.concatenate([np.zeros(0, object), *found]), np.array(owner, int)
 
 
-def _floors_over(
-    cells: np.ndarray, group: np.ndarray, floors: SectionFloors, of_piece: np.ndarray
-) -> Iterator[tuple[int, int, float]]:
-    """Yield each cell with each piece of its group that has its floor there, and the height, m."""
-    middle = shapely.point_on_surface(cells)
+def _pieces_over(cells: np.ndarray, group: np.ndarray, floors: SectionFloors, of_piece: np.ndarray) -> list[list[int]]:
+    """Return the pieces of each cell's group that have their floor there."""
+    found: list[list[int]] = [[] for _ in cells]
     drivable = np.flatnonzero(of_piece >= 0)
-    cell, row = shapely.STRtree(floors.outlines[drivable]).query(middle, predicate="dwithin", distance=TOUCH_M)
+    tree = shapely.STRtree(floors.outlines[drivable])
+    cell, row = tree.query(shapely.point_on_surface(cells), predicate="dwithin", distance=TOUCH_M)
     ours = of_piece[drivable[row]] == group[cell]
-    cell, piece = cell[ours], drivable[row[ours]]
-    height = floors.heights_at(piece, shapely.get_coordinates(middle)[cell])
-    yield from zip(cell.tolist(), piece.tolist(), height.tolist(), strict=True)
+    for k, piece in zip(cell[ours].tolist(), drivable[row[ours]].tolist(), strict=True):
+        found[k].append(piece)
+    return found
 
 
 def _patches_over(cells: np.ndarray, group: np.ndarray, cell_of: np.ndarray) -> np.ndarray:
@@ -179,16 +198,22 @@ def _patches_over(cells: np.ndarray, group: np.ndarray, cell_of: np.ndarray) -> 
     return np.array(found, int).reshape(-1, 2)
 
 
-def _patches(heights: dict[int, float], shared: SharedFloors) -> Iterator[list[int]]:
-    """Yield the sets of pieces that share a floor at a place, by the pieces' heights there."""
-    left = sorted(heights)
-    while left:
-        found = [left.pop(0)]
-        for one in found:
-            more = [two for two in left if shared.is_one(one, two, (heights[one], heights[two]))]
-            found += more
-            left = [two for two in left if two not in more]
-        yield sorted(found)
+def _patches(cells: np.ndarray, over: list[list[int]], shared: SharedFloors) -> Iterator[list[list[int]]]:
+    """Yield for each cell the sets of its pieces that share a floor there."""
+    pairs = [(cell, a, b) for cell, some in enumerate(over) for a in some for b in some if a < b and shared.has(a, b)]
+    rows = np.array(pairs, int).reshape(-1, 3)
+    middles = shapely.get_coordinates(shapely.point_on_surface(cells))
+    is_one = shared.is_one(rows[:, 1], rows[:, 2], middles[rows[:, 0]])
+    linked = {pair for pair, holds in zip(pairs, is_one.tolist(), strict=True) if holds}
+    for cell, some in enumerate(over):
+        left, patches = sorted(some), []
+        while left:
+            found = [left.pop(0)]
+            for one in found:
+                found += [two for two in left if (cell, min(one, two), max(one, two)) in linked]
+                left = [two for two in left if two not in found]
+            patches.append(sorted(found))
+        yield patches
 
 
 def _triangles(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -202,66 +227,3 @@ def _triangles(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     spots[double < 0] = spots[double < 0][:, ::-1]
     good = np.abs(double) > _LEAST_M2
     return places, spots[good], owner[good]
-
-
-def _mates(
-    places: np.ndarray,
-    spots: np.ndarray,
-    patch: np.ndarray,
-    pieces: list[list[int]],
-    shared: SharedFloors,
-    floors: SectionFloors,
-) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of edges that are joined, each edge once: first those of patches with most pieces in common.
-
-    Of two floors that part at an edge the lower one goes on, and a wall stands under the other.
-    """
-    edges: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
-        edges[line].append(edge)
-    several: dict[tuple[int, int], list[tuple[int, int, int]]] = {}  # pieces in common, and both edges, by line
-    for (a, b), ours in edges.items():
-        tries = []
-        for one in ours if a < b else []:
-            for two in edges.get((b, a), []):
-                p, q = int(patch[one // 3]), int(patch[two // 3])
-                tries.append((_SAME if p == q else len(set(pieces[p]) & set(pieces[q])), one, two))
-        if len(tries) == 1 and tries[0][0]:
-            yield tries[0][1:]
-        elif tries:
-            several[a, b] = tries
-    wanted = [(line, k) for line, tries in several.items() for k in {e // 3 for _, *both in tries for e in both}]
-    rows = [(line, k, piece) for line, k in wanted for piece in pieces[patch[k]]]
-    middles = places[np.array([line for line, _, _ in rows], int).reshape(-1, 2)].mean(axis=1)
-    heights: dict[tuple[tuple[int, int], int], dict[int, float]] = defaultdict(dict)
-    found = floors.heights_at(np.array([piece for _, _, piece in rows], int), middles)
-    for (line, k, piece), height in zip(rows, found.tolist(), strict=True):
-        heights[line, k][piece] = height
-    for line, tries in several.items():
-        yield from _best(line, tries, heights, shared)
-
-
-def _best(
-    line: tuple[int, int],
-    tries: list[tuple[int, int, int]],
-    heights: dict[tuple[tuple[int, int], int], dict[int, float]],
-    shared: SharedFloors,
-) -> Iterator[tuple[int, int]]:
-    """Yield the edges of one line that are joined; `heights` are those of the pieces by line and triangle."""
-    order = []
-    for common, one, two in tries:
-        ours, theirs = heights[line, one // 3], heights[line, two // 3]
-        if common or _follow(ours, theirs, shared):
-            mean = sum(ours.values()) / len(ours) + sum(theirs.values()) / len(theirs)
-            order.append((-common, mean, one, two))
-    joined: set[int] = set()
-    for _, _, one, two in sorted(order):
-        if one not in joined and two not in joined:
-            joined |= {one, two}
-            yield one, two
-
-
-def _follow(one: dict[int, float], two: dict[int, float], shared: SharedFloors) -> bool:
-    """Return whether two of the pieces share a floor, and two are hardly apart in height."""
-    near = min(abs(x - y) for x in one.values() for y in two.values()) <= MEET_M
-    return near and any(shared.has(i, j) for i in one for j in two)

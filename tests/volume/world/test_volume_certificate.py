@@ -113,6 +113,11 @@ def test_a_floor_that_lies_over_the_survey_is_off_by_as_much(ramp, opened):
     found = validated(mutant, ramp.legs)
     assert found.metrics["floor"]["error_mm"] == pytest.approx(30, abs=0.1)
     assert "floor.error_mm" in broken(found)
+    leg, place = found.metrics["floor"]["error_at"].split(" at ")
+    assert leg in {f"{leg.start} to {leg.end}" for leg in opened.legs.legs}
+    x, y, z = map(float, re.findall(r"-?\d+\.\d\d", place))
+    beside = np.hypot(*(vertices[floor, :2] - [x, y]).T) < 6
+    assert np.abs(vertices[floor, 2] - z)[beside].min() < 1  # in the mine frame, as the mesh is
 
 
 def test_a_model_whose_corners_are_rounded_is_unlike_its_parts(ramp, opened):

@@ -18,21 +18,20 @@ from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
 from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
-from pipeline.remarks import warn_user
 from pipeline.store.codecs import decode
 from pipeline.store.files import describe_field
 from pipeline.store.verify import verify_world
 from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import Inside, measure_enclosure
-from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.shell import ShellPart
-from pipeline.volume.union import Volume, pieces_of
+from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
+from pipeline.volume.world.proof.floor import floor_figures
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
 from pipeline.volume.world.proof.physics import measure_standing
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
@@ -45,7 +44,6 @@ from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
 _SAMPLES = 100_000  # points on the surface of a solid
-_NAMED = 10  # pairs of legs that break through each other
 _PLACES = 5  # where bodies are thrown in a mine that is too large for one model: most of the time goes by parts
 
 
@@ -141,7 +139,10 @@ def validate_volume(
         **(
             {"solid": _solid(volume, solid, rng)}
             if len(solid)
-            else {"survey": _survey(params, surveyed, world, volume), "floor": _floor(params, surveyed, world.mine)}
+            else {
+                "survey": _survey(params, surveyed, world, volume),
+                "floor": floor_figures(params, surveyed, world.mine),
+            }
         ),
         **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
         "enclosure": {
@@ -212,34 +213,6 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
         "legs": len(world.legs.legs),
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
-    }
-
-
-def _floor(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
-    """Return how the floors follow the survey."""
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
-    about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
-    about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
-    found = measure_floor(about, network)
-    through = [f"{one.leg} through {one.other} ({one.off_m:+.2f} m)" for one in found.elsewhere[:_NAMED]]
-    through += [f"and {len(found.elsewhere) - _NAMED} more"] if len(found.elsewhere) > _NAMED else []
-    if through:
-        warn_user(
-            f"validation: {len(found.elsewhere)} pairs of legs break through each other's floors, as surveyed: "
-            f"{', '.join(through)}"
-        )
-    return {
-        "error_mm": round(_MM * found.error_m, 6),
-        "median_mm": round(_MM * found.median_m, 6),
-        "over_1cm": round(found.over_1cm, 6),
-        "step_mm": round(_MM * found.step_m, 6),
-        "other_step_mm": round(_MM * found.other_step_m, 6),
-        "steep_share": round(found.steep_share, 6),
-        "tracks_mm": round(_MM * found.tracks_m, 6),
-        "steepest": round(found.steepest, 6),
-        "in_other_workings": len(found.elsewhere),
-        **({"through": ", ".join(through)} if through else {}),
-        "ledges": len(found.ledges),
     }
 
 

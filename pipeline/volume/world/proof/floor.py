@@ -1,0 +1,55 @@
+"""The figures of the certificate of a volume world on how its floors follow the survey, with their places."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from minexplore.floors.volume_arrays import VolumeFacets
+from pipeline.params.validation import VolumeProofParams
+from pipeline.remarks import warn_user
+from pipeline.types import SurveyedLegs
+from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.union import pieces_of
+from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.topology import mine_network
+
+_MM = 1e3
+_NAMED = 10  # pairs of legs that break through each other
+
+
+def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
+    """Return how the floors follow the survey."""
+    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
+    about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
+    found = measure_floor(about, network)
+    through = [
+        *(f"{k.leg} through {k.other} ({k.off_m:+.2f} m at {_at(k.place_m, offset)})" for k in found.elsewhere),
+        *(f"{k.leg} on {k.other} ({k.step_m:.2f} m at {_at(k.place_m, offset)})" for k in found.ledges if not k.meet),
+    ]
+    named = ", ".join(through[:_NAMED] + [f"and {len(through) - _NAMED} more"] * (len(through) > _NAMED))
+    if through:
+        warn_user(f"validation: {len(through)} pairs of legs break through each other's floors, as surveyed: {named}")
+    figures = {
+        "error_mm": round(_MM * found.error_m, 6),
+        "median_mm": round(_MM * found.median_m, 6),
+        "over_1cm": round(found.over_1cm, 6),
+        "step_mm": round(_MM * found.step_m, 6),
+        "other_step_mm": round(_MM * found.other_step_m, 6),
+        "steep_share": round(found.steep_share, 6),
+        "tracks_mm": round(_MM * found.tracks_m, 6),
+        "steepest": round(found.steepest, 6),
+        "in_other_workings": len(found.elsewhere),
+        **({"through": named} if through else {}),
+        "ledges": len(found.ledges),
+    }
+    places = {"error_at": found.error_at, "step_at": found.step_at}
+    return figures | {k: f"{at.legs} at {_at(at.place_m, offset)}" for k, at in places.items() if at is not None}
+
+
+def _at(place_m: tuple[float, float, float], offset: np.ndarray) -> str:
+    """Return a place about the survey's middle as text: in the mine frame, which is moved by `offset` (3,) m."""
+    return "({:.2f}, {:.2f}, {:.2f}) m".format(*(np.array(place_m) + offset))
