@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,13 @@ _DAG, _LOCK, _CACHE = Path("dvc.yaml"), Path("dvc.lock"), Path(".dvc/cache/files
 _SCHEMA = "2.0"  # of the lock
 _FIELDS = {"desc", "cmd", "deps", "params", "outs", "metrics"}  # of a stage; another one may mean anything
 _FLAGS = {"persist", "cache"}  # of an output
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Reads 2e-05, as DVC writes it, as a number."""
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]?\d+$"), list("-+0123456789"))
 
 
 def is_reproduced() -> bool:
@@ -50,7 +58,7 @@ class _Project:
     def read(self, path: Path) -> Any:
         """Return the content of a YAML file."""
         if path not in self._content:
-            self._content[path] = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+            self._content[path] = yaml.load(path.read_bytes(), _Loader)
         return self._content[path]
 
     def state(self, stage: dict[str, Any]) -> dict[str, Any]:
