@@ -46,7 +46,7 @@ class Residuals:
 
 
 @dataclass(frozen=True)
-class _Voxels:
+class _VoxelSums:
     """Voxels of edge `size` (3,) m that hold points, and the moments of these.
 
     `cell` (k, 3): indices in lexical order. `count` (k,): points. `mean` (k, 3): of the points from the voxel's middle,
@@ -59,9 +59,9 @@ class _Voxels:
     mean: np.ndarray
     scatter: np.ndarray
 
-    def take(self, numbers: np.ndarray) -> _Voxels:
+    def take(self, numbers: np.ndarray) -> _VoxelSums:
         """Return the voxels of these numbers."""
-        return _Voxels(self.size, self.cell[numbers], self.count[numbers], self.mean[numbers], self.scatter[numbers])
+        return _VoxelSums(self.size, self.cell[numbers], self.count[numbers], self.mean[numbers], self.scatter[numbers])
 
     def planes(self) -> VoxelPlanes:
         """Fit a plane to the points of each voxel."""
@@ -111,7 +111,7 @@ def sweep_residuals(points: np.ndarray, windows_m: tuple[float, ...], min_points
     return [found for _, found in sweep_planes(points, windows_m, min_points) if found is not None]
 
 
-def _sort_points(points: np.ndarray, size_m: float | tuple[float, float, float]) -> tuple[_Voxels, list[np.ndarray]]:
+def _sort_points(points: np.ndarray, size_m: float | tuple[float, float, float]) -> tuple[_VoxelSums, list[np.ndarray]]:
     """Return the voxels, and the points by voxel as three arrays (n,) of distances from its mean, m."""
     size = np.broadcast_to(np.asarray(size_m, float), 3)
     # Axis by axis: arrays of one number a point pass through the processor's cache several times faster.
@@ -128,11 +128,11 @@ def _sort_points(points: np.ndarray, size_m: float | tuple[float, float, float])
         from_middle -= np.repeat(mean[:, axis], count)
         local.append(from_middle)
     scatter = np.column_stack([_sums(local[i] * local[j], first) for i, j in _PAIRS])
-    return _Voxels(size, cell, count, mean, scatter), local
+    return _VoxelSums(size, cell, count, mean, scatter), local
 
 
 def _fit_window(
-    small: _Voxels, local: list[np.ndarray], window_m: float, times: int, min_points: int
+    small: _VoxelSums, local: list[np.ndarray], window_m: float, times: int, min_points: int
 ) -> tuple[VoxelPlanes, Residuals | None]:
     """Fit planes in voxels whose edge is so many times that of the small ones, by which the points are sorted."""
     order, first, parts = _in_order(list((small.cell // times).T))
@@ -146,7 +146,7 @@ def _fit_window(
     shift -= np.repeat(mean, parts, axis=0)
     between = [part.count * shift[:, i] * shift[:, j] for i, j in _PAIRS]
     scatter = np.column_stack([_sums(of + within, first) for of, within in zip(between, part.scatter.T, strict=True)])
-    planes = _Voxels(times * small.size, cell, count, mean, scatter).planes()
+    planes = _VoxelSums(times * small.size, cell, count, mean, scatter).planes()
     if not len(cell):
         return planes, None
     plane = np.zeros((len(small.count), 4))  # of each small voxel: the normal, and how far its mean is from the plane
