@@ -23,8 +23,11 @@ from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLES = 100_000  # of the rock, by area
 _ON_EDGE_M = 2e-3  # of the floor: the rock's points have 0.1 mm, its meshes 32 bits
-_BESIDE_M = 1.0  # about such a place the relief is taken back, and the simplified mesh has edges as long
-_FOLDED = -0.999  # cosine between normals
+_CORNERS = 12  # of the rock, about a place where it crosses itself
+_ON_FACETS_M, _ROUNDED = (
+    1e-4,
+    4.0,
+)  # of the volume's facets: rock without relief; or steps of 32 bits, far from the origin
 _RAYS = 64  # from each place
 _LEAST_M = 0.2  # from a wall: rays begin farther away
 _DIGITS = 6
@@ -42,10 +45,10 @@ def measure_rock(
 
     `gap_*` are distances from samples of the rock to the facets of the volume, `into_free_m` is the largest of those
     inside it. `open_m` is the length of the rock's border that is not on the floor's border, `bare_m` the length of the
-    floor's border without rock on it. `crossings` counts places where the rock crosses itself; those where facets of
-    the volume do so, or lie on each other, are `folded`. `leaks` counts rays from the legs that end on no rock and no
-    floor, or on a face from behind. `narrowest_kept` is the share of the distance to walls and roofs that is left
-    in the middle of the narrowest passage: legs may run beside a wall.
+    floor's border without rock on it. `crossings` counts places where the rock crosses itself; those where it is the
+    volume's own facets are `folded`. `leaks` counts rays from the legs that end on no rock and no floor, or on a face
+    from behind. `narrowest_kept` is the share of the distance to walls and roofs that is left in the middle of the
+    narrowest passage: legs may run beside a wall.
     """
     if not rock:
         return {"shown": 0}
@@ -68,30 +71,23 @@ def measure_rock(
         "into_free_m": round(float(away.max(initial=0.0)), _DIGITS),
         "open_m": round(open_m, _DIGITS),
         "bare_m": round(bare_m, _DIGITS),
-        **_crossings(vertices, faces, volume),
+        **_crossings(vertices, faces, inside),
         "leaks": _leaks(places, (vertices, faces), (volume.vertices, volume.faces[is_floor]), rng),
         "narrowest_kept": round(_kept(balls, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
     }
 
 
-def _crossings(vertices: np.ndarray, faces: np.ndarray, volume: Volume) -> dict[str, int]:
+def _crossings(vertices: np.ndarray, faces: np.ndarray, inside: Inside) -> dict[str, int]:
+    """Return how often the rock crosses itself, and how often it does so where it is the volume's own facets.
+
+    Files of meshes have 32 bits, in which the sides of a thin wedge of rock may cross. The volume itself does not.
+    """
     places = find_crossings(vertices, faces)
-    own = np.concatenate([find_crossings(volume.vertices, volume.faces), _folds(volume)])
-    apart = cKDTree(own).query(places)[0] if len(own) and len(places) else np.full(len(places), np.inf)
-    return {"crossings": int((apart > _BESIDE_M).sum()), "folded": int((apart <= _BESIDE_M).sum())}
-
-
-def _folds(volume: Volume) -> np.ndarray:
-    """Return the middles (n, 3) m of edges whose two facets lie on each other."""
-    faces, normal = volume.faces, volume.normals
-    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    ends = np.sort(np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
-    order = np.lexsort(ends.T)
-    one, other = order[0::2], order[1::2]  # the mesh is closed: an edge has two facets
-    count = len(faces)
-    on_each_other = np.einsum("ij,ij->i", unit[one % count], unit[other % count]) < _FOLDED
-    found: np.ndarray = volume.vertices[ends[one[on_each_other]]].mean(axis=1)
-    return found
+    _, near = cKDTree(vertices).query(places, k=_CORNERS)
+    about = np.concatenate([places[:, None], vertices[near]], axis=1)
+    off = np.abs(inside.distance_m(about.reshape(-1, 3))).reshape(about.shape[:2]).max(axis=1, initial=0.0)
+    own = off < max(_ON_FACETS_M, _ROUNDED * float(np.spacing(np.float32(np.abs(vertices).max()))))
+    return {"crossings": int((~own).sum()), "folded": int(own.sum())}
 
 
 def _borders_m(vertices: np.ndarray, faces: np.ndarray, others: np.ndarray, floors: np.ndarray) -> tuple[float, float]:

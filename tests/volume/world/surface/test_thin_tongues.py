@@ -20,7 +20,7 @@ from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import displace_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
-from pipeline.volume.world.surface.proof import _borders_m
+from pipeline.volume.world.surface.proof import _borders_m, _crossings
 from pipeline.volume.world.surface.scanned import NO_COLOURS
 from tests.composed import compose
 
@@ -115,3 +115,8 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
     assert near.any()
     assert not rock.given_m[near].any()
     assert np.std(rock.given_m) > 0.03
+    # The proof tells these crossings from those of rock with relief.
+    count = len(rock.crossings)
+    assert _crossings(rock.mesh.vertices, rock.mesh.faces, free) == {"crossings": 0, "folded": count}
+    moved = rock.mesh.vertices + 0.001
+    assert _crossings(moved, rock.mesh.faces, free)["crossings"] >= count / 2
