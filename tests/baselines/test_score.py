@@ -77,6 +77,7 @@ def test_an_honest_file_passes_and_comes_out_the_same_when_driven_here(honest):
     score(honest, Rerun(2))  # an episode does not depend on which others run beside it
 
 
+@pytest.mark.slow
 def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, short_id):
     counted = []
     parallel = drive("wall-following", short_id, FEW, counted.append, jobs=2)

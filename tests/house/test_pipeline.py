@@ -160,6 +160,12 @@ def test_make_starts_dvc_only_where_something_differs_from_the_lock(repro, tmp_p
     assert not is_reproduced()
     more.unlink()
     assert project.module("pipeline.reproduce").stdout == "Data and pipelines are up to date.\n"
+
+
+@pytest.mark.slow
+def test_make_makes_a_lost_output_again(repro, tmp_path, monkeypatch):
+    project = repro.copy(tmp_path / "mine")
+    monkeypatch.chdir(project.folder)
     Path("artifacts/report/mine.png").unlink()
     assert "Stage 'validation' didn't change" in project.module("pipeline.reproduce").stdout
     assert is_reproduced()

@@ -72,6 +72,7 @@ def test_a_script_that_does_not_close_its_environment_ends_well_and_keeps_the_us
     assert (done.stdout.strip(), done.stderr) == (f"(480, 640, 3) {library}", "")
 
 
+@pytest.mark.slow  # the quick run records a policy, and draws without a display
 @needs_opengl
 def test_a_policy_is_recorded_without_a_display(tee: BuiltMine, tmp_path):
     pytest.importorskip("moviepy")
@@ -116,7 +117,7 @@ def test_what_needs_a_display_says_so_where_there_is_none(tee: BuiltMine, argume
 
 
 @pytest.mark.skipif(shutil.which("Xvfb") is None, reason="Xvfb is not installed (Debian: xvfb)")
-@pytest.mark.parametrize("end", ["close", "leave open"])
+@pytest.mark.parametrize("end", [pytest.param("close", marks=pytest.mark.slow), "leave open"])
 def test_the_viewer_s_process_ends_well(tee: BuiltMine, end):
     read, write = os.pipe()
     server = subprocess.Popen(

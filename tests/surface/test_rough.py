@@ -47,6 +47,7 @@ def test_the_rough_surface_and_the_floor_are_closed_at_corners_junctions_and_isl
     assert not report.self_intersecting
 
 
+@pytest.mark.slow
 def test_random_mines_have_a_rough_surface_without_crack_or_crossing():
     for seed in range(6):
         rng = np.random.default_rng(seed)

@@ -39,7 +39,7 @@ def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_
     assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
 
-@pytest.mark.parametrize("seed", [31, 53, 76, 88])
+@pytest.mark.parametrize("seed", [31, 53, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (76, 88))])
 def test_a_leg_keeps_its_floor_where_the_floor_of_another_ends_or_begins_below_it(tmp_path, seed):
     network, rough = built(table_of("cave", seed), tmp_path)
     found = measure_floor(solve_floors(rough, network), network)

@@ -164,6 +164,7 @@ def test_an_explorer_drives_by_its_name_and_the_choices_are_listed(small_world):
     env.close()
 
 
+@pytest.mark.slow
 def test_the_command_records_and_says_how_much(small_world, tmp_path):
     out = tmp_path / "episode.mcap"
     words = ["record", "MineXplore/World-v0", "--world", str(small_world), "--sensors", "mid-360,imu"]
