@@ -90,8 +90,7 @@ def throw_balls(
             mujoco.mj_step(model, data)
             touched += data.ncon
         places = data.qpos.reshape(-1, 7)[thrown, :3]
-        gone = inside.distance_m(places) < 0
-        escapes += int(gone.sum())
+        escapes += int(inside.are_in_rock(places).sum())
         throws += len(thrown)
     return Throws(touched, throws, escapes, sum(queue.seen for queue in queues))
 
@@ -151,5 +150,5 @@ def throw_robots(
             mujoco.mj_step(model, data)
             touched += data.ncon
         here = np.array([data.qpos[at : at + 3] for at in body])
-        escapes += int((inside.distance_m(here) < 0).sum())
+        escapes += int(inside.are_in_rock(here).sum())
     return Throws(touched, ROBOTS * (len(begun) - 1), escapes, len(np.unique(np.concatenate(begun))))
