@@ -29,9 +29,9 @@ setup-gpu:  ## the same with MuJoCo Warp, torch and rsl-rl, for the environment 
 all: setup  ## run the whole pipeline (dvc repro)
 	@$(PY) -m pipeline.reproduce
 
-# Two workers fill two cores: more threads of BLAS than one each would wait for each other.
+# Three workers fill two cores, as tests wait for processes and files; more threads of BLAS than one each would wait for each other.
 test: setup  ## run the tests, without the slow ones
-	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -m "not slow" tests
+	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist worksteal -m "not slow" tests
 
 test-slow: setup  ## run the slow tests
 	@$(PY) -m pytest -m slow tests
