@@ -77,6 +77,7 @@ def python(project, *commands):
     return done.stdout
 
 
+@pytest.mark.slow
 @needs_sandbox
 def test_an_own_mine_is_evaluated_scored_and_listed(own_short):
     own = own_short

@@ -15,6 +15,7 @@ from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 
+@pytest.mark.slow
 def test_a_team_sees_at_least_as_much_as_one_robot_and_touches_nothing(tee_id):
     one, two = (drive_team(tee_id, robots, 0) for robots in (1, 2))
     assert two.contact_steps == 0

@@ -58,6 +58,7 @@ def test_croissant_reads_the_table_of_worlds(corpus):
     assert rows[0]["worlds/certificate"] is True
 
 
+@pytest.mark.slow
 def test_the_ro_crate_is_valid_and_gives_each_world_its_licence(corpus, tmp_path):
     folder, entries = corpus
     assert crate_issues(folder, cached_context(tmp_path), "ro-crate-1.1") == []

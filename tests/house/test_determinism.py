@@ -66,6 +66,7 @@ def test_load_times_of_another_world_are_not_shown(repro, tmp_path):
         results_table(ROWS, metrics, {})
 
 
+@pytest.mark.slow
 def test_a_clone_compares_its_metrics_with_any_commit(repro, tmp_path):
     project = repro.copy(tmp_path / "mine")
     project.run("git", "add", "-A", check=True)
