@@ -25,6 +25,9 @@ B,b1,30,12,2.5,2.5
 B,b2,30,30,2.5,2.5
 """
 
+# What no command changes in place: a copy links these files, as the disk needs longer for new files than for names.
+_LINKED = ("baselines", "benchmarks", "docs", "tests", "minexplore/**/__pycache__", "pipeline/**/__pycache__")
+
 Run = Callable[..., subprocess.CompletedProcess]
 
 
@@ -106,8 +109,10 @@ class Project:
 
     def copy(self, folder: Path) -> Project:
         """Copy this project, with its artifacts, into `folder`, which does not exist."""
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        subprocess.run(["cp", "-a", str(self.folder), str(folder)], check=True)
+        folder.mkdir(parents=True)
+        linked = [str(path.relative_to(self.folder)) for name in _LINKED for path in self.folder.glob(name)]
+        subprocess.run(["cp", "-al", "--parents", *linked, str(folder)], cwd=self.folder, check=True)
+        subprocess.run(["cp", "-an", ".", str(folder)], cwd=self.folder, check=True)
         return Project.at(folder)
 
     @classmethod

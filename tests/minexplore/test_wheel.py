@@ -1,16 +1,27 @@
+import runpy
 import sys
 import zipfile
 
-from tests.project import Project, message_of
+import pytest
+
+from tests.project import ROOT, Project
 
 
-def build(project: Project):
-    return project.run("env", "PYTHONPATH=.", sys.executable, "packaging/build_wheel.py")
+@pytest.fixture
+def refusal(monkeypatch, capsys):
+    """Return what builds the wheel of a project in this process and returns the message that refuses it."""
+
+    def build(project: Project) -> str:
+        monkeypatch.chdir(project.folder)
+        assert runpy.run_path(str(ROOT / "packaging" / "build_wheel.py"))["main"]() == 2
+        return capsys.readouterr().err.strip()
+
+    return build
 
 
 def test_the_wheel_holds_the_default_world(repro: Project, tmp_path):
     project = repro.copy(tmp_path / "mine")
-    done = build(project)
+    done = project.run("env", "PYTHONPATH=.", sys.executable, "packaging/build_wheel.py")
     assert done.returncode == 0, done.stderr
     (wheel,) = (project.folder / "dist").glob("minexplore-*.whl")
     packed = zipfile.ZipFile(wheel)
@@ -18,18 +29,18 @@ def test_the_wheel_holds_the_default_world(repro: Project, tmp_path):
     assert record == (project.folder / "artifacts" / "realism" / "world" / "world.json").read_bytes()
 
 
-def test_a_world_made_with_overrides_is_not_packed(repro: Project, tmp_path):
+def test_a_world_made_with_overrides_is_not_packed(repro: Project, refusal, tmp_path):
     project = repro.copy(tmp_path / "mine")
     (project.folder / "params.yaml").write_text('overrides: "realism.tilt_deg=3"\n')
     project.module("pipeline.compose").check_returncode()
-    message = message_of(build(project))
+    message = refusal(project)
     assert "realism.tilt_deg = 3.0, the default world has 5.0" in message
     assert len(message.splitlines()) == 1
     assert not (project.folder / "dist").exists()
 
 
-def test_a_world_that_another_chain_made_is_not_packed(repro: Project, tmp_path):
+def test_a_world_that_another_chain_made_is_not_packed(repro: Project, refusal, tmp_path):
     project = repro.copy(tmp_path / "mine")
     project.stage("contours", "contours.tolerance_m=0.15").check_returncode()
-    message = message_of(build(project))
+    message = refusal(project)
     assert "made with other params than those in artifacts/params.yaml" in message

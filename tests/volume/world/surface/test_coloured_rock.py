@@ -1,5 +1,7 @@
 """The colours of a scan on the visible rock of its world: laid in one picture, and seen where they belong."""
 
+from functools import cache
+
 import mujoco
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from tests.volume_worlds import VolumeWorld
 from tests.volumes import BOX
 
 CONFIG = compose(["+mine=heights", "surface.rough.spacing_m=0.3", "surface.texture.scan_px=512"])
-SURFACE, TEXTURE = CONFIG.surface, _texture(CONFIG.surface.texture)
+SURFACE = CONFIG.surface
 RED, BLUE, GREEN, YELLOW, GREY = (200, 40, 40), (40, 40, 200), (40, 160, 40), (180, 180, 40), (120, 110, 100)
 BARE = (14.0, -2.0, 1.5)  # in the blue wall: points within 1.2 m of it have no colour
 LOOKED_AT = {  # a place on the rock, and its colour
@@ -35,6 +37,12 @@ LOOKED_AT = {  # a place on the rock, and its colour
     (5.0, 0.0, 3.0): GREEN,
     (15.0, 0.5, 3.0): GREEN,
 }
+
+
+@cache
+def texture():
+    """Return the drawn texture of rock without colours."""
+    return _texture(CONFIG.surface.texture)
 
 
 def colours_of(points):
@@ -83,7 +91,7 @@ class Scanned:
         self.bundle = rocky(self.built, folder, self.rock)
 
     def rock_with(self, rgb):
-        return rock_of_volume(SURFACE, self.built.compiled, TEXTURE, self.points, rgb)
+        return rock_of_volume(SURFACE, self.built.compiled, texture(), self.points, rgb)
 
     def sampled(self):
         """Return places on the rock (n, 3) m, and the colour (n, 3) that its picture has there."""
@@ -168,7 +176,7 @@ def test_colours_change_no_triangle(scanned):
 
 def test_points_without_any_colour_leave_the_texture(scanned):
     plain = scanned.rock_with(np.zeros((len(scanned.points), 3), np.uint8))
-    assert plain.texture is TEXTURE
+    assert plain.texture is texture()
     assert plain.files == scanned.rock_with(np.zeros((0, 3), np.uint8)).files
 
 
@@ -211,7 +219,7 @@ def test_a_scan_with_colours_becomes_a_world_with_them(tmp_path):
     built = VolumeWorld.__new__(VolumeWorld)
     built._build(_read(params.model_copy(update={"file": path.as_posix()})), tmp_path)
     solid = built.solid
-    rock = rock_of_volume(SURFACE, built.compiled, TEXTURE, solid.scan_m, solid.scan_rgb)
+    rock = rock_of_volume(SURFACE, built.compiled, texture(), solid.scan_m, solid.scan_rgb)
     model = mujoco.MjModel.from_xml_path(str(rocky(built, tmp_path, rock) / MODEL))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
