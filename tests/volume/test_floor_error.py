@@ -21,6 +21,8 @@ OVER_A_STATION = (
     "C,j,0,0,4,4,0,3,0\nC,c,-10,-17.3,4,4,6,3,0\n"
     "D,a,20,0,2,2,6,3,0\nD,e,30,-25,2,2,3,3,0\nD,f,0.5,-25,2,2,0.05,3,0\nD,g,0.5,9,2,2,0.05,3,0\n"
 )
+# A crawl, and a passage that crosses it 0.58 m higher on average and rises; no station is in both.
+OVER_A_CRAWL = "A,1,0,-10,1,1,0,0.4,0\nA,2,0,10,1,1,0,0.4,0\nB,3,-10,0,1,1,-0.6,2,0\nB,4,10,0,1,1,1.8,2,0\n"
 
 
 def built(table, folder):
@@ -39,9 +41,15 @@ def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_
     assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
 
-@pytest.mark.parametrize("seed", [31, 53, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (76, 88))])
+@pytest.mark.parametrize("seed", [31, 53, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (44, 76, 88))])
 def test_a_leg_keeps_its_floor_where_the_floor_of_another_ends_or_begins_below_it(tmp_path, seed):
     network, rough = built(table_of("cave", seed), tmp_path)
+    found = measure_floor(solve_floors(rough, network), network)
+    assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+
+
+def test_a_passage_keeps_its_floor_over_a_crawl_that_it_does_not_meet(tmp_path):
+    network, rough = built(HEADER + OVER_A_CRAWL, tmp_path)
     found = measure_floor(solve_floors(rough, network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
 

@@ -23,7 +23,7 @@ _REFUSED = (b"&", b"<!", b"<?")
 
 @dataclass(slots=True)
 class Node:
-    """An element: its tag, attributes, children, and the path of what it stands in.
+    """An element: its tag, attributes, children, and the path of its parent.
 
     `name` is its name, or the class that a default is for; empty if it has neither. A large cave has a million
     elements, so a node holds neither its own path nor an empty list.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -15,9 +16,22 @@ from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 
-# Pieces in common of two facets that a leg passes over, at that edge or elsewhere on the border: more than others have.
-_PASSES, _PASSES_BORDER = 100_000, 10_000
-_SAME = 1_000_000  # pieces in common of two facets of one patch: more than any two patches have
+
+class Bond(NamedTuple):
+    """What speaks for joining two edges on one line, the weightiest first."""
+
+    is_one_patch: bool  # of both triangles
+    is_passed: bool  # a leg of both passes over the line
+    is_border_passed: bool  # or elsewhere over the border that the line is of
+    in_common: int  # pieces of two patches; 0 within one patch
+
+
+class Candidate(NamedTuple):
+    """Two edges that may be joined: `edge` of a triangle on one side, `other` of one on the other side."""
+
+    bond: Bond
+    edge: int
+    other: int
 
 
 def joined_edges(
@@ -38,18 +52,19 @@ def joined_edges(
     edges: dict[tuple[int, int], list[int]] = defaultdict(list)
     for edge, line in enumerate(zip(spots.ravel().tolist(), np.roll(spots, -1, axis=1).ravel().tolist(), strict=True)):
         edges[line].append(edge)
-    several: dict[tuple[int, int], list[tuple[int, int, int]]] = {}  # pieces in common, and both edges, by line
+    several: dict[tuple[int, int], list[Candidate]] = {}  # by line
     for (a, b), ours in edges.items():
         tries = []
         for one in ours if a < b else []:
             for two in edges.get((b, a), []):
                 p, q = int(patch[one // 3]), int(patch[two // 3])
-                tries.append((_SAME if p == q else len(set(pieces[p]) & set(pieces[q])), one, two))
-        if len(tries) == 1 and tries[0][0]:
-            yield tries[0][1:]
+                in_common = len(set(pieces[p]) & set(pieces[q])) if p != q else 0
+                tries.append(Candidate(Bond(p == q, False, False, in_common), one, two))
+        if len(tries) == 1 and any(tries[0].bond):
+            yield tries[0].edge, tries[0].other
         elif tries:
             several[a, b] = tries
-    wanted = [(line, k) for line, tries in several.items() for k in {e // 3 for _, *both in tries for e in both}]
+    wanted = [(line, k) for line, tries in several.items() for k in {e // 3 for t in tries for e in (t.edge, t.other)}]
     rows = [(line, k, piece) for line, k in wanted for piece in pieces[patch[k]]]
     middles = places[np.array([line for line, _, _ in rows], int).reshape(-1, 2)].mean(axis=1)
     heights: dict[tuple[tuple[int, int], int], dict[int, float]] = defaultdict(dict)
@@ -62,15 +77,16 @@ def joined_edges(
     for k, legs in zip(border.tolist(), over, strict=True):
         by_border[k] |= legs
     for (line, tries), k, legs in zip(several.items(), border.tolist(), over, strict=True):
-        order = []
-        for common, one, two in tries:
+        known = []
+        for bond, one, two in tries:
             both = pieces[patch[one // 3]], pieces[patch[two // 3]]
-            passes = _PASSES * ways.pass_over(*both, legs) + _PASSES_BORDER * ways.pass_over(*both, by_border[k])
-            order.append((common + passes * (common < _SAME), one, two))
-        yield from _best(line, order, heights, shared)
+            passed, border_passed = (not bond.is_one_patch and ways.pass_over(*both, by) for by in (legs, by_border[k]))
+            bond = bond._replace(is_passed=passed, is_border_passed=border_passed)
+            known.append(Candidate(bond, one, two))
+        yield from _best(line, known, heights, shared)
 
 
-def _sides(tries: list[tuple[int, int, int]], patch: np.ndarray, pieces: list[list[int]]) -> frozenset[object]:
+def _sides(tries: list[Candidate], patch: np.ndarray, pieces: list[list[int]]) -> frozenset[object]:
     """Return which floors are on both sides of a line, by their pieces."""
     _, *sides = zip(*tries, strict=True)
     return frozenset(frozenset(tuple(pieces[patch[edge // 3]]) for edge in side) for side in sides)
@@ -115,17 +131,18 @@ class LegWays:
 
 def _best(
     line: tuple[int, int],
-    tries: list[tuple[int, int, int]],
+    tries: list[Candidate],
     heights: dict[tuple[tuple[int, int], int], dict[int, float]],
     shared: SharedFloors,
 ) -> Iterator[tuple[int, int]]:
     """Yield the edges of one line that are joined; `heights` are those of the pieces by line and triangle."""
     order = []
-    for common, one, two in tries:
+    for bond, one, two in tries:
         ours, theirs = heights[line, one // 3], heights[line, two // 3]
-        if common or _follow(ours, theirs, shared):
+        if any(bond) or _follow(ours, theirs, shared):
             mean = sum(ours.values()) / len(ours) + sum(theirs.values()) / len(theirs)
-            order.append((-common, mean if common < _PASSES else -mean, one, two))
+            is_upper_first = bond.is_one_patch or bond.is_passed
+            order.append((tuple(-x for x in bond), -mean if is_upper_first else mean, one, two))
     joined: set[int] = set()
     for _, _, one, two in sorted(order):
         if one not in joined and two not in joined:

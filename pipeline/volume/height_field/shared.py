@@ -17,7 +17,7 @@ from pipeline.volume.union import Solid
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
-_LEAST_APART_M = 1.5  # what is nearer is one floor, though rock may be between; from there up to 2 m the roof decides
+_WAYS_APART_M = 1.5  # of ways that leave one station: what is nearer is one floor, though rock may be between
 _RIM_M = 1.0  # between corners on the rim of an overlap
 _LEAST_M2 = 1e-6  # of an overlap that has an inside
 _NEAR_M = 0.01  # between two overlaps that are one
@@ -37,7 +37,8 @@ class SharedFloors:
 
     Where two ways leave a station, or run beside each other, the overlaps of their pieces follow each other. All pairs
     of such a run share a floor if somewhere in it two floors are hardly apart in height. So no floor ends where two
-    ways part slowly. Where rock is between the two, they are two floors all the same.
+    ways part slowly. Where rock is between the two, they are two floors all the same: if they are farther apart than
+    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where no station joins their ways.
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
@@ -55,12 +56,16 @@ class SharedFloors:
         np.maximum.at(high, row, apart)
         least = np.where(low * high <= 0, 0.0, np.minimum(np.abs(low), np.abs(high)))
         pairs = list(zip(one.tolist(), two.tolist(), strict=True))
-        follow = np.array(list(_following(pairs, overlap, _stations(network, pieces))), int).reshape(-1, 2)
+        stations = _stations(network, pieces)
+        follow = np.array(list(_following(pairs, overlap, stations)), int).reshape(-1, 2)
         n = len(pairs)
         count, run = connected_components(coo_matrix((np.ones(len(follow)), follow.T), (n, n)), directed=False)
         nearest = np.full(count, np.inf)
         np.minimum.at(nearest, run, least)
         self._floors = floors
+        parted = np.full(count, MEET_M)
+        parted[run[[not stations[a].isdisjoint(stations[b]) for a, b in pairs]]] = _WAYS_APART_M
+        self._parted_m = dict(zip(pairs, parted[run].tolist(), strict=True))
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
         self.crossings = _crossings(network, pieces, self._pairs)
 
@@ -97,7 +102,9 @@ class SharedFloors:
     def _over(self, upper: np.ndarray, lower: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return how far (n,) m upper floors are beyond the height up to which they are one with lower ones."""
         height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
-        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), _LEAST_APART_M, APART_M)
+        pairs = zip(np.minimum(upper, lower).tolist(), np.maximum(upper, lower).tolist(), strict=True)
+        parted_m = np.fromiter(map(self._parted_m.__getitem__, pairs), float, len(upper))
+        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), parted_m, APART_M)
         return found
 
 

@@ -28,7 +28,8 @@ def spans_of(vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell
     """Return the spans of a closed mesh whose normals point out of the free space.
 
     The columns that an edge of two facets separates are those of its own ends and of nothing else, so that each column
-    belongs to one of the two.
+    belongs to one of the two. Whether a facet is floor or roof is told by the same edges: the normal of one that stands
+    nearly upright has a rounded sign, and a column would have more floors than roofs.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def spans_of(vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell
     origin_m : (2,) float64, m
     cell_m : float
     """
-    facet, column, row = _columns(vertices, faces, origin_m, cell_m)
+    facet, column, row, is_floor = _columns(vertices, faces, origin_m, cell_m)
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     normal = np.cross(b - a, c - a)
     corner, n = a[facet], normal[facet]
@@ -46,7 +47,6 @@ def spans_of(vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell
     z = corner[:, 2] - (n[:, 0] * (x - corner[:, 0]) + n[:, 1] * (y - corner[:, 1])) / up
     heights = vertices[faces][:, :, 2]
     z = np.clip(z, heights.min(axis=1)[facet], heights.max(axis=1)[facet])
-    is_floor = n[:, 2] < 0
     order = np.lexsort((~is_floor, z, row, column))
     facet, column, row, z = facet[order], column[order], row[order], z[order]
     depth = np.cumsum(np.where(is_floor[order], 1, -1))
@@ -59,19 +59,24 @@ def spans_of(vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell
 
 def _columns(
     vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell_m: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return facet, column and row of each meeting of a facet and a column."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return facet, column and row of each meeting of a facet and a column, and whether the facet is a floor there.
+
+    Free space is over a facet whose western side goes north, as its corners go.
+    """
     plan = (vertices[:, :2] - origin_m) / cell_m - 0.5
     first = np.ceil(plan[:, 1]).astype(np.int64)  # row from which a vertex counts
     sides: list[np.ndarray] = []
     for k in range(3):
-        low, high = np.sort(faces[:, [k, (k + 1) % 3]].astype(np.int64), axis=1).T
+        start, stop = faces[:, k], faces[:, (k + 1) % 3]
+        low, high = np.sort(np.column_stack([start, stop]).astype(np.int64), axis=1).T
         begin, end = np.minimum(first[low], first[high]), np.maximum(first[low], first[high])
         facet = np.repeat(np.arange(len(faces)), end - begin)
         row = begin[facet] + _count_up(end - begin)
         a, b = plan[low[facet]], plan[high[facet]]
         x = a[:, 0] + (row - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-        sides.append(np.column_stack([facet, row, np.ceil(x).astype(np.int64)]))
+        north = first[start] < first[stop]
+        sides.append(np.column_stack([facet, row, np.ceil(x).astype(np.int64), north[facet]]))
     each = np.concatenate(sides)
     each = each[np.lexsort((each[:, 2], each[:, 1], each[:, 0]))]
     left, right = each[0::2], each[1::2]  # a row cuts none or two sides of a facet
@@ -80,6 +85,7 @@ def _columns(
         np.repeat(left[:, 0], count),
         np.repeat(left[:, 2], count) + _count_up(count),
         np.repeat(left[:, 1], count),
+        np.repeat(left[:, 3] == 1, count),
     )
 
 

@@ -51,6 +51,20 @@ def test_a_column_through_vertices_and_edges_has_one_span():
     assert len(np.unique(found.column * 100 + found.row)) == len(found.column) == 16
 
 
+@pytest.mark.parametrize("top", [10.0, -10.0])  # of the wedge behind the facet, over it or under it
+def test_a_facet_that_stands_upright_but_for_rounding_leaves_no_column_open(top):
+    upright = [  # its plane passes through the middle of a cell, and its normal points up by 1.6e-16
+        [58.00406272877015, 4.175390529679104, -37.503837966918944],
+        [58.260873224994484, 4.068386156252299, -37.281165539760316],
+        [57.77884615384615, 4.269230769230769, -36.353837966918945],
+    ]
+    vertices = np.array([*upright, [59.0, 6.0, -37.0 + top]])
+    faces = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    spans = spans_of(vertices, faces, np.array([-131.5, -117.75]), 0.25)
+    assert len(spans.column) == len(np.unique(np.column_stack([spans.column, spans.row]), axis=0)) > 5
+    assert (spans.floor_m < spans.roof_m).all()
+
+
 def test_columns_have_the_volume_of_the_free_space_with_floors_over_each_other_and_a_shaft():
     volume = volume_of(SHAFT)
     found = spans_of(volume.vertices, volume.faces, np.array([0.0, 0.0]), 0.25)
