@@ -143,7 +143,7 @@ def main() -> int:
         for trial in tqdm(list(trials(Path(place))), unit="trial", disable=None):
             right, last = run(project, trial)
             failed += not right
-            rows.append((trial.what, "as it should" if right else f"**{last[:160]}**"))
+            rows.append((trial.what, "as it should" if right else f"**{last.strip()[:160]}**"))
         script = _SCRIPT.format(world=project.folder / "artifacts/worlds/plan1/realism/world")
         done = project.run(sys.executable, "-c", script)
         silent = _is_silent(done.returncode, done.stderr)
