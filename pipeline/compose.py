@@ -1,4 +1,7 @@
-"""Compose `artifacts/params.yaml` from `conf/` and the overrides in `params.yaml`: the only user of Hydra."""
+"""Compose `artifacts/params.yaml` from `conf/` and the overrides in `params.yaml`: the only user of Hydra.
+
+The command writes the hash of each stage's code beside it: DVC does not follow imports.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,11 @@ from pipeline.errors import ParamsError, run_command
 from pipeline.memory import keep_memory
 from pipeline.params.config import Config
 from pipeline.params.reading.composed import root_overrides
-from pipeline.params.reading.places import COMPOSED, ROOT_PARAMS
+from pipeline.params.reading.places import CODE_HASHES, COMPOSED, ROOT_PARAMS
 from pipeline.params.reading.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
 from pipeline.store.files import write_atomically
+from pipeline.store.manifest import code_hashes
 
 CONF = Path("conf")
 WRITTEN_BY_NEW = "Written by `python -m pipeline new"  # in the survey sections of your mines
@@ -157,7 +161,7 @@ def _unknown_key(config: DictConfig, key: str, conf: Path) -> str | None:
 
 
 def main() -> int:
-    """Write the composed configuration; if it is invalid, print one message and return 2."""
+    """Write the composed configuration and the hashes of the code; if it is invalid, print one message and return 2."""
     keep_memory()
     return run_command("compose", _write_composed)
 
@@ -166,6 +170,8 @@ def _write_composed() -> None:
     config = compose_after_root([])
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
+    code = yaml.safe_dump(code_hashes(Config.model_fields, Path.cwd()), sort_keys=False)
+    write_atomically(CODE_HASHES, f"# sha256 of each stage's modules; do not edit.\n{code}".encode())
 
 
 if __name__ == "__main__":

@@ -103,8 +103,8 @@ class _Project:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Return the files below a folder; none below a file."""
-    return [path for path in folder.rglob("*") if path.is_file()]
+    """Return the files below a folder, without compiled modules, which `.dvcignore` names; none below a file."""
+    return [path for path in folder.rglob("*") if path.parent.name != "__pycache__" and path.is_file()]
 
 
 def _locked(stage: dict[str, Any]) -> dict[str, Any]:

@@ -12,14 +12,15 @@ import yaml
 
 from pipeline.compose import CONF, WRITTEN_BY_NEW, compose
 from pipeline.params.config import Config
+from pipeline.params.reading.places import CODE_HASHES, COMPOSED
 from pipeline.stage import ARTIFACTS, Stage
-from pipeline.store.hashing import import_closure
 from pipeline.store.registry import REGISTRY
 
+CODE = ("minexplore", "pipeline", "stages")  # the folders of the modules that a stage may import
 STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
 _HEADER = """\
-# The only DAG. Written by `make dag` from the stages' declarations and their imports (DVC does not follow imports);
-# `persist` keeps earlier artifacts until a stage has written all new ones.
+# The only DAG. Written by `make dag` from the stages' declarations. `compose` hashes the code of each stage, as DVC
+# does not follow imports; `persist` keeps earlier artifacts until a stage has written all new ones.
 """
 _PLOTS: list[dict[str, Any]] = [
     {"artifacts/contours/contours.png": None},
@@ -43,15 +44,15 @@ def load_stages() -> list[Stage]:
 def render_dag(root: Path) -> str:
     """Return the text of `dvc.yaml` for the project at `root`."""
     compose = {
-        "desc": "Compose the parameters from conf/ and the overrides in params.yaml",
+        "desc": "Compose the parameters from conf/ and the overrides in params.yaml, and hash the code of each stage",
         "cmd": "python -m pipeline.compose",
-        "deps": [*_conf_files(root), *_closure(root, "pipeline/compose.py")],
+        "deps": [*_conf_files(root), *CODE],
         "params": ["overrides"],
-        "outs": [_persistent("artifacts/params.yaml")],
+        "outs": [_persistent(path.as_posix()) for path in (COMPOSED, CODE_HASHES)],
     }
     stages: dict[str, Any] = {"compose": compose}
     for stage in load_stages():
-        stages[stage.name] = _stage_entry(stage, root)
+        stages[stage.name] = _stage_entry(stage)
     stages["report"] = {
         "desc": "The report: one page with all the evidence",
         "cmd": "python -m pipeline report",
@@ -60,8 +61,8 @@ def render_dag(root: Path) -> str:
             "pipeline/report/page.html.j2",
             "pipeline/report/figures/headlamp.js",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
-            *_closure(root, "pipeline/report/page.py"),
         ],
+        "params": [{CODE_HASHES.as_posix(): ["report"]}],
         # The page shows load times, which differ from run to run, so the lock names the files written with it.
         "outs": [_persistent((ARTIFACTS / "report" / name).as_posix()) for name in ("mine.png", "mine.svg")],
     }
@@ -69,7 +70,7 @@ def render_dag(root: Path) -> str:
     return _HEADER + yaml.safe_dump({"stages": stages, "plots": plots}, sort_keys=False, width=120)
 
 
-def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
+def _stage_entry(stage: Stage) -> dict[str, Any]:
     doc = sys.modules[f"stages.{stage.name}"].__doc__ or ""
     locked = [a for a in stage.writes.values() if not a.volatile]
     outs = [artifact.at(ARTIFACTS).as_posix() for artifact in locked if not artifact.in_git]
@@ -78,8 +79,8 @@ def _stage_entry(stage: Stage, root: Path) -> dict[str, Any]:
     entry = {
         "desc": doc.splitlines()[0],
         "cmd": f"python -m stages.{stage.name}",
-        "deps": _registered_files(stage) + inputs + _closure(root, f"stages/{stage.name}.py"),
-        "params": [{(ARTIFACTS / "params.yaml").as_posix(): [stage.name]}],
+        "deps": _registered_files(stage) + inputs,
+        "params": [{path.as_posix(): [stage.name]} for path in (COMPOSED, CODE_HASHES)],
         "outs": [_persistent(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()]],
     }
     # DVC's cache is local to a machine. Metrics in git can be compared with any commit (`dvc metrics diff`).
@@ -105,10 +106,6 @@ def _registered_files(stage: Stage) -> list[str]:
     """List the files below `data/` that a stage reads for the default world, and their registry."""
     files = stage.sources(getattr(_default(), stage.name))
     return [*files, REGISTRY.as_posix()] if files else []
-
-
-def _closure(root: Path, module: str) -> list[str]:
-    return [path.as_posix() for path in import_closure(root / module, root)]
 
 
 def _persistent(path: str) -> dict[str, Any]:

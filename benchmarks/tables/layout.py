@@ -17,11 +17,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-
-import yaml
+from tempfile import TemporaryDirectory
 
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
+from pipeline.store.hashing import import_closure
+from stages.__main__ import STAGES
 
 BEFORE = "9d8be4aa"  # the last commit before the folders were cut
 PAGE = Path("docs/evidence/parts/layout.md")
@@ -117,10 +118,10 @@ class ProjectFiles:
         return len(self.texts["docs/index.md"].split())
 
     def way(self, artifact: str) -> Way:
-        """Follow an artifact through the modules that the stages name in `dvc.yaml`, stage by stage."""
+        """Follow an artifact through the modules that the stages import, stage by stage."""
         names = ARTIFACTS[artifact]
         naming = {path for path, tree in self.trees.items() if names & set(_identifiers(tree))}
-        stages = [naming.intersection(stage) for stage in self._modules_by_stage()]
+        stages = [naming & modules for modules in self._modules_by_stage()]
         seen: set[str] = set()
         last: set[str] = set()
         returns = 0
@@ -131,12 +132,17 @@ class ProjectFiles:
         return Way(len(set().union(*stages)), len(seen), returns)
 
     def _modules_by_stage(self) -> Iterator[set[str]]:
-        for stage in yaml.safe_load(self.texts["dvc.yaml"])["stages"].values():
-            yield set(map(str, stage["deps"]))
+        with TemporaryDirectory() as folder:
+            root = Path(folder)
+            for path in self.modules(*PRODUCT):
+                (root / path).parent.mkdir(parents=True, exist_ok=True)
+                (root / path).write_text(self.texts[path])
+            for stage in (f"stages/{name}.py" for name in STAGES):
+                yield {path.as_posix() for path in import_closure(root / stage, root)}
 
 
 def _is_text(name: str) -> bool:
-    return name.endswith(".py") or name in ("Makefile", "mkdocs.yml", "dvc.yaml", "pyproject.toml", "docs/index.md")
+    return name.endswith(".py") or name in ("Makefile", "mkdocs.yml", "pyproject.toml", "docs/index.md")
 
 
 def _is_registry(node: ast.stmt) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ from pipeline.errors import ArtifactError
 from pipeline.store.files import describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
+_REPORT = "pipeline/report/page.py"
 _Section = TypeVar("_Section")
 
 
@@ -35,7 +37,16 @@ def code_sha256(stage: str, root: Path) -> str:
 
     It is that of the first call in a process, which does not load changed modules later either.
     """
-    closure = import_closure(root / "stages" / f"{stage}.py", root)
+    return _closure_sha256(f"stages/{stage}.py", root)
+
+
+def code_hashes(stages: Iterable[str], root: Path) -> dict[str, str]:
+    """Return the hash of the code of each stage, and of the report."""
+    return {**{stage: code_sha256(stage, root) for stage in stages}, "report": _closure_sha256(_REPORT, root)}
+
+
+def _closure_sha256(module: str, root: Path) -> str:
+    closure = import_closure(root / module, root)
     return sha256_named({path.as_posix(): _module_sha256(root / path) for path in closure})
 
 

@@ -10,9 +10,30 @@ from stages.__main__ import load_stages, render_dag
 from tests.project import ROOT
 
 
-def test_dvc_yaml_names_every_module_that_a_stage_imports():
-    # The file is generated from the declarations, so deps, outs and imports always agree.
+def test_dvc_yaml_is_that_of_the_declarations():
     assert (ROOT / "dvc.yaml").read_text() == render_dag(ROOT), "run `make dag`"
+
+
+def test_a_changed_module_makes_stale_the_stages_that_import_it_and_no_other(unbuilt, tmp_path):
+    project = unbuilt.copy(tmp_path / "mine")
+    stages = [stage.name for stage in load_stages()]
+
+    def composed():
+        project.module("pipeline.compose").check_returncode()
+        return yaml.safe_load((project.folder / "artifacts/code.yaml").read_text())
+
+    def changed(name):
+        before, path = composed(), project.folder / name
+        path.write_text(path.read_text() + "\n")
+        after = composed()
+        return {stage for stage in before if before[stage] != after[stage]}
+
+    assert changed("pipeline/geometry/drawing/gaps.py") == {"survey"}
+    assert changed("pipeline/report/page.py") == {"report"}
+    assert changed("pipeline/errors.py") == {*stages, "report"}
+    dag = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    assert all({"artifacts/code.yaml": [name]} in dag[name]["params"] for name in (*stages, "report"))
+    assert {"minexplore", "pipeline", "stages"} <= set(dag["compose"]["deps"])
 
 
 def test_dvc_yaml_names_each_input_of_the_default_world_and_none_of_your_mines(unbuilt, tmp_path):

@@ -121,8 +121,8 @@ def test_dvc_repro_runs_all_stages_once_then_none(repro, tmp_path):
     read, _, _ = audit_repro(project)
     assert {"artifacts/survey/plan.png", "artifacts/realism/world/mine.xml", "stages/survey.py"} <= read  # hashed once
     read, processes, imported = audit_repro(project)
-    # DVC compares the values of the two params.yaml; its state has the hashes of all other files.
-    assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.yaml"}
+    # DVC compares the values in three files; its state has the hashes of all others.
+    assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.yaml", "artifacts/code.yaml"}
     assert processes == []
     assert [name for name in imported if name.split(".")[0] in ("pipeline", "stages", "minexplore")] == []
 

@@ -1,8 +1,9 @@
-"""The files of the composed configuration and of its overrides."""
+"""The files that the first stage reads and writes."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 COMPOSED = Path("artifacts/params.yaml")
+CODE_HASHES = Path("artifacts/code.yaml")  # of each stage, as its manifest has it
 ROOT_PARAMS = Path("params.yaml")  # one line of overrides, DVC's only parameter

@@ -28,8 +28,8 @@ def spans_of(vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell
     """Return the spans of a closed mesh whose normals point out of the free space.
 
     The columns that an edge of two facets separates are those of its own ends and of nothing else, so that each column
-    belongs to one of the two. The same edges decide whether a facet is floor or roof: the normal of one that stands nearly
-    upright has a rounded sign, and a column would have more floors than roofs.
+    belongs to one of the two. The same edges decide whether a facet is floor or roof: the normal of one that stands
+    nearly upright has a rounded sign, and a column would have more floors than roofs.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@ import pytest
 
 from baselines.base.errors import BaselineError
 from benchmarks.tables.layout import ProjectFiles, Way, layout_table
+from stages.__main__ import STAGES
 
-DVC = "stages:\n  survey: {deps: [pipeline/a/read.py]}\n  rock: {deps: [pipeline/b/cut.py]}\n  proof: {deps: [%s]}\n"
 TEXTS = {
     "pipeline/a/__init__.py": '"""A."""\n',
     "pipeline/a/read.py": "FORMATS = {'.csv': len, '.dxf': min}\nLIMITS = {'a': 1, 'b': 2}\nplan = 1\n",
@@ -16,7 +16,6 @@ TEXTS = {
     "mkdocs.yml": "docs_dir: docs\nnav:\n  - Home: index.md\n  - How to:\n      - Start: start.md\nnot_in_nav: adr/\n",
     "docs/index.md": "three words here\n",
     "pyproject.toml": "[[tool.importlinter.contracts]]\n",
-    "dvc.yaml": DVC % "pipeline/a/read.py",
 }
 
 
@@ -28,17 +27,20 @@ def test_lines_classes_registries_targets_pages_and_words_are_counted():
 
 
 def test_a_stage_that_enters_a_folder_again_returns_to_it():
-    assert ProjectFiles(TEXTS).way("plan") == Way(modules=2, folders=2, returns=1)
-    onwards = ProjectFiles({**TEXTS, "dvc.yaml": DVC % "pipeline/b/cut.py"})
-    assert onwards.way("plan").returns == 0
+    def importing(*modules):
+        texts = {f"stages/{stage}.py": f"from {name} import x\n" for stage, name in zip(STAGES, modules, strict=True)}
+        return ProjectFiles({**TEXTS, **texts})
+
+    read, cut = "pipeline.a.read", "pipeline.b.cut"
+    assert importing(read, cut, cut, read, read, read).way("plan") == Way(modules=2, folders=2, returns=1)
+    assert importing(read, cut, cut, cut, cut, cut).way("plan").returns == 0
 
 
 def test_a_folder_of_sixteen_modules_is_counted():
-    many = {f"pipeline/b/m{number}.py": "" for number in range(15)}
-    assert ProjectFiles({**TEXTS, **many}).crowded() == 1
-    assert "| folders of more than 15 modules | 0 | 1 |" in layout_table(
-        ProjectFiles(TEXTS), ProjectFiles({**TEXTS, **many})
-    )
+    few = TEXTS | {f"stages/{stage}.py": "" for stage in STAGES}
+    many = few | {f"pipeline/b/m{number}.py": "" for number in range(15)}
+    assert ProjectFiles(many).crowded() == 1
+    assert "| folders of more than 15 modules | 0 | 1 |" in layout_table(ProjectFiles(few), ProjectFiles(many))
 
 
 def test_a_commit_that_a_clone_does_not_have_is_named_with_what_to_do():
