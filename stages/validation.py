@@ -16,7 +16,7 @@ from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
-from pipeline.proof.groups import applying_limits, is_measured, is_rock_judged
+from pipeline.proof.groups import OF_VISIBLE_ROCK, applying_limits, is_measured, is_rock_judged
 from pipeline.proof.lidar.replay import replay_sweeps
 from pipeline.proof.lidar.replay_report import Replay, ReplayReport
 from pipeline.proof.texture import TextureReport
@@ -38,8 +38,6 @@ from pipeline.types import (
     SurveyedLegs,
     Workings,
 )
-
-_SLOW_MEASURES = ("containment", "columns", "walls", "relief", "texture")
 
 
 def validate_world(
@@ -71,22 +69,18 @@ def validate_world(
             picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures, rays)
             pictures = pictures | {"deviation": picture}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
-    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
     groups = [group for group in MEASURES if is_measured(group, params)]
+    beside = [group for group in OF_VISIBLE_ROCK if group in groups and params.extent != "certificate"]
+    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], beside=beside)
     if params.extent == "certificate":
         metrics = {group: validator.measure(group) for group in groups}
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
-    slow = [name for name in _SLOW_MEASURES if name in groups or name not in MEASURES]
-    # Long measures mostly run outside the interpreter. The largest two take turns in this thread, whose memory the C
-    # library joins again: the stress test beside the others, 0.3 GB of the default mine, and then the texture, 0.4 GB.
     with ThreadPoolExecutor(1) as pool:
-        others = [pool.submit(_measure, validator, name) for name in slow if name not in ("containment", "texture")]
+        columns = pool.submit(_measure, validator, "columns")  # mostly outside the interpreter
         _measure(validator, "containment")
-        for measured in others:
-            measured.result()
-        if "texture" in slow:
-            _measure(validator, "texture")
+        columns.result()
+        validator.await_measured()
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
         evidence = _evidence(params, validator)
         metrics = {group: validator.measure(group) for group in groups}

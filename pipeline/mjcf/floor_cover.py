@@ -57,6 +57,16 @@ def cover_floor(
         Ruts follow its legs.
     zones : list of ZoneStrip
     """
+    corners, cells = _uneven_grid(params, free, network, zones)
+    vertices, faces = _simplified(params, corners, cells)
+    faces = _upwards(vertices, faces)
+    return _cut(vertices, faces, zones)
+
+
+def _uneven_grid(
+    params: FloorParams, free: Polygon, network: DriftNetwork, zones: list[ZoneStrip]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (n, 3) m of the floor's grid, and its cells (k, 4)."""
     # An outline of stage 2 carries the grid that it was rounded to, and would round the band round it to that.
     free = shapely.set_precision(free, 0.0)
     params = _widened(params, free)
@@ -72,12 +82,10 @@ def cover_floor(
     height = params.relief_m + uneven + banks - _ruts(params, places, network, wander)
     height = _flooded(params, places, height, zones, wander)
     height = np.clip(_sunk_under_rock(walls, places, height, ~inside), _LOWEST_M, COVER_M)
-    vertices, faces = _simplified(params, np.column_stack([places, height]), _faces(cells))
-    faces = _upwards(vertices, faces)
-    return _cut(vertices, faces, zones)
+    return np.column_stack([places, height]), cells
 
 
-def _simplified(params: FloorParams, corner: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _simplified(params: FloorParams, corner: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return fewer vertices and faces.
 
     Heights are drawn apart before, most where water ends and shade begins, and put back after: by their true heights
@@ -89,7 +97,7 @@ def _simplified(params: FloorParams, corner: np.ndarray, faces: np.ndarray) -> t
     drawn = np.column_stack([corner[:, :2], np.interp(corner[:, 2], true_m, apart_m)])
     origin = np.array([*corner[:, :2].mean(axis=0).round(), 0.0])  # 32 bits have few digits far from it
     lowered = (drawn - origin).astype(np.float32)
-    vertices, faces = simplify_mesh(lowered, faces.astype(np.int32), 1 - params.kept_share)
+    vertices, faces = simplify_mesh(lowered, _faces(cells.astype(np.int32)), 1 - params.kept_share)
     vertices = vertices.astype(np.float64) + origin
     vertices[:, 2] = np.clip(np.interp(vertices[:, 2], apart_m, true_m), _LOWEST_M, COVER_M)
     return np.round(vertices, 4), faces

@@ -53,11 +53,11 @@ def _simplify(points: np.ndarray, faces: np.ndarray, reduction: float) -> tuple[
     return simplified, kept
 
 
-def _packed(*arrays: np.ndarray) -> bytes:
+def _packed(*arrays: np.ndarray) -> memoryview:
     stream = io.BytesIO()
     for array in arrays:
         np.save(stream, array, allow_pickle=False)
-    return stream.getvalue()
+    return stream.getbuffer()
 
 
 def _unpacked(data: bytes) -> tuple[np.ndarray, np.ndarray]:

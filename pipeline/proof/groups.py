@@ -8,13 +8,13 @@ from typing import Any
 from pipeline.params.validation import Limit, ValidationParams
 
 _OF_ROCK = ("texture", "relief")
-_OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
+OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
 
 
 def is_measured(group: str, params: ValidationParams) -> bool:
     """Return whether a group of metrics is measured: without visible rock, or by the certificate alone, not all are."""
-    of_rock, of_certificate = group in _OF_VISIBLE_ROCK, group in _OF_CERTIFICATE
+    of_rock, of_certificate = group in OF_VISIBLE_ROCK, group in _OF_CERTIFICATE
     return (params.overlay != "none" or not of_rock) and (params.extent == "full" or of_certificate)
 
 

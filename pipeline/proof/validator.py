@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from minexplore.bundle import FREE_SPACE, MINE_BODY, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.outline.binarize import left_out
 from pipeline.geometry.outline.half_level import trace_half_level
+from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
@@ -54,11 +55,14 @@ class Validator:
         survey: Survey,
         checked: bool = True,
         traced: Polygon | None = None,
+        beside: Iterable[str] = (),
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
         With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
-        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
+        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. Another process takes
+        the measures of visible rock that `beside` names, of texture, relief and walls, while the world is made again;
+        see `await_measured`.
 
         Raises
         ------
@@ -70,16 +74,32 @@ class Validator:
         self._traced = traced
         self.world: OpenedBundle = open_bundle(bundle, checked)
         _require_overlay(bundle, self.world, params)
-        if checked and params.extent == "full":
-            require_own_claims(bundle, read_made_by(bundle), params)
-            self.free_space: FreeSpace = require_built(bundle, self.world.record, params)
-            _require_survey(bundle, self.world, survey)
-            _require_plan(bundle, self.free_space, cleaned, raw)
-            give_back()  # what the world was made again with
-        else:
-            self.free_space = decode(bundle / FREE_SPACE, FreeSpace)
-        self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
         self._tracing = params.network_cell_m, params.network_min_leg_m
+        self.free_space: FreeSpace = decode(bundle / FREE_SPACE, FreeSpace)
+        self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
+        names = tuple(beside)
+        give_back()  # what the model was compiled from
+        self._measured = Forked(lambda: {name: getattr(self, name) for name in names}) if names else None
+        if checked and params.extent == "full":
+            try:
+                self._require_built()
+            except BaseException:
+                if self._measured:
+                    self._measured.end()
+                raise
+            give_back()  # what the world was made again with
+
+    def _require_built(self) -> None:
+        require_own_claims(self.bundle, read_made_by(self.bundle), self.params)
+        self.free_space = require_built(self.bundle, self.world.record, self.params)
+        _require_survey(self.bundle, self.world, self.survey)
+        _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
+
+    def await_measured(self) -> None:
+        """Take over what another process has measured, once it is done."""
+        if self._measured:
+            vars(self).update(self._measured.result())
+            self._measured = None
 
     @functools.cached_property
     def world_free(self) -> Mask:

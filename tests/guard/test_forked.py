@@ -1,0 +1,47 @@
+"""Work in a forked process."""
+
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+from pipeline.errors import ArtifactError, MemoryShortageError
+from pipeline.guard.forked import Forked
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the work runs in this process there")
+
+
+def test_the_result_is_that_of_another_process_on_what_this_one_holds():
+    held = list(range(5))
+    assert Forked(lambda: (sum(held), os.getpid() != os.getppid())).result() == (10, True)
+    assert Forked(os.getpid).result() != os.getpid()
+
+
+def test_a_refusal_comes_with_its_message():
+    def refuse():
+        raise ArtifactError("mine.xml: no rock")
+
+    with pytest.raises(ArtifactError, match=r"^mine\.xml: no rock$"):
+        Forked(refuse).result()
+
+
+def test_a_process_that_the_system_ends_is_a_shortage_of_memory():
+    with pytest.raises(MemoryShortageError):
+        Forked(lambda: os.kill(os.getpid(), signal.SIGKILL)).result()
+
+
+def test_an_error_of_the_program_is_not_called_a_shortage(capfd):
+    with pytest.raises(RuntimeError, match="its error is above"):
+        Forked(lambda: 1 // 0).result()
+    assert "ZeroDivisionError" in capfd.readouterr().err
+
+
+def test_a_process_that_is_no_longer_wanted_ends(tmp_path):
+    file = tmp_path / "done"
+    forked = Forked(lambda: (time.sleep(30), file.touch()))
+    start = time.monotonic()
+    forked.end()
+    assert time.monotonic() - start < 5
+    assert not file.exists()
