@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -118,11 +119,12 @@ def _fittings(
 ) -> Bundle:
     """Return the meshes of the visible floor and the furniture as `NAME.msh`."""
     found: Bundle = {}
-    if params.floor:
-        cover = cover_floor(params.floor, free_space.polygon, topology, zones)
-        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.items()}
-    if params.furnish != "off":
-        found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
+    with ThreadPoolExecutor(1) as pool:  # a process simplifies the floor meanwhile
+        cover = pool.submit(cover_floor, params.floor, free_space.polygon, topology, zones) if params.floor else None
+        if params.furnish != "off":
+            found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
+    if cover:
+        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.result().items()}
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
 
