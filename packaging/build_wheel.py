@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -11,8 +12,6 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from minexplore.page import page
 from minexplore.world import DEFAULT_WORLD
@@ -65,7 +64,7 @@ def require_default_world() -> None:
     """
     if not COMPOSED.is_file():
         raise ArtifactError(f"{COMPOSED}: missing")
-    built = dict(_values(yaml.safe_load(COMPOSED.read_text())))
+    built = dict(_values(json.loads(COMPOSED.read_bytes())))
     default = dict(_values(compose([]).model_dump(mode="json")))
     for name in [*default, *built]:
         if built.get(name) != default.get(name):

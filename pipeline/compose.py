@@ -1,10 +1,11 @@
-"""Compose `artifacts/params.yaml` from `conf/` and the overrides in `params.yaml`: the only user of Hydra.
+"""Compose `artifacts/params.json` from `conf/` and the overrides in `params.yaml`: the only user of Hydra.
 
 The command writes the hash of each stage's code beside it: DVC does not follow imports.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -168,10 +169,11 @@ def main() -> int:
 
 def _write_composed() -> None:
     config = compose_after_root([])
-    text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
-    write_atomically(COMPOSED, f"# Composed from conf/ and the overrides in params.yaml; do not edit.\n{text}".encode())
-    code = yaml.safe_dump(code_hashes(Config.model_fields, Path.cwd()), sort_keys=False)
-    write_atomically(CODE_HASHES, f"# sha256 of each stage's modules; do not edit.\n{code}".encode())
+    for path, values in (
+        (COMPOSED, config.model_dump(mode="json")),
+        (CODE_HASHES, code_hashes(Config.model_fields, Path.cwd())),
+    ):
+        write_atomically(path, f"{json.dumps(values, indent=1)}\n".encode())  # DVC reads YAML a hundred times slower
 
 
 if __name__ == "__main__":

@@ -56,9 +56,10 @@ class _Project:
         self._content: dict[Path, Any] = {}
 
     def read(self, path: Path) -> Any:
-        """Return the content of a YAML file."""
+        """Return the content of a file of YAML or JSON."""
         if path not in self._content:
-            self._content[path] = yaml.load(path.read_bytes(), _Loader)
+            data = path.read_bytes()
+            self._content[path] = json.loads(data) if path.suffix == ".json" else yaml.load(data, _Loader)
         return self._content[path]
 
     def state(self, stage: dict[str, Any]) -> dict[str, Any]:

@@ -225,7 +225,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
         if has_run:  # `make all` has already built it
             for name in (*STAGES, "report"):
                 shutil.copytree(ROOT / "artifacts" / name, folder / "artifacts" / name, dirs_exist_ok=True)
-            shutil.copy2(ROOT / "artifacts" / "params.yaml", folder / "artifacts" / "params.yaml")
+            shutil.copy2(ROOT / "artifacts" / "params.json", folder / "artifacts" / "params.json")
         else:
             project.stages(*STAGES)
 

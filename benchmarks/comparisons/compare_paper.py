@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import yaml
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
@@ -64,12 +64,12 @@ def overrides_for(keys: list[str]) -> dict:
 
 def run_pipeline(folder: Path, config: dict) -> dict[str, float]:
     """Run the six stages in a folder of their own and return the flat metrics; finished runs are not repeated."""
-    params = yaml.safe_dump(config, sort_keys=False)
+    params = json.dumps(config)
     code = [code_sha256(stage, Path.cwd()) for stage in STAGES]
     key = sha256_bytes("".join([params, REGISTRY.read_text(), *code]).encode())
     stamp = folder / "done"
     if not (stamp.is_file() and stamp.read_text() == key):
-        write_atomically(folder / "artifacts/params.yaml", params.encode())
+        write_atomically(folder / "artifacts/params.json", params.encode())
         for name in ("conf", "data", "minexplore", "pipeline", "stages"):
             link = folder / name
             if not link.exists():

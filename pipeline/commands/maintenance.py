@@ -27,11 +27,9 @@ def _forget_other_params(params: dict[str, Any]) -> None:
 
     It does not see that the section of one of your mines was edited: `dvc.yaml` names the project's files only.
     """
-    import yaml
-
     from pipeline.params.reading.places import COMPOSED
 
-    if COMPOSED.is_file() and yaml.load(COMPOSED.read_text(), yaml.CSafeLoader) != params:
+    if COMPOSED.is_file() and json.loads(COMPOSED.read_bytes()) != params:
         COMPOSED.unlink()
 
 

@@ -10,6 +10,7 @@ import yaml
 from minexplore.bundle import BundleError
 from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
+from pipeline.params.reading.places import COMPOSED
 from pipeline.store.hashing import absence_of, read_text_file, sha256_file
 from pipeline.store.manifest import Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
@@ -36,8 +37,8 @@ def verify_chain(root: Path) -> int:
     ArtifactError, InputError
         The message names the first link that fails.
     """
-    stages, artifacts = _read_yaml(root / "dvc.yaml")["stages"], root / "artifacts"
-    registry, params = read_registry(), _read_yaml(artifacts / "params.yaml")
+    stages, artifacts = _read_sections(root / "dvc.yaml")["stages"], root / "artifacts"
+    registry, params = read_registry(), _read_sections(root / COMPOSED)
     produced: dict[str, str] = {}
     for stage in (name for name in stages if name not in ("compose", "report")):
         manifest = read_manifest(artifacts / stage / "manifest.json")
@@ -45,7 +46,7 @@ def verify_chain(root: Path) -> int:
         if manifest.stage != stage:
             raise ArtifactError(f"{where}: written by stage {manifest.stage!r}")
         if manifest.params != params.get(stage):
-            raise ArtifactError(f"{where}: made with other params than those in {artifacts / 'params.yaml'}")
+            raise ArtifactError(f"{where}: made with other params than those in {root / COMPOSED}")
         if manifest.code_sha256 != code_sha256(stage, root):
             raise ArtifactError(f"{where}: made by other code than the project's (`make all` renews it)")
         reads = [dep for dep in stages[stage]["deps"] if dep.startswith("artifacts/") or dep == "data"]
@@ -83,13 +84,14 @@ def verify_certificate(path: Path, world: str) -> None:
         raise ArtifactError(f"{path}: holds = {str(holds)[:80]}, want true")
 
 
-def _read_yaml(path: Path) -> dict:
+def _read_sections(path: Path) -> dict:
     try:
-        content = yaml.load(read_text_file(path), yaml.CSafeLoader)
+        data = read_text_file(path)
+        content = json.loads(data) if path.suffix == ".json" else yaml.load(data, yaml.CSafeLoader)
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; run `make all` in the project's root") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ArtifactError(f"{path}: not YAML") from error
+        raise ArtifactError(f"{path}: not {path.suffix[1:].upper()}") from error
     if not isinstance(content, dict):
         raise ArtifactError(f"{path}: want a mapping of sections")
     return content

@@ -254,7 +254,7 @@ def test_make_composes_again_after_the_section_of_an_own_mine_was_edited(copied)
     own = copied.folder / "conf/survey/own.yaml"
     own.write_text((copied.folder / "conf/survey/procedural.yaml").read_text())
     (copied.folder / "params.yaml").write_text('overrides: "survey=own"\n')
-    composed = copied.folder / "artifacts/params.yaml"
+    composed = copied.folder / "artifacts/params.json"
     copied.module("pipeline.compose").check_returncode()
     set_overrides(copied, "survey=own").check_returncode()
     assert composed.is_file()

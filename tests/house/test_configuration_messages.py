@@ -7,11 +7,11 @@ from pipeline.errors import ParamsError
 from pipeline.params.reading.composed import composed_section, root_overrides
 
 
-@pytest.mark.parametrize("text", ["survey: 3\n", "survey: {kind: plan}\n", "a: [\n", "[]\n"])
+@pytest.mark.parametrize("text", ['{"survey": 3}', '{"survey": {"kind": "plan"}}', '{"a": [', "[]", "[" * 20_000])
 def test_a_broken_composed_configuration_is_refused_in_one_line_of_our_own_words(tmp_path, monkeypatch, text):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "artifacts").mkdir()
-    (tmp_path / "artifacts/params.yaml").write_text(text)
+    (tmp_path / "artifacts/params.json").write_text(text)
     with pytest.raises(ParamsError, match="not a composed configuration") as caught:
         composed_section("survey")
     assert "\n" not in str(caught.value)

@@ -1,3 +1,4 @@
+import json
 import re
 import subprocess
 import sys
@@ -20,7 +21,7 @@ def test_a_changed_module_makes_stale_the_stages_that_import_it_and_no_other(unb
 
     def composed():
         project.module("pipeline.compose").check_returncode()
-        return yaml.safe_load((project.folder / "artifacts/code.yaml").read_text())
+        return json.loads((project.folder / "artifacts/code.json").read_text())
 
     def changed(name):
         before, path = composed(), project.folder / name
@@ -32,7 +33,7 @@ def test_a_changed_module_makes_stale_the_stages_that_import_it_and_no_other(unb
     assert changed("pipeline/report/page.py") == {"report"}
     assert changed("pipeline/errors.py") == {*stages, "report"}
     dag = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-    assert all({"artifacts/code.yaml": [name]} in dag[name]["params"] for name in (*stages, "report"))
+    assert all({"artifacts/code.json": [name]} in dag[name]["params"] for name in (*stages, "report"))
     assert {"minexplore", "pipeline", "stages"} <= set(dag["compose"]["deps"])
 
 

@@ -108,8 +108,8 @@ def test_a_manifest_made_from_another_input_breaks_the_chain(traced_project, tmp
     project = traced_project.copy(tmp_path / "copy")
     folder = project.folder
     project.stage("survey", "survey.drawing_grey=60").check_returncode()
-    text = (folder / "artifacts/params.yaml").read_text().replace("drawing_grey: 40", "drawing_grey: 60")
-    (folder / "artifacts/params.yaml").write_text(text)
+    text = (folder / "artifacts/params.json").read_text().replace('"drawing_grey": 40', '"drawing_grey": 60')
+    (folder / "artifacts/params.json").write_text(text)
     done = project.module("pipeline", "verify")
     assert "artifacts/survey/plan.png" in message_of(done)
     assert "the inputs of contours" in done.stderr
@@ -122,7 +122,7 @@ def test_dvc_repro_runs_all_stages_once_then_none(repro, tmp_path):
     assert {"artifacts/survey/plan.png", "artifacts/realism/world/mine.xml", "stages/survey.py"} <= read  # hashed once
     read, processes, imported = audit_repro(project)
     # DVC compares the values in three files; its state has the hashes of all others.
-    assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.yaml", "artifacts/code.yaml"}
+    assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.json", "artifacts/code.json"}
     assert processes == []
     assert [name for name in imported if name.split(".")[0] in ("pipeline", "stages", "minexplore")] == []
 
@@ -181,7 +181,7 @@ def test_an_experiment_runs_the_changed_stages(repro, tmp_path):
     experiment = project.run("dvc", "exp", "run", "-S", "overrides='contours.tolerance_m=0.15'")
     assert experiment.returncode == 0, experiment.stderr
     assert "Running stage 'survey'" not in experiment.stdout
-    params = yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())
+    params = json.loads((project.folder / "artifacts/params.json").read_text())
     assert params["contours"]["tolerance_m"] == 0.15
     manifest = json.loads((project.folder / "artifacts/contours/manifest.json").read_text())
     assert manifest["params"]["tolerance_m"] == 0.15
@@ -199,11 +199,11 @@ def test_make_all_takes_overrides_and_returns_to_the_default(project):
     (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")
     done = project.run("make", "all", OVERRIDES="survey.drawing_grey=60 contours.tolerance_m=0.1")
     assert done.returncode == 0, done.stderr
-    params = yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())
+    params = json.loads((project.folder / "artifacts/params.json").read_text())
     assert (params["survey"]["drawing_grey"], params["contours"]["tolerance_m"]) == (60, 0.1)
     done = project.run("make", "contours", OVERRIDES="")
     assert done.returncode == 0, done.stderr
-    assert yaml.safe_load((project.folder / "artifacts/params.yaml").read_text())["survey"]["drawing_grey"] == 40
+    assert json.loads((project.folder / "artifacts/params.json").read_text())["survey"]["drawing_grey"] == 40
 
 
 def test_one_stage_runs_alone_with_overrides(traced_project, tmp_path):

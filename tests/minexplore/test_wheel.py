@@ -43,4 +43,4 @@ def test_a_world_that_another_chain_made_is_not_packed(repro: Project, refusal, 
     project = repro.copy(tmp_path / "mine")
     project.stage("contours", "contours.tolerance_m=0.15").check_returncode()
     message = refusal(project)
-    assert "made with other params than those in artifacts/params.yaml" in message
+    assert "made with other params than those in artifacts/params.json" in message

@@ -28,7 +28,7 @@ def test_a_changed_rule_makes_stage_1_stale(traced_project, monkeypatch):
         changed = compose([f"survey.{rule}={getattr(as_built, rule) / 2}"]).survey
         assert not is_fresh(STAGE, changed, ARTIFACTS), rule
     stages = yaml.load((ROOT / "dvc.yaml").read_text(), yaml.CSafeLoader)["stages"]
-    assert {"artifacts/params.yaml": ["survey"]} in stages["survey"]["params"]  # DVC compares this section
+    assert {"artifacts/params.json": ["survey"]} in stages["survey"]["params"]  # DVC compares this section
 
 
 def test_no_rule_is_left_among_the_limits_of_readers_on_which_no_stage_depends():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from typing import Any
 
@@ -15,7 +16,7 @@ from pipeline.params.refusals import first_refusal
 
 
 def composed_section(section: str) -> Any:
-    """Return one stage's parameters from `artifacts/params.yaml`.
+    """Return one stage's parameters from `artifacts/params.json`.
 
     Raises
     ------
@@ -23,11 +24,11 @@ def composed_section(section: str) -> Any:
         If the file is missing or is not a composed configuration.
     """
     try:
-        return getattr(Config.model_validate(yaml.load(COMPOSED.read_text(), yaml.CSafeLoader)), section)
+        return getattr(Config.model_validate(json.loads(COMPOSED.read_bytes())), section)
     except FileNotFoundError:
         raise ParamsError(f"{COMPOSED}: missing; write it with `python -m pipeline.compose`") from None
-    except (yaml.YAMLError, ValidationError) as error:
-        problem = first_refusal(error) if isinstance(error, ValidationError) else "not YAML"
+    except (ValueError, RecursionError) as error:  # a ValidationError is a ValueError
+        problem = first_refusal(error) if isinstance(error, ValidationError) else "not JSON"
         raise ParamsError(
             f"{COMPOSED}: not a composed configuration ({problem}); run `python -m pipeline.compose`"
         ) from error

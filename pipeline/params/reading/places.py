@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-COMPOSED = Path("artifacts/params.yaml")
-CODE_HASHES = Path("artifacts/code.yaml")  # of each stage, as its manifest has it
+COMPOSED = Path("artifacts/params.json")
+CODE_HASHES = Path("artifacts/code.json")  # of each stage, as its manifest has it
 ROOT_PARAMS = Path("params.yaml")  # one line of overrides, DVC's only parameter
