@@ -79,9 +79,10 @@ def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
         found = KeyedSolid(one.solid.simplify(tolerance_m), one.keys)
         apart, faces, _ = mesh_of(found.solid, found.keys)
         pairs = crossing_facets(apart, faces, CROSSING_M)
-        if not len(pairs):
+        beside = near_facets(vertices[volume.faces], apart[faces[np.unique(pairs)]], _BESIDE_M)
+        if not (beside & ~kept).any():  # none cross, or all about them stay already
             break
-        kept |= near_facets(vertices[volume.faces], apart[faces[np.unique(pairs)]], _BESIDE_M)
+        kept |= beside
     return volume_of(found, volume)
 
 
