@@ -19,7 +19,6 @@ from pipeline.store.files import write_atomically
 from pipeline.survey.load import read_survey
 from pipeline.types import Frame, Image
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.proof.scan import measure_rays, measure_scan
 from pipeline.volume.world.solid import volume_of_solid
 
@@ -37,7 +36,7 @@ def draw_scan(path: Path) -> None:
     rng = np.random.default_rng(_SEED)
     with tempfile.TemporaryDirectory() as folder:
         network = CASES["tee"].network(Path(folder))
-        truth = solve_floors(unite(network, pieces_of(network)), network).solid
+        truth = solve_floors(network).solid
         scanned = scan_mine(truth, network_of_floors(mesh_of(truth)), rng, _PER_M2)
         file, way = Path(folder) / "scan.laz", Path(folder) / "way.txt"
         _write(file, scanned)

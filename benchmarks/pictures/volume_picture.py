@@ -15,7 +15,6 @@ from pipeline.store.codecs import encode
 from pipeline.store.files import write_atomically
 from pipeline.survey.load import read_survey
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import in_mine_frame
@@ -31,7 +30,7 @@ def draw_volume(path: Path) -> None:
     params = compose([]).compile3d
     surveyed = read_survey(PassageSurveyParams(kind="passages", name="pell", file=SURVEY))["network"]
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
-    volume = in_mine_frame(solve_floors(unite(network, pieces_of(network)), network), offset)
+    volume = in_mine_frame(solve_floors(network), offset)
     robot = robot_size(params.volume)
     cells, legs = cells_of(volume, params.grid_cell_m, robot), leg_network(network, offset, ())
     pairs = neighbours_of(cells, robot)

@@ -23,7 +23,6 @@ from pipeline.geometry.generated.generate import generate_workings
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.compile import compile_volume
 from tests.heights import table
 
@@ -60,7 +59,7 @@ def truth_of(seed: int) -> tuple[str, manifold3d.Manifold]:
         legs.pop("shaft", None)  # no robot drives in it, and the network is of floors
         with tempfile.TemporaryDirectory() as folder:
             network = GateCase(kind, table(legs)).network(Path(folder))
-        return kind, solve_floors(unite(network, pieces_of(network)), network).solid
+        return kind, solve_floors(network).solid
     style, rng = STYLES[seed // 2 % len(STYLES)], np.random.default_rng(seed)
     workings = generate_workings(style, rng, _SIZE_M, _WIDTH_M, 0.5, 0.3, _RIB_M, _PILLAR_M, _SPACING_M, 0.5)
     plan = max(shapely.get_parts(workings), key=lambda part: part.area).simplify(0.05)

@@ -14,7 +14,7 @@ from pipeline.volume.keyed import simplified
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.union import Solid, Volume, mesh_of, solids_of, without_crumbs
+from pipeline.volume.union import Solid, Volume, mesh_of, pieces_of, solids_of, without_crumbs
 
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
@@ -23,14 +23,14 @@ _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 _STEEP_NZ = 0.7  # of a floor's, at least: where it is steeper, 4 mm along the normal are more in height
 
 
-def solve_floors(volume: Volume, network: SurveyNetwork) -> Volume:
-    """Return the volume of a union's pieces with one continuous floor through all legs that meet.
+def solve_floors(network: SurveyNetwork) -> Volume:
+    """Return the volume of a survey's legs with one continuous floor through all legs that meet.
 
     The floors of legs that are flat enough are solved first: a mesh seen from above, on which legs that meet share
     their floor and the heights along the legs are the survey's. A slab over it is the only floor. The passages are cut
     off within the slab, so that no two floors are near each other when all is united.
     """
-    united = _united(network, volume.pieces)
+    united = _united(network, pieces_of(network))
     steep = (united.label == FacetLabel.FLOOR) & (_upward(united) > -_STEEP_NZ)
     simple = simplified(united, steep, _SIMPLE_M)
     simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == FacetLabel.WALL)] = FacetLabel.ROOF

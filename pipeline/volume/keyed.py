@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
@@ -56,6 +56,18 @@ def volume_of(one: KeyedSolid, volume: Volume) -> Volume:
     return Volume(solid, vertices, faces, key // len(FacetLabel), key % len(FacetLabel), volume.pieces, volume.numbers)
 
 
+def of_facets(volume: Volume, numbers: np.ndarray) -> Volume:
+    """Return some facets (n,) of a volume, in order, and their vertices; its solid is the whole."""
+    used, faces = np.unique(volume.faces[numbers], return_inverse=True)
+    return replace(
+        volume,
+        vertices=volume.vertices[used],
+        faces=faces.reshape(-1, 3),
+        source=volume.source[numbers],
+        label=volume.label[numbers],
+    )
+
+
 def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
     """Return the volume without the vertices that no shape needs.
 
@@ -64,12 +76,14 @@ def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
     kept, vertices = stays.copy(), volume.vertices
     for _ in range(_ROUNDS):
         one = keyed(volume, vertices, volume.label, kept)
-        found = volume_of(KeyedSolid(one.solid.simplify(tolerance_m), one.keys), volume)
-        pairs = crossing_facets(found.vertices, found.faces, CROSSING_M)
-        if not len(pairs):
+        found = KeyedSolid(one.solid.simplify(tolerance_m), one.keys)
+        apart, faces, _ = mesh_of(found.solid, found.keys)
+        pairs = crossing_facets(apart, faces, CROSSING_M)
+        beside = near_facets(vertices[volume.faces], apart[faces[np.unique(pairs)]], _BESIDE_M)
+        if not (beside & ~kept).any():  # none cross, or all about them stay already
             break
-        kept |= near_facets(vertices[volume.faces], found.vertices[found.faces[np.unique(pairs)]], _BESIDE_M)
-    return found
+        kept |= beside
+    return volume_of(found, volume)
 
 
 def near_facets(corners: np.ndarray, places: np.ndarray, reach_m: float) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -18,7 +19,7 @@ class MeshEdges:
         Vertices of each edge, and the third corner of its facet.
     facet : (e,) int64
     is_rim : (e,) bool
-        Whether the facet across the edge has another label.
+        Whether the facet across the edge has another label; the mesh is to be closed.
     """
 
     def __init__(self, faces: np.ndarray, some: np.ndarray, label: np.ndarray, count: int) -> None:
@@ -29,8 +30,14 @@ class MeshEdges:
         self.facet = np.tile(some, 3)[order]
         self._count, self._keys = count, self.start * count + self.end
         self._first = np.searchsorted(self.start, np.arange(count + 1))
-        across = np.searchsorted(self._keys, self.end * count + self.start)
-        self.is_rim = label[self.facet] != label[self.facet[across]]
+        self._label = label
+
+    @cached_property
+    def is_rim(self) -> np.ndarray:
+        """Return which edges (e,) are between labels."""
+        across = np.searchsorted(self._keys, self.end * self._count + self.start)
+        found: np.ndarray = self._label[self.facet] != self._label[self.facet[across]]
+        return found
 
     @classmethod
     def of(cls, volume: Volume) -> Self:

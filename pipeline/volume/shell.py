@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
+from pipeline.volume.keyed import near_facets, of_facets
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
@@ -22,6 +23,7 @@ _LEAST_M = 1e-6  # a part that is thinner has no volume
 THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick
 SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
+_REACH_M = 0.1  # more than a corner of these is from its facet
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
@@ -61,19 +63,28 @@ def build_shell(volume: Volume, progress: Progress = iter) -> list[ShellPart]:
     return sorted(parts, key=lambda part: part.facets[0])
 
 
-def facets_without_part(volume: Volume, some: np.ndarray | None = None) -> dict[int, list[int]]:
+def facets_without_part(
+    volume: Volume, some: np.ndarray | None = None, least_m2: float = SLIVER_M2
+) -> dict[int, list[int]]:
     """Return the facets behind which no part of 2 cm is in the rock, each with those that the best part reaches.
 
-    With `some`, a mask (f,), only these are tried.
+    Facets of `least_m2`, m2, and less are not tried. With `some`, a mask (f,), only these are tried.
     """
+    tried = np.linalg.norm(volume.normals, axis=1) / 2 > least_m2
+    numbers = np.arange(len(volume.faces))
+    if some is not None:
+        tried &= some
+        corners = volume.vertices[volume.faces]
+        numbers = np.flatnonzero(near_facets(corners, corners[tried], _REACH_M))
+        volume = of_facets(volume, numbers)
     shell = _Shell(volume)
-    chosen = np.arange(len(volume.faces)) if some is None else np.flatnonzero(some)
-    left = shell.begin(RockSurfaces.of_facets(volume, chosen.tolist()))
+    left = shell.begin(RockSurfaces.of_facets(volume, np.flatnonzero(tried[numbers]).tolist()))
     for kind, depth_m in _THINNEST:
         left = shell.fit(left, kind, depth_m)
     found: dict[int, list[int]] = {}
     for polygons in left:
-        found |= shell.reached(polygons.some(polygons.areas_m2 > SLIVER_M2))
+        for facet, reached in shell.reached(polygons).items():
+            found[int(numbers[facet])] = numbers[reached].tolist()
     return found
 
 

@@ -8,8 +8,8 @@ import manifold3d
 import numpy as np
 
 from pipeline.volume.crossings import CROSSING_M, crosses_more
-from pipeline.volume.keyed import keyed, near_facets, volume_of
-from pipeline.volume.union import Volume
+from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
+from pipeline.volume.union import Volume, mesh_of
 
 _SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey
 _TURN = 0.2  # of the cosine between a facet's normals before and after: more turns it over
@@ -27,15 +27,18 @@ def without_slivers(volume: Volume) -> Volume:
     before = volume.vertices, volume.faces
     for _ in range(_TRIES):
         found = _cleaned(volume, kept)
-        crossing = crosses_more(found.vertices, found.faces, before, CROSSING_M)
+        if found is None:
+            return volume
+        vertices, faces, _ = mesh_of(found.solid, found.keys)
+        crossing = crosses_more(vertices, faces, before, CROSSING_M)
         if not len(crossing):
-            return found
-        kept |= near_facets(volume.vertices[volume.faces], found.vertices[found.faces[crossing]], _SHORT_M)
+            return volume_of(found, volume)
+        kept |= near_facets(volume.vertices[volume.faces], vertices[faces[crossing]], _SHORT_M)
     return volume
 
 
-def _cleaned(volume: Volume, kept: np.ndarray) -> Volume:
-    """Return the volume without slivers but those of some facets."""
+def _cleaned(volume: Volume, kept: np.ndarray) -> KeyedSolid | None:
+    """Return the volume without slivers but those of some facets; None if it is not closed then."""
     mesh = _Mesh(volume, kept)
     for _ in range(_ROUNDS):
         if not mesh.collapse() + mesh.flip():
@@ -48,7 +51,7 @@ def _cleaned(volume: Volume, kept: np.ndarray) -> Volume:
         volume, vertices=vertices, faces=faces, source=mesh.source[mesh.alive], label=mesh.label[mesh.alive]
     )
     one = keyed(found, found.vertices, found.label)
-    return volume_of(one, volume) if one.solid.status() == manifold3d.Error.NoError else volume
+    return one if one.solid.status() == manifold3d.Error.NoError else None
 
 
 class _Mesh:
@@ -61,6 +64,8 @@ class _Mesh:
         self.vertices, self.faces = volume.vertices.copy(), volume.faces.copy()
         self.source, self.label = volume.source.copy(), volume.label.copy()
         self.alive = np.ones(len(self.faces), bool)
+        # Vertices of facets that changed since all slivers were last tried: what failed elsewhere would fail again.
+        self._changed = {"edge": np.ones(len(self.vertices), bool), "facet": np.ones(len(self.vertices), bool)}
         self._at: dict[int, set[int]] = {}
         order = np.argsort(self.faces.ravel(), kind="stable")
         self._order = order // 3
@@ -69,7 +74,7 @@ class _Mesh:
     def collapse(self) -> int:
         """Make one vertex of each short edge; return of how many."""
         count = 0
-        edges = self._edges()
+        edges = self._edges(self._take_changed("edge"))
         length = np.linalg.norm(self.vertices[edges[:, 0]] - self.vertices[edges[:, 1]], axis=1)
         short = np.flatnonzero(length < _SHORT_M)
         for u, v in edges[short[np.argsort(length[short], kind="stable")]].tolist():
@@ -78,16 +83,29 @@ class _Mesh:
 
     def flip(self) -> int:
         """Give the longest edges of low facets to the facets beyond; return how many."""
-        corners = self.vertices[self.faces]
+        some = np.flatnonzero(self.alive & self._take_changed("facet")[self.faces].any(axis=1))
+        corners = self.vertices[self.faces[some]]
         sides = np.linalg.norm(corners.take(_NEXT, 1) - corners, axis=2)
         double = np.linalg.norm(_normals(corners), axis=1)
-        low = self.alive & (double < _SHORT_M * sides.max(axis=1)) & (sides.min(axis=1) >= _SHORT_M)
-        return sum(self._flip(int(k)) for k in np.flatnonzero(low))
+        low = (double < _SHORT_M * sides.max(axis=1)) & (sides.min(axis=1) >= _SHORT_M)
+        return sum(self._flip(k) for k in some[low].tolist())
 
-    def _edges(self) -> np.ndarray:
+    def _take_changed(self, kind: str) -> np.ndarray:
+        """Return about which vertices (v,) edges or facets are to be tried, which from now on they are."""
+        found = self._changed[kind]
+        self._changed[kind] = np.zeros(len(self.vertices), bool)
+        return found
+
+    def _note_changed(self, facets: list[int]) -> None:
+        for changed in self._changed.values():
+            changed[self.faces[facets]] = True
+
+    def _edges(self, changed: np.ndarray) -> np.ndarray:
+        """Return the edges (n, 2) from or to some vertices (v,)."""
         faces = self.faces[self.alive]
+        faces = faces[changed[faces].any(axis=1)]
         edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-        found: np.ndarray = edges[edges[:, 0] < edges[:, 1]]
+        found: np.ndarray = edges[(edges[:, 0] < edges[:, 1]) & changed[edges].any(axis=1)]
         return found
 
     def _around(self, vertex: int) -> set[int]:
@@ -115,6 +133,7 @@ class _Mesh:
                 break
         else:
             return False
+        self._note_changed([*gone, *kept.tolist()])
         for k in gone:
             for corner in self.faces[k].tolist():
                 self._around(corner).discard(k)
@@ -157,6 +176,7 @@ class _Mesh:
             return False
         if (now @ was < _TURN * np.linalg.norm(now, axis=1) * np.linalg.norm(was)).any():
             return False
+        self._note_changed([facet, other])
         self._around(b).discard(facet)
         self._around(a).discard(other)
         self.faces[facet], self.faces[other] = new

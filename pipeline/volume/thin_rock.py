@@ -48,7 +48,7 @@ def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tup
     """Return the facets in front of which rock is put, and the area of those with thin rock, m2."""
     area = np.linalg.norm(volume.normals, axis=1) / 2
     is_floor = volume.label == FacetLabel.FLOOR
-    thin = {k: reached for k, reached in facets_without_part(volume, some).items() if area[k] > least_m2}
+    thin = facets_without_part(volume, some, least_m2)
     facets = {below for k, reached in thin.items() for below in (reached if is_floor[k] else [k])}
     found = np.array(sorted(facets), int)
     return found[~is_floor[found]], float(area[list(thin)].sum())

@@ -23,7 +23,7 @@ def solved(case, folder):
     coarse, seen = floors.coarse_floors, []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(floors, "coarse_floors", lambda *given: seen.append((given[0], coarse(*given))) or seen[0][1])
-        volume = floors.solve_floors(rough, network)
+        volume = floors.solve_floors(network)
     return network, rough, *seen[0], volume
 
 

@@ -33,24 +33,24 @@ def built(table, folder):
 def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
     network, rough = built(HEADER + PARTING, tmp_path)
     assert measure_floor(rough, network).step_m > 0.4
-    assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
+    assert measure_floor(solve_floors(network), network).step_m < 0.01
 
 
 def test_the_end_of_a_ledge_between_floors_too_steep_to_drive_on_is_no_step(tmp_path):
-    network, rough = built(table_of("cave", 15), tmp_path)
-    assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
+    network, _ = built(table_of("cave", 15), tmp_path)
+    assert measure_floor(solve_floors(network), network).step_m < 0.01
 
 
 @pytest.mark.parametrize("seed", [31, 53, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (44, 76, 88))])
 def test_a_leg_keeps_its_floor_where_the_floor_of_another_ends_or_begins_below_it(tmp_path, seed):
-    network, rough = built(table_of("cave", seed), tmp_path)
-    found = measure_floor(solve_floors(rough, network), network)
+    network, _ = built(table_of("cave", seed), tmp_path)
+    found = measure_floor(solve_floors(network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
 
 
 def test_a_passage_keeps_its_floor_over_a_crawl_that_it_does_not_meet(tmp_path):
-    network, rough = built(HEADER + OVER_A_CRAWL, tmp_path)
-    found = measure_floor(solve_floors(rough, network), network)
+    network, _ = built(HEADER + OVER_A_CRAWL, tmp_path)
+    found = measure_floor(solve_floors(network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
 
 
@@ -60,7 +60,7 @@ def test_a_leg_with_a_flat_floor_is_no_shaft_however_its_stations_lie(tmp_path):
     assert abs(network.ends_m[0, 1, 2] - network.ends_m[0, 0, 2]) > 1.5
     assert rough.pieces[0].is_drivable
     assert not rough.pieces[0].is_plumb
-    found = measure_floor(solve_floors(rough, network), network)
+    found = measure_floor(solve_floors(network), network)
     assert max(found.error_m, found.step_m) < 0.01
     assert found.over_floor == 1
 
@@ -72,7 +72,7 @@ def test_the_largest_error_and_step_name_the_legs_and_the_place(tmp_path):
     ledge = next(ledge for ledge in found.ledges if ledge.step_m == found.step_m)
     assert ledge.meet
     assert found.step_at.place_m == ledge.place_m
-    volume = solve_floors(rough, network)
+    volume = solve_floors(network)
     places = volume.vertices.copy()
     floor = np.unique(volume.faces[volume.label == FacetLabel.FLOOR])
     places[floor[places[floor, 0] < places[:, 0].min() + 0.01], 2] -= 0.3  # at the end of the first leg
@@ -90,8 +90,8 @@ def test_a_leg_over_the_deeper_prism_of_a_station_elsewhere_lies_in_that_working
 
 def test_a_leg_along_its_own_wall_is_judged_by_its_own_floor(tmp_path):
     beside = "A,1,0,0,0,4,0,3,0\nA,2,20,0,0,4,0,3,0\nB,3,2,1,1,1,0.09,3,0\nB,4,18,1,1,1,0.09,3,0\n"
-    network, rough = built(HEADER + beside, tmp_path)
-    found = measure_floor(solve_floors(rough, network), network)
+    network, _ = built(HEADER + beside, tmp_path)
+    found = measure_floor(solve_floors(network), network)
     assert found.error_m < 0.01
     assert found.elsewhere == ()
     assert found.share_built == 1
@@ -100,7 +100,7 @@ def test_a_leg_along_its_own_wall_is_judged_by_its_own_floor(tmp_path):
 def test_rock_is_put_before_a_thin_wall_where_no_leg_runs(tmp_path):
     beside = "A,1,0,0,0,4,0,3,0\nA,2,20,0,0,4,0,3,0\nB,3,0,1.01,1,1,0,3,0\nB,4,20,1.01,1,1,0,3,0\n"
     network, rough = built(HEADER + beside, tmp_path)
-    volume = solve_floors(rough, network)
+    volume = solve_floors(network)
     assert len(volume.solid.decompose()) == 2
     assert volume.solid.volume() < rough.solid.volume() - 20 * 0.04
     assert measure_floor(volume, network).share_built == 1
@@ -115,9 +115,9 @@ def test_a_steep_leg_between_skew_sections_is_free_along_its_way(tmp_path):
 
 
 def test_wheels_beside_a_leg_are_on_the_stated_floor_and_a_bank_between_two_legs_is_steep(tmp_path):
-    network, rough = built(HEADER + "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,2,3,0\n", tmp_path)
-    found = measure_floor(solve_floors(rough, network), network)
+    network, _ = built(HEADER + "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,2,3,0\n", tmp_path)
+    found = measure_floor(solve_floors(network), network)
     assert found.tracks_m < 0.01
     assert found.steepest == pytest.approx(0.1, abs=0.01)
-    network, rough = built(HEADER + PARTING, tmp_path)
-    assert measure_floor(solve_floors(rough, network), network).tracks_m > found.tracks_m
+    network, _ = built(HEADER + PARTING, tmp_path)
+    assert measure_floor(solve_floors(network), network).tracks_m > found.tracks_m

@@ -33,7 +33,7 @@ UNDER = (
 def solved(rows, folder):
     network = GateCase("test", HEADER + rows).network(folder)
     rough = unite(network, pieces_of(network))
-    return network, rough, solve_floors(rough, network)
+    return network, rough, solve_floors(network)
 
 
 @pytest.mark.parametrize("case", ["spiral", "levels", "tee"])

@@ -30,8 +30,8 @@ def of_rows(rows, folder):
 def test_a_floor_beside_a_leg_on_its_wall_does_not_turn_about_it(tmp_path):
     # Two ways leave a station with one wall in common: their floors are 0.5 m apart where they are 8 cm beside it.
     rows = "A,1,0,0,0.08,4,0,3,0\nA,2,10,0,0.08,4,1,3,0\nB,1,0,0,3,0.08,0,3,0\nB,3,10,0.3,3,0.08,0.1,3,0\n"
-    network, rough = of_rows(rows, tmp_path)
-    volume = solve_floors(rough, network)
+    network, _ = of_rows(rows, tmp_path)
+    volume = solve_floors(network)
     places = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     assert places[:, 2].min() > -0.5
     assert places[:, 2].max() < 1.5
@@ -39,8 +39,8 @@ def test_a_floor_beside_a_leg_on_its_wall_does_not_turn_about_it(tmp_path):
 
 
 def test_passages_that_cross_without_a_common_station_share_a_floor_where_they_are_near_in_height(tmp_path):
-    network, rough = of_rows(OVER.format(z=0.4), tmp_path)
-    volume = solve_floors(rough, network)
+    network, _ = of_rows(OVER.format(z=0.4), tmp_path)
+    volume = solve_floors(network)
     found = measure_floor(volume, network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
     assert found.ledges == ()
@@ -52,8 +52,8 @@ def test_passages_that_cross_without_a_common_station_share_a_floor_where_they_a
 
 
 def test_passages_that_cross_far_apart_in_height_keep_their_floors_and_the_hole_is_listed(tmp_path):
-    network, rough = of_rows(OVER.format(z=0.6), tmp_path)
-    volume = solve_floors(rough, network)
+    network, _ = of_rows(OVER.format(z=0.6), tmp_path)
+    volume = solve_floors(network)
     found = measure_floor(volume, network)
     assert max(found.error_m, found.step_m) < 0.01
     assert [(place.leg, place.other) for place in found.elsewhere] == [("3 to 4", "1 to 2")]
@@ -72,7 +72,7 @@ def test_legs_are_near_each_other_along_the_survey_and_not_across_it(tmp_path):
 
 
 def test_the_inner_corner_of_crossways_leaves_no_ledge_between_its_two_floors(tmp_path):
-    network, rough = of_rows(CROSSWAYS, tmp_path)
-    found = measure_floor(solve_floors(rough, network), network)
+    network, _ = of_rows(CROSSWAYS, tmp_path)
+    found = measure_floor(solve_floors(network), network)
     assert found.step_m < 0.01
     assert found.ledges == ()

@@ -29,8 +29,8 @@ def built(rows, folder):
 
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
-    network, rough = built(BOX, tmp_path_factory.mktemp("box"))
-    volume = solve_floors(rough, network)
+    network, _ = built(BOX, tmp_path_factory.mktemp("box"))
+    volume = solve_floors(network)
     return network, volume, build_shell(volume)
 
 
@@ -76,7 +76,7 @@ def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_
     network = CASES["tee"].network(tmp_path)
     rough = unite(network, pieces_of(network))
     assert max(abs(place.off_m) for place in measure_floor(rough, network).elsewhere) > 0.1
-    found = measure_floor(solve_floors(rough, network), network)
+    found = measure_floor(solve_floors(network), network)
     assert found.error_m < 0.01
     assert found.elsewhere == ()
     assert max(found.step_m, found.other_step_m) < 0.01
@@ -84,8 +84,8 @@ def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_
 
 
 def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
-    network, rough = built(PITCH, tmp_path)
-    volume = solve_floors(rough, network)
+    network, _ = built(PITCH, tmp_path)
+    volume = solve_floors(network)
     assert len(volume.solid.decompose()) == 1
     found = measure_floor(volume, network)
     assert found.share_built == 1
@@ -95,7 +95,7 @@ def test_a_pitch_joins_two_levels_without_a_case_of_its_own(tmp_path):
 
 def test_a_robot_rests_and_climbs_on_a_sloping_junction(tmp_path):
     network = CASES["tee"].network(tmp_path)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
+    volume = solve_floors(network)
     found = physics.measure_standing(volume, build_shell(volume), np.random.default_rng(0))
     assert found.rest_m < 0.01
     assert found.climb_share == 1
@@ -109,8 +109,8 @@ def test_where_no_robot_fits_none_moves_and_none_climbs(tmp_path):
 
 
 def test_robots_at_rest_are_judged_where_the_floor_about_them_is_even(tmp_path):
-    network, rough = built(PITCH, tmp_path)
-    volume = solve_floors(rough, network)
+    network, _ = built(PITCH, tmp_path)
+    volume = solve_floors(network)
     top = volume.vertices[volume.faces[volume.label == FacetLabel.FLOOR]][..., 2].max()
     at = np.array([network.places_m[network.names.index(name)] for name in ("1", "2")])
     away = (at[1] - at[0]) / np.linalg.norm(at[1] - at[0])
@@ -145,7 +145,7 @@ def test_a_leg_over_the_deeper_floor_of_another_is_listed_by_station_and_its_own
 
 def test_a_ledge_whose_corners_are_not_over_each_other_is_folded_without_a_crossing(tmp_path):
     network = CASES["tee"].network(tmp_path)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
+    volume = solve_floors(network)
     ledge = (volume.label == FacetLabel.FLOOR) & (
         np.abs(volume.normals[:, 2]) < 1e-6 * np.linalg.norm(volume.normals, axis=1)
     )

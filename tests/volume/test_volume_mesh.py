@@ -33,7 +33,7 @@ UNDER = DRIFT + "B,3,0,0,2,2,-3.01,3,0\nB,4,20,0,2,2,-3.01,3,0\n"  # 1 cm of roc
 def built(rows, folder):
     network = GateCase("test", HEADER + rows).network(folder)
     rough = unite(network, pieces_of(network))
-    return network, rough, solve_floors(rough, network)
+    return network, rough, solve_floors(network)
 
 
 def floor_heights(volume):
@@ -161,7 +161,7 @@ def test_bad_stations_are_listed_by_name_and_the_rest_is_built():
         "3: its roof and floor are 0.00 m apart, 0.05 m are taken",
         "2 to 2b: no length, left out",
     )
-    assert solve_floors(unite(network, pieces_of(network)), network).solid.volume() > 20 * 4 * 1.8
+    assert solve_floors(network).solid.volume() > 20 * 4 * 1.8
 
 
 def test_a_leg_of_half_a_millimetre_at_the_end_of_a_chain_ends_its_tube():

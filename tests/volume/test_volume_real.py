@@ -6,14 +6,12 @@ from benchmarks.comparisons.volume.cases import CASES
 from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.union import pieces_of, unite
 
 
 @pytest.mark.slow
 def test_the_floors_of_wheal_pell_follow_its_survey_without_a_step(tmp_path):
     network = CASES["pell"].network(tmp_path)
-    rough = unite(network, pieces_of(network))
-    volume = solve_floors(rough, network)
+    volume = solve_floors(network)
     found = measure_floor(volume, network)
     assert max(found.way_step_m, found.step_m, found.other_step_m) < 0.01
     assert found.error_m < 0.01

@@ -57,7 +57,7 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     clock = [time.process_time()]
     rough = unite(network, pieces_of(network))
     clock.append(time.process_time())
-    volume = solve_floors(rough, network)
+    volume = solve_floors(network)
     clock.append(time.process_time())
     np.savez_compressed(folder / "solved.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
     built = build_shell(volume, _bar)
@@ -86,7 +86,7 @@ def measure_physics(name: str, folder: Path, level: Path, seed: int = 0) -> dict
     network = case.network(folder)
     if case.physics_within_m is not None:
         network = network.within(case.physics_within_m)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
+    volume = solve_floors(network)
     parts, _ = without_refused(build_shell(volume, _bar))
     row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}
     ours, theirs, gone = measure_steps(volume, parts, LevelDrive(level), {BUILT: VARIANTS[BUILT]})[BUILT]

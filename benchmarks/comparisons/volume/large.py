@@ -1,8 +1,8 @@
 """Seconds and memory of large volumes without rock, by step. A run goes on where the last one stopped.
 
 `python -m benchmarks volume-large` measures what of Sakany's cave is within some distances of its middle, and mines of
-some levels; `--deep KM` measures another mine. The steps are the union, the floors, the parts and the certificate's
-booleans. Each survey is measured in a process of its own, which is set up as a stage is.
+some levels; `--deep KM` measures another mine. The steps are the floors, with the union of all legs, the parts and the
+certificate's planes and booleans. Each survey is measured in a process of its own, which is set up as a stage is.
 """
 
 from __future__ import annotations
@@ -30,11 +30,10 @@ from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import pieces_of, unite
 from tests.heights import table
 
 RESULTS = Path("artifacts/bench/volume-large.jsonl")
-STEPS = ("union", "floors", "shell", "certificate")
+STEPS = ("floors", "shell", "certificate")
 _WITHIN_M = (40.0, 80.0, 200.0, 1000.0)  # of Sakany's middle; the last is all of it
 _DEEP_KM = (5.0, 10.0, 20.0)
 _LEVEL_KM = 4.0  # of a mine on 20 levels of 80 km
@@ -55,9 +54,7 @@ def measure(name: str) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         network = network_of_size(kind, float(size), Path(folder))
     clock = [time.process_time()]
-    rough = unite(network, pieces_of(network))
-    clock.append(time.process_time())
-    volume = solve_floors(rough, network)
+    volume = solve_floors(network)
     clock.append(time.process_time())
     parts = build_shell(volume)
     clock.append(time.process_time())

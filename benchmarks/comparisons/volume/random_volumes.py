@@ -29,7 +29,6 @@ from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.content import in_mine_frame
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.proof.fronts import fronts_of
@@ -67,8 +66,7 @@ def judge(kind: str, seed: int) -> dict[str, Any]:
 
 def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
     network = case.network(folder)
-    rough = unite(network, pieces_of(network))
-    volume = solve_floors(rough, network)
+    volume = solve_floors(network)
     parts, refused = without_refused(build_shell(volume))
     mine = in_mine_frame(volume, np.zeros(3))
     fronts = fronts_of(volume, labelled_parts(parts, mine, np.zeros(3)))

@@ -23,7 +23,7 @@ from benchmarks.resume import Row, resume, run_benchmark
 from pipeline.errors import InputError
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import ShellPart, build_shell
-from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.union import Volume
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import without_refused
 from pipeline.volume.world.proof.certificate import open_volume
@@ -53,7 +53,7 @@ def mine_of(case: str, folder: Path) -> Mine:
     """
     if case in CASES:
         network = CASES[case].network(folder)
-        volume = solve_floors(unite(network, pieces_of(network)), network)
+        volume = solve_floors(network)
         return Mine(volume, without_refused(build_shell(volume))[0])
     if not Path(case).is_dir():
         raise InputError(f"no case {case!r} and no folder of a world; the cases are {', '.join(CASES)}")

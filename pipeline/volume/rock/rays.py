@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
@@ -16,8 +19,13 @@ class RaysIntoRock:
     """The free space's facets as rays meet them."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Index the facets (f, 3) of vertices (v, 3) m."""
-        self._scene = ray_scene(vertices, faces, 1)
+        """Take the facets (f, 3) of vertices (v, 3) m."""
+        self._mesh = vertices, faces
+
+    @cached_property
+    def _scene(self) -> Any:
+        """Index the facets: thin parts need no rays."""
+        return ray_scene(*self._mesh, 1)
 
     def blocked(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
         """Return behind which polygons (n,) a part that is `moved` or `cut` so deep has a facet in it, as rays find.

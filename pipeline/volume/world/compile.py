@@ -19,7 +19,7 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.content import closed_volume, in_mine_frame
@@ -107,7 +107,7 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     if network.repairs:
         more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
         warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
-    solved = solve_floors(unite(network, pieces_of(network)), network)
+    solved = solve_floors(network)
     volume = in_mine_frame(solved, offset)
     cells = cells_of(volume, params.grid_cell_m, robot_size(params.volume))
     return _VolumeDraft(solved, volume, offset, cells, surveyed, network, False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 import shapely
@@ -16,12 +17,19 @@ _ON_BORDER_M = 1e-4  # a corner so near a border needs no cut
 
 def without_refused(parts: list[ShellPart]) -> tuple[list[ShellPart], int]:
     """Return the parts that MuJoCo compiles, and how many it refuses: slivers without a volume."""
-    good = [part for part in parts if _has_volume(part.corners)]
+    good = list(compress(parts, _have_volume([part.corners for part in parts]).tolist()))
     return good, len(parts) - len(good)
 
 
-def _has_volume(corners: np.ndarray) -> bool:
-    return bool(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _LEAST_M)
+def _have_volume(parts: list[np.ndarray]) -> np.ndarray:
+    """Return which parts (n,) have some; those with equally many corners are measured together."""
+    count, found = np.array([len(corners) for corners in parts], int), np.zeros(len(parts), bool)
+    for k in np.unique(count):
+        some = np.flatnonzero(count == k)
+        corners = np.array([parts[n] for n in some.tolist()])
+        away = corners - corners.mean(axis=1, keepdims=True)
+        found[some] = np.linalg.svd(away, compute_uv=False)[:, 2] > _LEAST_M
+    return found
 
 
 def labelled_parts(parts: list[ShellPart], volume: VolumeFacets, offset_m: np.ndarray) -> Parts:
@@ -38,7 +46,7 @@ def cut_floors(parts: Parts, borders_m: Sequence[float]) -> Parts:
         pieces = [parts[number]]
         for border in borders_m if kind == FacetLabel.FLOOR else ():
             pieces = [half for piece in pieces for half in _halves(piece, border)]
-        kept = [piece for piece in pieces if _has_volume(piece)] if len(pieces) > 1 else pieces
+        kept = list(compress(pieces, _have_volume(pieces).tolist())) if len(pieces) > 1 else pieces
         corners += kept
         label += [kind] * len(kept)
     return collect_labelled(corners, label)

@@ -19,7 +19,6 @@ from minexplore.volume.models import PARKED_M
 from minexplore.volume.planes import NODE_M, REACHES_M, TOLERANCE_M, FloorPlanes, FootPlanes, fit_planes
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.parts import without_refused
 from tests.heights import HEADER
 
@@ -31,7 +30,7 @@ LEVEL_POSE = np.array([0.0, 0, 0, 1, 0, 0, 0])
 
 def built(rows, folder):
     network = GateCase("test", HEADER + rows).network(folder)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
+    volume = solve_floors(network)
     return volume, without_refused(build_shell(volume))[0]
 
 

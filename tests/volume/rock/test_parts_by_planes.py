@@ -19,7 +19,6 @@ from pipeline.volume.rock.shapes import shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import pieces_of, unite
 from tests.heights import HEADER
 
 DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -30,7 +29,7 @@ FORK = DRIFT + "B,1,0,0,2,2,0,3,0\nB,4,20,8,1.5,1.5,2,2.5,0\n"  # a wedge of roc
 
 def built(rows, folder):
     network = GateCase("test", HEADER + rows).network(folder)
-    return solve_floors(unite(network, pieces_of(network)), network)
+    return solve_floors(network)
 
 
 @pytest.fixture(scope="module")

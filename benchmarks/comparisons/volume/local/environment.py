@@ -21,7 +21,7 @@ from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
 from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import ShellPart, build_shell
-from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.union import Volume
 from pipeline.volume.world.parts import without_refused
 
 _RUNS = 3
@@ -43,7 +43,7 @@ def build(name: str) -> tuple[Volume, list[ShellPart]]:
         network = case.network(Path(folder))
     if case.physics_within_m is not None:
         network = network.within(case.physics_within_m)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
+    volume = solve_floors(network)
     return volume, without_refused(build_shell(volume))[0]
 
 
