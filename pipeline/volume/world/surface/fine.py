@@ -10,10 +10,12 @@ from scipy.sparse import coo_array, diags_array
 
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.volume.slivers import without_slivers
+from pipeline.volume.world.content import closed_volume
 
 FLOOR = 2  # beside WALL and ROOF: floors stay where they are and are not written
 _ROOF_NZ = 0.7  # of a normal out of the free space, as the labels of facets have it
-_MERGED_M = 1e-4  # by which thin facets may move: the 32 bits of meshes turn thinner ones over; the border stays
+_MERGED_M = 1e-4  # of an edge, and of a facet's height: the 32 bits of meshes turn lower facets over
 _SMOOTHED_M = 0.5  # over which the way into the workings turns at an edge
 
 
@@ -49,10 +51,14 @@ class FineRock:
 def refine(volume: VolumeFacets, spacing_m: float) -> FineRock:
     """Cut the facets of a volume until no edge is longer than a spacing.
 
-    Facets thinner than 0.1 mm are merged before, and what is no floor is wall or roof by its slope.
+    Facets thinner than 0.1 mm are merged before, but not across the floors' corners: rock may have no thickness there.
+    What is no floor is wall or roof by its slope.
     """
-    merged = _solid(volume.vertices, volume.faces, volume.label == FacetLabel.FLOOR).simplify(_MERGED_M)
-    vertices, faces, of_floor = _arrays(merged.refine_to_length(spacing_m))
+    on_floor = np.zeros(len(volume.vertices), bool)
+    on_floor[volume.faces[volume.label == FacetLabel.FLOOR]] = True
+    merged = without_slivers(closed_volume(volume), _MERGED_M, on_floor)
+    solid = _solid(merged.vertices, merged.faces, merged.label == FacetLabel.FLOOR)
+    vertices, faces, of_floor = _arrays(solid.refine_to_length(spacing_m))
     faces = faces[:, ::-1].astype(np.int32)
     corners = vertices[faces]
     down = -_unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[:, 2]
