@@ -78,10 +78,10 @@ def displaced_rock(
     free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
     if len(rock.crossings):
-        place = rock.crossings[0].round(1).tolist()
+        place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)
         warn_user(
-            f"surface: facets of the volume cross or touch at {len(rock.crossings)} places in the 32 bits of meshes, the "
-            f"first {place} m; the visible rock has no relief there"
+            f"surface: in the 32 bits of meshes facets of the volume cross or touch at {count} places, the first {place} m; "
+            "the visible rock has no relief there"
         )
     return rock
 

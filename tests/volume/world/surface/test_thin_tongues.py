@@ -78,6 +78,12 @@ def test_a_wall_that_has_no_thickness_in_32_bits_stands_on_the_floor_on_both_its
     assert _borders_m(corners.astype(float), rock[~wall], volume.vertices, floors)[1] == pytest.approx(10.0, abs=0.5)
 
 
+def test_rock_has_at_most_the_stated_faces_where_facets_are_narrower_than_the_spacing():
+    rough = SURFACE.rough.model_copy(update={"spacing_m": 0.2, "most_faces": 12_000})
+    fine = displaced_rock(SURFACE.model_copy(update={"rough": rough}), curved_tongue(1e-2)).fine
+    assert 8_000 < (fine.piece != FLOOR).sum() <= 12_000
+
+
 def test_places_on_narrow_facets_are_on_the_volume_s_facets_where_distances_in_32_bits_say_no():
     whole = room([(EAST, 300), (EAST + 20, 300), (EAST + 20, 303), (EAST, 303)])
     is_foot = (whole.vertices[whole.faces][:, :, 1:] == [300, 0]).all(axis=2)
