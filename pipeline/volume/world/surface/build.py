@@ -80,8 +80,8 @@ def displaced_rock(
     if len(rock.crossings):
         place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)
         warn_user(
-            f"surface: in the 32 bits of meshes facets of the volume cross or touch at {count} places, the first {place} m; "
-            "the visible rock has no relief there"
+            f"surface: in the 32 bits of meshes facets of the volume cross or touch at {count} places, the first "
+            f"{place} m; the visible rock has no relief there"
         )
     return rock
 
