@@ -21,6 +21,7 @@ _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to
 _WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a facet at a crossing has no relief then
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
+_CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
 
 
@@ -70,9 +71,9 @@ def displace_rock(
         points, faces, changed = mesher.mesh(vertices, moved)
         points, kept = _in_32_bits(points), _have_three_corners(faces)
         faces, changed = faces[kept], changed[kept]
-        wrong = np.concatenate([find_crossings(points, faces, faces[changed]), find_shared_edges(points, faces)])
+        wrong = _wrong(points, faces[_are_near(points, faces, changed)], faces[changed])
         if not changed.all() and not len(_with_relief(wrong, vertices, given)[0]):  # tiles meet elsewhere, too
-            wrong = find_crossings(points, faces)
+            wrong = _wrong(points, faces, faces)
         beyond = _beyond(points, faces[changed], free, bounds.wall_m + _BEYOND_M)
         places = np.concatenate([wrong, beyond])
         places, settled = _with_relief(places, vertices, given)
@@ -108,6 +109,25 @@ def _with_relief(places: np.ndarray, vertices: np.ndarray, given: np.ndarray) ->
         _, nearest = cKDTree(places).query(vertices[given != 0], distance_upper_bound=_WIDEST_M)
         relief[nearest[nearest < len(places)]] = True
     return places[relief], places[~relief]
+
+
+def _wrong(points: np.ndarray, faces: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Return the places (k, 3) m where some faces cross others, and where more than two faces share an edge."""
+    return np.concatenate([find_crossings(points, faces, some), find_shared_edges(points, faces)])
+
+
+def _are_near(points: np.ndarray, faces: np.ndarray, changed: np.ndarray) -> np.ndarray:
+    """Return which faces (m,) have a corner in a cell of `_CELL_M` with one of a face that `changed`, or beside it."""
+    if changed.all():
+        return changed
+    cell = np.floor((points - points.min(axis=0)) / _CELL_M).astype(np.int64) + 1
+    count = cell.max(axis=0) + 2
+    key = np.ravel_multi_index(tuple(cell.T), tuple(count))
+    beside = [np.ravel_multi_index(one, tuple(count)) for one in np.ndindex(3, 3, 3)]
+    own = np.unique(key[np.unique(faces[changed])])
+    near = np.isin(key, own[:, None] + np.array(beside) - beside[len(beside) // 2])
+    found: np.ndarray = near[faces].any(axis=1)
+    return found
 
 
 def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) -> np.ndarray:
