@@ -109,6 +109,16 @@ class Inside:
         found: np.ndarray = -answer.numpy()
         return found
 
+    def are_farther(self, places: np.ndarray, than_m: float) -> np.ndarray:
+        """Return which places (n, 3) m in the free space are farther from rock than a distance, m, of 0 or more.
+
+        Rays are counted for places that far from a facet alone, as they take most of the time.
+        """
+        away = self._scene.compute_distance(places.astype(np.float32), nthreads=1).numpy()
+        found: np.ndarray = away > than_m
+        found[found] = self.distance_m(places[found]) > than_m
+        return found
+
     def are_in_rock(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in rock.
 

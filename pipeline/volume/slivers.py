@@ -17,29 +17,32 @@ _ROUNDS, _TRIES = 4, 3
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # after each of three, and before it
 
 
-def without_slivers(volume: Volume) -> Volume:
-    """Return the volume without edges shorter than 3 mm, and without facets lower than that, where it stays closed.
+def without_slivers(volume: Volume, short_m: float = _SHORT_M, stays: np.ndarray | None = None) -> Volume:
+    """Return the volume without edges shorter than `short_m`, m, and facets lower than that, where it stays closed.
 
-    A short edge becomes one vertex. A low facet gives its longest edge to the facet beyond, which is parted at its
-    third corner. What would turn another facet over, or cross it, stays.
+    A short edge becomes one vertex, unless one of its ends `stays` (v,). A low facet gives its longest edge to the
+    facet beyond, which is parted at its third corner, and keeps its label. What would turn another facet over, or cross
+    it, stays.
     """
+    if stays is None:
+        stays = np.zeros(len(volume.vertices), bool)
     kept = np.zeros(len(volume.faces), bool)
     before = volume.vertices, volume.faces
     for _ in range(_TRIES):
-        found = _cleaned(volume, kept)
+        found = _cleaned(volume, kept, stays, short_m)
         if found is None:
             return volume
         vertices, faces, _ = mesh_of(found.solid, found.keys)
         crossing = crosses_more(vertices, faces, before, CROSSING_M)
         if not len(crossing):
             return volume_of(found, volume)
-        kept |= near_facets(volume.vertices[volume.faces], vertices[faces[crossing]], _SHORT_M)
+        kept |= near_facets(volume.vertices[volume.faces], vertices[faces[crossing]], short_m)
     return volume
 
 
-def _cleaned(volume: Volume, kept: np.ndarray) -> KeyedSolid | None:
+def _cleaned(volume: Volume, kept: np.ndarray, stays: np.ndarray, short_m: float) -> KeyedSolid | None:
     """Return the volume without slivers but those of some facets; None if it is not closed then."""
-    mesh = _Mesh(volume, kept)
+    mesh = _Mesh(volume, kept, stays, short_m)
     for _ in range(_ROUNDS):
         if not mesh.collapse() + mesh.flip():
             break
@@ -57,8 +60,9 @@ def _cleaned(volume: Volume, kept: np.ndarray) -> KeyedSolid | None:
 class _Mesh:
     """A closed mesh of which edges are collapsed and flipped."""
 
-    def __init__(self, volume: Volume, kept: np.ndarray) -> None:
-        """Begin with a volume's mesh and the facets that stay; facets are looked up about slivers alone."""
+    def __init__(self, volume: Volume, kept: np.ndarray, stays: np.ndarray, short_m: float) -> None:
+        """Begin with a volume's mesh, and what stays of it; facets are looked up about slivers alone."""
+        self._stays, self._short_m = stays, short_m
         self._fixed = np.zeros(len(volume.vertices), bool)
         self._fixed[volume.faces[kept]] = True
         self.vertices, self.faces = volume.vertices.copy(), volume.faces.copy()
@@ -76,7 +80,7 @@ class _Mesh:
         count = 0
         edges = self._edges(self._take_changed("edge"))
         length = np.linalg.norm(self.vertices[edges[:, 0]] - self.vertices[edges[:, 1]], axis=1)
-        short = np.flatnonzero(length < _SHORT_M)
+        short = np.flatnonzero(length < self._short_m)
         for u, v in edges[short[np.argsort(length[short], kind="stable")]].tolist():
             count += self._collapse(u, v)
         return count
@@ -87,7 +91,7 @@ class _Mesh:
         corners = self.vertices[self.faces[some]]
         sides = np.linalg.norm(corners.take(_NEXT, 1) - corners, axis=2)
         double = np.linalg.norm(_normals(corners), axis=1)
-        low = (double < _SHORT_M * sides.max(axis=1)) & (sides.min(axis=1) >= _SHORT_M)
+        low = (double < self._short_m * sides.max(axis=1)) & (sides.min(axis=1) >= self._short_m)
         return sum(self._flip(k) for k in some[low].tolist())
 
     def _take_changed(self, kind: str) -> np.ndarray:
@@ -119,11 +123,11 @@ class _Mesh:
 
     def _collapse(self, u: int, v: int) -> bool:
         """Collapse an edge if both its ends have just two neighbours in common and no facet turns over."""
-        if self._fixed[u] or self._fixed[v]:
+        if self._fixed[u] or self._fixed[v] or self._stays[u] or self._stays[v]:
             return False
         gone = self._around(u) & self._around(v)
         shared = self._neighbours(u) & self._neighbours(v)
-        if len(gone) != 2 or len(shared) != 2 or np.linalg.norm(self.vertices[u] - self.vertices[v]) >= _SHORT_M:
+        if len(gone) != 2 or len(shared) != 2 or np.linalg.norm(self.vertices[u] - self.vertices[v]) >= self._short_m:
             return False
         kept = np.array(sorted((self._around(u) | self._around(v)) - gone))
         for place in ((self.vertices[u] + self.vertices[v]) / 2, self.vertices[u], self.vertices[v]):
@@ -151,7 +155,7 @@ class _Mesh:
         old, new = _normals(corners), _normals(moved)
         sizes = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
         longest = np.linalg.norm(corners.take(_NEXT, 1) - corners, axis=2).max(axis=1)
-        real = sizes[0] > _SHORT_M * longest
+        real = sizes[0] > self._short_m * longest
         return bool((np.sum(old * new, axis=1) < _TURN * sizes[0] * sizes[1])[real].any())
 
     def _flip(self, facet: int) -> bool:

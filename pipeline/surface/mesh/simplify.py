@@ -86,6 +86,7 @@ class Mesher(Generic[_F]):
                 self._local = list(pool.map(_local_faces, [lattice.faces[tile] for tile in self._tiles]))
             self._mesh = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
             self._share = np.full(len(self._tiles), simplification.kept_share)
+            self._made = self._share  # with which each tile was last made
             self._parts: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros((0, 3)), np.zeros((0, 3), int))] * len(
                 self._tiles
             )
@@ -93,13 +94,14 @@ class Mesher(Generic[_F]):
     def mesh(self, vertices: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the mesh of the displaced points (n, 3) m: its vertices and faces, and (m,) which faces are new.
 
-        `moved` (n,) states which points have moved since the last call.
+        `moved` (n,) states which points have moved since the last call. Tiles that were refined since are new, too.
         """
         faces = self.lattice.faces
         moved_faces = moved[faces].any(axis=1)
         if self.simplification is None:
             return vertices, faces, moved_faces
-        new = np.logical_or.reduceat(moved_faces[self._order], self._first)
+        new = np.logical_or.reduceat(moved_faces[self._order], self._first) | (self._share != self._made)
+        self._made = self._share.copy()
         for k in np.flatnonzero(new).tolist():
             self._parts[k] = _simplified(vertices, *self._local[k], float(self._share[k]), self._digits)
         changed = np.repeat(new, [len(part) for _, part in self._parts])
@@ -116,16 +118,16 @@ class Mesher(Generic[_F]):
         piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
         return SurfaceMesh(points, faces, piece, source)
 
-    def refine(self, places: np.ndarray) -> bool:
-        """Double the share of faces that is kept in the tiles at places (k, 3) m; return whether one was below 1."""
+    def refine(self, places: np.ndarray, times: float = 2.0) -> bool:
+        """Keep so many times more faces in the tiles at places (k, 3) m; return whether one had not all of them."""
         refined = False
-        if self.simplification:
+        if self.simplification and len(places):
             nearest = cKDTree(self.lattice.vertices).query(places)[1]
             point = np.zeros(len(self.lattice.vertices), bool)
             point[nearest] = True
             near = [bool(point[self.lattice.faces[tile]].any()) for tile in self._tiles]
             refined = bool((self._share[near] < 1).any())
-            self._share[near] = np.minimum(1.0, 2 * self._share[near])
+            self._share[near] = np.minimum(1.0, times * self._share[near])
         return refined
 
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:

@@ -18,9 +18,10 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 ROBOTS = 12
-# Rise over run. On an even plane of 0.2 the robot creeps by 2 mm in 5 s, of 0.25 by 1 cm, of 0.36 by 10 cm: its castors
-# bear weight and have no friction. On steeper floors it slides, whatever the floor is like.
+# Rise over run. On an even plane of 0.2 the robot creeps by up to 18 mm in 5 s, of 0.25 by 34, of 0.3 by 49: its wheels
+# turn under its weight, and its castors bear some of it and have no friction. On steeper floors it slides.
 STEEPEST = 0.2
+_PLANE_M, _APART_M = 3.0, 10.0  # half a side of an even plane, and between two
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m
 _STEP_M, _STEPS, _RING = 0.2, 4, 8  # a robot's length about a place, where its wheels and castors come to
 _OVER_M = 0.3  # from which the floor about a place is looked for
@@ -101,7 +102,7 @@ def stand(data: mujoco.MjData, model: mujoco.MjModel, name: str, place: np.ndarr
 class RobotsAtRest:
     """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels.
 
-    A robot's wheels turn at a finite gain under its weight; the way is that beyond it.
+    The way is that beyond the way on an even plane as steep (`creep_on_planes`).
     """
 
     rest_m: float
@@ -134,11 +135,8 @@ def measure_standing(
     here = np.array(at)[:, None] + np.arange(3)
     wheels = np.array([[model.geom(f"r{n}_{side}").id for side in ("left", "right")] for n in range(ROBOTS)])
     run_for(model, data, 1.0)
-    before = data.qpos[here].copy()
-    run_for(model, data, 5.0)
-    weight = robot.mass_kg * 9.81 * np.hypot(*normals[chosen, :2].T)
-    turned = np.maximum(0, weight * robot.wheel_radius_m / 2 - robot.wheel_friction_nm) / robot.wheel_gain_nms
-    rest = np.linalg.norm(data.qpos[here] - before, axis=1) - turned * robot.wheel_radius_m * 5.0
+    axes = np.array([data.body(f"r{n}").xmat.reshape(3, 3) for n in range(ROBOTS)])
+    rest = _way_at_rest_m(model, data, here) - creep_on_planes(axes)
     data.ctrl[:] = np.array(robot.wheel_speeds(np.full(ROBOTS, 0.15), np.zeros(ROBOTS))).T.ravel()
     before, off, longest = data.qpos[here].copy(), np.zeros(ROBOTS), np.zeros(ROBOTS)
     for _ in range(round(3.0 / model.opt.timestep)):
@@ -148,6 +146,47 @@ def measure_standing(
         longest = np.maximum(longest, off)
     gained = data.qpos[here][:, 2] - before[:, 2] > 0
     return RobotsAtRest(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
+
+
+def creep_on_planes(axes: np.ndarray) -> np.ndarray:
+    """Return how far (n,) m robots that stand as stated creep in 5 s at rest on even planes, after 1 s to settle.
+
+    `axes` (n, 3, 3) has the ways ahead, left and up of each robot in its columns. Planes are at most `STEEPEST`.
+    """
+    ups = axes[:, :, 2] * [1, 1, 0]
+    rise = np.linalg.norm(ups, axis=1) / np.maximum(axes[:, 2, 2], 1e-9)
+    ups *= np.minimum(1, STEEPEST / np.maximum(rise, 1e-9))[:, None]
+    ups[:, 2] = axes[:, 2, 2]
+    ups /= np.linalg.norm(ups, axis=1, keepdims=True)
+    yaw = np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
+    places = _APART_M * np.outer(np.arange(len(axes)), [1, 0, 0])
+    spec = physics_spec(TaskParams())
+    for place, up in zip(places, ups, strict=True):
+        turn = np.zeros(4)
+        mujoco.mju_quatZ2Vec(turn, up)
+        size = [_PLANE_M, _PLANE_M, _SPARE_M]
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=size,
+            pos=place - _SPARE_M * up,
+            quat=turn,
+            contype=FLOOR_BIT,
+            conaffinity=0,
+        )
+    add_robots(len(axes))(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    at = [stand(data, model, f"r{n}", places[n], ups[n], yaw[n]) for n in range(len(axes))]
+    run_for(model, data, 1.0)
+    return _way_at_rest_m(model, data, np.array(at)[:, None] + np.arange(3))
+
+
+def _way_at_rest_m(model: mujoco.MjModel, data: mujoco.MjData, here: np.ndarray) -> np.ndarray:
+    """Let robots rest for 5 s; return how far (n,) m each moves, whose places in `qpos` are `here` (n, 3)."""
+    before = data.qpos[here].copy()
+    run_for(model, data, 5.0)
+    found: np.ndarray = np.linalg.norm(data.qpos[here] - before, axis=1)
+    return found
 
 
 def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +32,7 @@ from pipeline.volume.world.topology import LegNetwork
 
 _WIDEST_M = 0.5
 _SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
-_FACES = 2.2  # of a square whose side is the spacing
+_WIDER = 1.02  # by which a spacing is widened at a time
 
 
 @dataclass(frozen=True)
@@ -79,9 +78,10 @@ def displaced_rock(
     free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
     if len(rock.crossings):
-        place = rock.crossings[0].round(1).tolist()
+        place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)
         warn_user(
-            f"surface: the visible rock crosses or touches itself at {len(rock.crossings)} places, the first {place} m"
+            f"surface: in the 32 bits of meshes facets of the volume cross or touch at {count} places, the first "
+            f"{place} m; the visible rock has no relief there"
         )
     return rock
 
@@ -90,12 +90,14 @@ def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
     """Return the configured spacing, or the one at which the rock has `most_faces`, with a remark."""
     rough = params.rough
     corners = volume.vertices[volume.faces[volume.label != FacetLabel.FLOOR]]
-    area = float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
-    faces = _FACES * area / 2 / rough.spacing_m**2
+    sides = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    spacing_m, faces = rough.spacing_m, _faces(sides, rough.spacing_m)
     if rough.most_faces is None or faces <= rough.most_faces:
-        return rough.spacing_m
-    spacing_m = round(math.sqrt(faces / rough.most_faces) * rough.spacing_m, 3)
-    size = f"{area / 2:.0f} m2 of walls and roofs would need {faces / 1e6:.1f} million faces of rock"
+        return spacing_m
+    while _faces(sides, spacing_m) > rough.most_faces and spacing_m <= _WIDEST_M:
+        spacing_m = round(_WIDER * spacing_m + 5e-4, 3)
+    area = np.linalg.norm(volume.normals[volume.label != FacetLabel.FLOOR], axis=1).sum() / 2
+    size = f"{area:.0f} m2 of walls and roofs would need {faces / 1e6:.1f} million faces of rock"
     if spacing_m > _WIDEST_M:
         raise InputError(
             f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine, or none of "
@@ -106,6 +108,12 @@ def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
         f"instead of {rough.spacing_m:g} m"
     )
     return spacing_m
+
+
+def _faces(sides_m: np.ndarray, spacing_m: float) -> int:
+    """Return how many faces facets with sorted sides (n, 3) m have at most when their sides are cut at a spacing."""
+    least, middle, most = np.maximum(1, np.ceil(sides_m / spacing_m)).T
+    return int((most * least + middle - least).sum())
 
 
 def _wanted_m(params: SurfaceParams, fine: FineRock) -> np.ndarray:

@@ -21,6 +21,7 @@ _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to
 _WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a facet at a crossing has no relief then
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
+_CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
 _SIMPLIFIED = 0.9  # of the narrow bound: the simplification moves the rock inwards by up to 4 mm
 
 
@@ -52,47 +53,87 @@ def displace_rock(
     """Displace the rock by `wanted_m` (n,) m, positive into the workings, within its bounds.
 
     Each point gets a `share` (n,) of what its bounds leave. Floors stay, and the rock over them within `foot_m` moves
-    the less the nearer it is. Where the mesh crosses itself or four faces share an edge, the displacement is halved,
-    and after some rounds taken back in growing circles, where the mesh is simplified less and less. So it is where the
-    simplified mesh reaches farther into the `free` space than the walls' bound. Rounds end when nothing crosses, or
-    when all rock about the crossings is the volume's own facets: what then still crosses does so in the volume itself.
-    Each round before takes relief back or simplifies less. Points have 32 bits, as in the files of meshes.
+    the less the nearer it is. Where the volume's own facets cross in the 32 bits of meshes, the rock is these facets.
+    Where the mesh crosses itself or four faces share an edge, the displacement is halved, and after some rounds taken
+    back in growing circles, where the mesh is simplified less and less. So it is where the simplified mesh reaches
+    farther into the `free` space than the walls' bound. Rounds end when all rock about what is still wrong is the
+    volume's own facets. Each round before takes relief back or simplifies less.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
+    folded = find_crossings(_in_32_bits(fine.vertices), fine.faces)
+    near = _distance_m(fine.vertices, folded, 2 * _WIDEST_M)
+    given = damp(given, np.maximum(near - _WIDEST_M, 0.0), _WIDEST_M, 0.0)
+    mesher.refine(fine.vertices[near <= _WIDEST_M], np.inf)
     moved, mended = np.ones(len(given), bool), np.zeros((0, 3))
     for repair in count():
         vertices = _in_32_bits(fine.vertices + given[:, None] * fine.direction)
         points, faces, changed = mesher.mesh(vertices, moved)
         points, kept = _in_32_bits(points), _have_three_corners(faces)
         faces, changed = faces[kept], changed[kept]
-        wrong = np.concatenate([find_crossings(points, faces, faces[changed]), find_shared_edges(points, faces)])
-        if not len(wrong) and not changed.all():  # tiles meet elsewhere, too
-            wrong = find_crossings(points, faces)
+        wrong = _wrong(points, faces[_are_near(points, faces, changed)], faces[changed])
+        if not changed.all() and not len(_with_relief(wrong, vertices, given)[0]):  # tiles meet elsewhere, too
+            wrong = _wrong(points, faces, faces)
         beyond = _beyond(points, faces[changed], free, bounds.wall_m + _BEYOND_M)
         places = np.concatenate([wrong, beyond])
-        if not len(places):
+        places, settled = _with_relief(places, vertices, given)
+        if not len(places) and not mesher.refine(settled):
             break
         flat_m = min(_FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1), _WIDEST_M)
-        near, _ = cKDTree(places).query(vertices, distance_upper_bound=max(_RADIUS_M, 2 * flat_m))
-        moved = np.isfinite(near)
-        refined = repair >= _REFINE_AFTER and mesher.refine(places if repair < _FLAT_AFTER else fine.vertices[moved])
-        if flat_m == _WIDEST_M and not refined and not given[near <= flat_m].any():
-            break
-        mended = np.concatenate([mended, places])
+        near = _distance_m(vertices, places, max(_RADIUS_M, 2 * flat_m))
+        if repair >= _REFINE_AFTER:
+            mesher.refine(places if repair < _FLAT_AFTER else fine.vertices[np.isfinite(near)])
+        mended, before = np.concatenate([mended, places]), given
         if repair < _FLAT_AFTER:
             given = damp(given, near, _RADIUS_M, _FACTOR)
         else:
             given = damp(given, np.maximum(near - flat_m, 0.0), flat_m, 0.0)
+        moved = given != before
     mesh = mesher.surface(vertices)
     mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
     return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
 
 
+def _distance_m(vertices: np.ndarray, places: np.ndarray, most_m: float) -> np.ndarray:
+    """Return the distance (n,) m of vertices from the nearest of places (k, 3), inf beyond the most."""
+    if not len(places):
+        return np.full(len(vertices), np.inf)
+    found: np.ndarray = cKDTree(places).query(vertices, distance_upper_bound=most_m)[0]
+    return found
+
+
+def _with_relief(places: np.ndarray, vertices: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return those of places (k, 3) m that are the nearest to some vertex with relief, and the others."""
+    relief = np.zeros(len(places), bool)
+    if len(places):
+        _, nearest = cKDTree(places).query(vertices[given != 0], distance_upper_bound=_WIDEST_M)
+        relief[nearest[nearest < len(places)]] = True
+    return places[relief], places[~relief]
+
+
+def _wrong(points: np.ndarray, faces: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Return the places (k, 3) m where some faces cross others, and where more than two faces share an edge."""
+    return np.concatenate([find_crossings(points, faces, some), find_shared_edges(points, faces)])
+
+
+def _are_near(points: np.ndarray, faces: np.ndarray, changed: np.ndarray) -> np.ndarray:
+    """Return which faces (m,) have a corner in a cell of `_CELL_M` with one of a face that `changed`, or beside it."""
+    if changed.all():
+        return changed
+    cell = np.floor((points - points.min(axis=0)) / _CELL_M).astype(np.int64) + 1
+    count = cell.max(axis=0) + 2
+    key = np.ravel_multi_index(tuple(cell.T), tuple(count))
+    beside = [np.ravel_multi_index(one, tuple(count)) for one in np.ndindex(3, 3, 3)]
+    own = np.unique(key[np.unique(faces[changed])])
+    near = np.isin(key, own[:, None] + np.array(beside) - beside[len(beside) // 2])
+    found: np.ndarray = near[faces].any(axis=1)
+    return found
+
+
 def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) -> np.ndarray:
     """Return those corners (k, 3) m of faces that are more than `most_m` inside the free space."""
     corners = points[np.unique(faces)]
-    return corners[free.distance_m(corners) > most_m] if len(corners) else corners
+    return corners[free.are_farther(corners, most_m)]
 
 
 def _in_32_bits(points: np.ndarray) -> np.ndarray:

@@ -10,10 +10,12 @@ from scipy.sparse import coo_array, diags_array
 
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.volume.slivers import without_slivers
+from pipeline.volume.world.content import closed_volume
 
 FLOOR = 2  # beside WALL and ROOF: floors stay where they are and are not written
 _ROOF_NZ = 0.7  # of a normal out of the free space, as the labels of facets have it
-_MERGED_M = 1e-4  # by which thin facets may move: the 32 bits of meshes turn thinner ones over; the border stays
+_MERGED_M = 1e-4  # of an edge, and of a facet's height: the 32 bits of meshes turn lower facets over
 _SMOOTHED_M = 0.5  # over which the way into the workings turns at an edge
 
 
@@ -49,13 +51,16 @@ class FineRock:
 def refine(volume: VolumeFacets, spacing_m: float) -> FineRock:
     """Cut the facets of a volume until no edge is longer than a spacing.
 
-    Facets thinner than 0.1 mm are merged before, and what is no floor is wall or roof by its slope.
+    Facets thinner than 0.1 mm are merged before, but not across the floors' corners: rock may have no thickness there.
+    What is no floor is wall or roof by its slope.
     """
-    merged = _solid(volume.vertices, volume.faces, volume.label == FacetLabel.FLOOR).simplify(_MERGED_M)
-    vertices, faces, of_floor = _arrays(merged.refine_to_length(spacing_m))
+    on_floor = np.zeros(len(volume.vertices), bool)
+    on_floor[volume.faces[volume.label == FacetLabel.FLOOR]] = True
+    merged = without_slivers(closed_volume(volume), _MERGED_M, on_floor)
+    solid = _solid(merged.vertices, merged.faces, merged.label == FacetLabel.FLOOR)
+    vertices, faces, of_floor = _arrays(solid.refine_to_length(spacing_m))
     faces = faces[:, ::-1].astype(np.int32)
-    corners = vertices[faces]
-    down = -_unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))[:, 2]
+    down = -_unit(_normals(vertices, faces))[:, 2]
     piece = np.where(of_floor, FLOOR, np.where(down > _ROOF_NZ, ROOF, WALL)).astype(np.uint8)
     return FineRock(vertices, faces, piece, _directions(vertices, faces[~of_floor], spacing_m))
 
@@ -84,18 +89,25 @@ def _arrays(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 def _directions(vertices: np.ndarray, faces: np.ndarray, spacing_m: float) -> np.ndarray:
     """Return the mean normals (n, 3) of faces about points, smoothed along the mesh over `_SMOOTHED_M`."""
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat = faces.ravel()
+    normal, flat = _normals(vertices, faces), faces.ravel()
     at = [np.bincount(flat, np.repeat(normal[:, k], 3), len(vertices)) for k in range(3)]
+    del normal
     mean = _unit(np.column_stack(at))
     beside = np.roll(faces, 1, axis=1).ravel()
     ends = np.concatenate([flat, beside]), np.concatenate([beside, flat])
-    links = coo_array((np.ones(2 * len(flat)), ends), shape=(len(vertices), len(vertices))).tocsr()
+    count = np.ones(2 * len(flat), np.float32)  # of small numbers the sums are exact
+    links = coo_array((count, ends), shape=(len(vertices), len(vertices))).tocsr()
+    del count, ends, flat, beside
     links = links + diags_array(np.maximum(links.sum(axis=1), 1.0))
     for _ in range(max(1, round((_SMOOTHED_M / spacing_m) ** 2 / 4))):  # a walk of n steps reaches sqrt(n) of them
         mean = _unit(links @ mean)
     return mean
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return twice the area times the normal (m, 3) of faces."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import displace_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
-from pipeline.volume.world.surface.proof import _borders_m, _crossings
+from pipeline.volume.world.surface.proof import _borders_m, _crossings, _on_facets
 from pipeline.volume.world.surface.scanned import NO_COLOURS
 from tests.composed import compose
 
@@ -62,6 +62,46 @@ def test_fine_rock_keeps_every_corner_of_the_floor_where_rock_is_thinner_than_a_
     corners = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     away_m, _ = cKDTree(fine.vertices[np.unique(fine.faces[fine.piece == FLOOR])]).query(corners)
     assert away_m.max() < 1e-6
+
+
+@pytest.mark.parametrize("thickness_m", [1e-5, 1e-8])
+def test_a_wall_that_has_no_thickness_in_32_bits_stands_on_the_floor_on_both_its_sides(thickness_m):
+    ends = [(EAST + x, 303 + side * thickness_m / 2) for side, x in ((-1, 8), (-1, 3), (1, 3), (1, 8))]
+    volume = room([(EAST, 300), (EAST + 8, 300), *ends, (EAST + 8, 307), (EAST, 307)])
+    fine = refine(volume, 0.5)
+    corners, number = np.unique(fine.vertices.astype(np.float32), axis=0, return_inverse=True)  # as files have them
+    faces = number.reshape(-1)[fine.faces]
+    rock = faces[(fine.piece != FLOOR) & (faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    floors = volume.faces[volume.label == FacetLabel.FLOOR]
+    assert _borders_m(corners.astype(float), rock, volume.vertices, floors) == (0.0, 0.0)
+    wall = np.abs(corners[rock][:, :, 1] - 303).max(axis=1) < 1e-3
+    assert _borders_m(corners.astype(float), rock[~wall], volume.vertices, floors)[1] == pytest.approx(10.0, abs=0.5)
+
+
+def test_rock_has_at_most_the_stated_faces_where_facets_are_narrower_than_the_spacing():
+    rough = SURFACE.rough.model_copy(update={"spacing_m": 0.2, "most_faces": 12_000})
+    fine = displaced_rock(SURFACE.model_copy(update={"rough": rough}), curved_tongue(1e-2)).fine
+    assert 8_000 < (fine.piece != FLOOR).sum() <= 12_000
+
+
+def test_places_on_narrow_facets_are_on_the_volume_s_facets_where_distances_in_32_bits_say_no():
+    whole = room([(EAST, 300), (EAST + 20, 300), (EAST + 20, 303), (EAST, 303)])
+    is_foot = (whole.vertices[whole.faces][:, :, 1:] == [300, 0]).all(axis=2)
+    wall = int(np.flatnonzero((is_foot.sum(axis=1) == 2) & (whole.label == FacetLabel.WALL))[0])
+    a, b, c = np.roll(whole.faces[wall], -int(np.argmin(is_foot[wall])) - 1)
+    new = len(whole.vertices)  # 8 mm over the foot of the wall of 20 m
+    more = np.array([[a, b, new], [b, c, new], [c, a, new]], np.int32)
+    volume = VolumeFacets(
+        np.vstack([whole.vertices, [EAST + 10, 300, 0.008]]),
+        np.concatenate([np.delete(whole.faces, wall, axis=0), more]),
+        np.concatenate([np.delete(whole.label, wall), np.full(3, FacetLabel.WALL, np.int32)]),
+        np.zeros(len(whole.faces) + 2, np.int32),
+    )
+    closed = closed_volume(volume)
+    places = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ volume.vertices[[a, b, new]]
+    assert np.abs(Inside(closed).distance_m(places)).max() > 2e-4
+    assert _on_facets(places, closed, 1e-4).all()
+    assert not _on_facets(places - np.array([0.0, 2e-4, 0.0]), closed, 1e-4).any()
 
 
 @pytest.mark.slow
@@ -108,8 +148,8 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
     far_m = np.full(len(fine.vertices), 100.0)
     room_m = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     wanted_m = np.random.default_rng(0).normal(0.0, 0.2, len(far_m))
-    free = Inside(closed_volume(volume))
-    rock = displace_rock(fine, wanted_m, room_m, bounds_of(SURFACE.rough), 0.3, None, free)
+    closed = closed_volume(volume)
+    rock = displace_rock(fine, wanted_m, room_m, bounds_of(SURFACE.rough), 0.3, None, Inside(closed))
     assert len(rock.crossings) > 0
     near = cKDTree(rock.crossings).query(fine.vertices)[0] < 1.0
     assert near.any()
@@ -117,6 +157,6 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
     assert np.std(rock.given_m) > 0.03
     # The proof tells these crossings from those of rock with relief.
     count = len(rock.crossings)
-    assert _crossings(rock.mesh.vertices, rock.mesh.faces, free) == {"crossings": 0, "folded": count}
+    assert _crossings(rock.mesh.vertices, rock.mesh.faces, closed) == {"crossings": 0, "folded": count}
     moved = rock.mesh.vertices + 0.001
-    assert _crossings(moved, rock.mesh.faces, free)["crossings"] >= count / 2
+    assert _crossings(moved, rock.mesh.faces, closed)["crossings"] >= count / 2
