@@ -23,6 +23,19 @@ OVER_A_STATION = (
 )
 # A crawl, and a passage that crosses it 0.58 m higher on average and rises; no station is in both.
 OVER_A_CRAWL = "A,1,0,-10,1,1,0,0.4,0\nA,2,0,10,1,1,0,0.4,0\nB,3,-10,0,1,1,-0.6,2,0\nB,4,10,0,1,1,1.8,2,0\n"
+# A wide chamber at the foot of a slope, and a passage over it that ends on the slope. From a real cave.
+OVER_A_CHAMBER = (
+    "A,a,2.3,2.7,2,3,-0.4,3.2,2\nA,b,2.5,-0.2,2,3,-0.5,3,1\n"
+    "B,c,34.7,-11.9,0.5,0.9,3.3,0.2,2.5\nB,d,-0.4,-0.5,1.2,6,-0.2,2.3,0.7\n"
+    "C,e,7.7,-15.2,0,0.9,-1.9,0.2,0.1\nC,a,2.3,2.7,6,3,-0.4,3.2,2\n"
+    "D,d,-0.4,-0.5,1.2,6,-0.2,2.3,0.7\nD,b,2.5,-0.2,2,3,-0.5,3,1\n"
+)
+# A leg too steep to drive on leads down to one of 0.1 m, and on. From a real cave.
+UNDER_A_STEEP_LEG = (
+    "A,a,0.47,-3.69,0.08,0.99,2.39,6.42,1.26\nA,b,0.38,-0.38,0.35,0.07,0.37,10.5,0.84\n"
+    "B,b,0.38,-0.38,0.35,0.07,0.37,10.5,0.84\nB,c,0.46,-0.33,0.5,0.51,-0.29,0.52,0.15\n"
+    "C,c,0.46,-0.33,0.5,0.51,-0.29,0.52,0.15\nC,d,3.32,0.73,0.43,0.23,-0.34,0.21,0.92\n"
+)
 
 
 def built(table, folder):
@@ -31,7 +44,7 @@ def built(table, folder):
 
 
 def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
-    network, rough = built(HEADER + PARTING, tmp_path)
+    network, rough = built(HEADER + PARTING.replace("-4", "-0.8"), tmp_path)  # a ledge of 0.5 m and more is a wall
     assert measure_floor(rough, network).step_m > 0.4
     assert measure_floor(solve_floors(rough, network), network).step_m < 0.01
 
@@ -50,6 +63,13 @@ def test_a_leg_keeps_its_floor_where_the_floor_of_another_ends_or_begins_below_i
 
 def test_a_passage_keeps_its_floor_over_a_crawl_that_it_does_not_meet(tmp_path):
     network, rough = built(HEADER + OVER_A_CRAWL, tmp_path)
+    found = measure_floor(solve_floors(rough, network), network)
+    assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+
+
+@pytest.mark.parametrize("rows", [OVER_A_CHAMBER, UNDER_A_STEEP_LEG], ids=["chamber", "steep"])
+def test_a_prism_is_no_lower_than_the_sections_of_its_legs(tmp_path, rows):
+    network, rough = built(HEADER + rows, tmp_path)
     found = measure_floor(solve_floors(rough, network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
 
