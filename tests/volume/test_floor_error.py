@@ -30,11 +30,28 @@ OVER_A_CHAMBER = (
     "C,e,7.7,-15.2,0,0.9,-1.9,0.2,0.1\nC,a,2.3,2.7,6,3,-0.4,3.2,2\n"
     "D,d,-0.4,-0.5,1.2,6,-0.2,2.3,0.7\nD,b,2.5,-0.2,2,3,-0.5,3,1\n"
 )
-# A leg too steep to drive on leads down to one of 0.1 m, and on. From a real cave.
+# A leg too steep to drive on leads down to one of 0.1 m, and on. Likewise.
 UNDER_A_STEEP_LEG = (
     "A,a,0.47,-3.69,0.08,0.99,2.39,6.42,1.26\nA,b,0.38,-0.38,0.35,0.07,0.37,10.5,0.84\n"
     "B,b,0.38,-0.38,0.35,0.07,0.37,10.5,0.84\nB,c,0.46,-0.33,0.5,0.51,-0.29,0.52,0.15\n"
     "C,c,0.46,-0.33,0.5,0.51,-0.29,0.52,0.15\nC,d,3.32,0.73,0.43,0.23,-0.34,0.21,0.92\n"
+)
+# Two legs at a station and one too steep to drive on that rises from it, whose level section is on a slope. Likewise.
+ON_A_SLOPE = (
+    "A,a,5.37,-3.93,1.8,0,-2.17,2,1.8\nA,b,0.12,-0.07,2.5,1.2,-0.43,4,2\n"
+    "B,b,0.12,-0.07,2.5,1.2,-0.43,4,2\nB,c,0.41,-2.6,0,2.5,-1.16,4,1.5\n"
+    "C,c,0.41,-2.6,0,2.5,-1.16,4,1.5\nC,d,-5.9,-2.56,1.5,1.4,2.64,5,1.3\n"
+)
+# A leg crosses over a low one; a third joins an end of each. Likewise.
+OVER_A_LOW_LEG = (
+    "A,a,4.1,-2.1,0,1,1.3,0.3,0.5\nA,b,0.3,0.4,2,0.5,0.3,0,0.5\n"
+    "B,c,1.5,-2.8,2,1.5,-0.8,0.5,0.3\nB,d,3.3,3,2,0.2,1.4,0,0.6\n"
+    "C,b,0.3,0.4,2,0.5,0.3,0,0.5\nC,d,3.3,3,2,0.2,1.4,0,0.6\n"
+)
+# A wide leg turns back over another of its station, and falls below it. Likewise.
+UNDER_ITSELF = (
+    "A,a,-17.4,23.2,1.5,12,-1.5,1.5,2\nA,b,-0.3,9.9,0,11,-2.2,8,2.5\n"
+    "B,b,-0.3,9.9,0,11,-2.2,8,2.5\nB,c,-0.2,-0.4,2.5,9,0.2,2.5,2\nB,d,5,-12.1,6,7,0.4,1,2\n"
 )
 
 
@@ -67,11 +84,21 @@ def test_a_passage_keeps_its_floor_over_a_crawl_that_it_does_not_meet(tmp_path):
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
 
 
-@pytest.mark.parametrize("rows", [OVER_A_CHAMBER, UNDER_A_STEEP_LEG], ids=["chamber", "steep"])
-def test_a_prism_is_no_lower_than_the_sections_of_its_legs(tmp_path, rows):
-    network, rough = built(HEADER + rows, tmp_path)
+KNOTS = {
+    "chamber": OVER_A_CHAMBER,
+    "itself": UNDER_ITSELF,
+    "steep": UNDER_A_STEEP_LEG,
+    "slope": ON_A_SLOPE,
+    "low": OVER_A_LOW_LEG,
+}
+
+
+@pytest.mark.parametrize("knot", KNOTS)
+def test_legs_of_real_caves_that_meet_keep_their_floors_without_a_step(tmp_path, knot):
+    network, rough = built(HEADER + KNOTS[knot], tmp_path)
     found = measure_floor(solve_floors(rough, network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+    assert found.share_built == 1
 
 
 def test_a_leg_with_a_flat_floor_is_no_shaft_however_its_stations_lie(tmp_path):

@@ -38,7 +38,7 @@ class SharedFloors:
     Where two ways leave a station, or run beside each other, the overlaps of their pieces follow each other. All pairs
     of such a run share a floor if somewhere in it two floors are hardly apart in height. So no floor ends where two
     ways part slowly. Where rock is between the two, they are two floors all the same: if they are farther apart than
-    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where no station joins their ways.
+    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where the two share no station.
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
