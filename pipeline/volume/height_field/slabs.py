@@ -100,10 +100,10 @@ class PassageFloors:
         """
         steep = [line for number in numbers for line in self._sections_to_steep(number, set(numbers))]
         stays = shapely.MultiLineString(steep)
-        bodies = [body for number in numbers for body in self._bodies(number, stays, 0.0)]
+        bodies = [body for number in numbers for body in self._bodies(number, stays)]
         if not any(self._pieces[number].is_drivable for number in numbers):
             under = {floor for number in numbers for floor in self._floors_at_foot(number)}
-            bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M)]
+            bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M, 0.0)]
         return manifold3d.Manifold.batch_boolean([solid, *bodies], manifold3d.OpType.Subtract)
 
     def _floors_at_foot(self, number: int) -> Iterator[int]:
@@ -124,8 +124,13 @@ class PassageFloors:
             if is_leg(piece) and piece.is_drivable and other in together and not self._pieces[other].is_drivable:
                 yield shapely.LineString(piece.footprint[[left, right]])
 
-    def _bodies(self, number: int, stays: shapely.MultiLineString, deeper_m: float) -> Iterator[manifold3d.Manifold]:
-        """Yield the solids below the slabs of a piece, which reach beyond its walls but not into steep legs."""
+    def _bodies(
+        self, number: int, stays: shapely.MultiLineString, deeper_m: float = 0.0, aside_m: float = _CUT_ASIDE_M
+    ) -> Iterator[manifold3d.Manifold]:
+        """Yield the solids below the slabs of a piece, which reach beyond its walls but not into steep legs.
+
+        A steep leg goes on beyond the walls. What is cut from it ends within the slab: no rock is left between them.
+        """
         some = self._triangles[self._starts[number] : self._starts[number + 1]]
         surface = self._surface
         ours, back = surface.lines[0].reshape(-1, 3)[some].ravel(), surface.lines[1]
@@ -138,7 +143,7 @@ class PassageFloors:
             lines = shapely.linestrings(np.stack([places[x.ravel()[own]] for x in (corners, _next(corners))], axis=1))
             out = ~np.isin(back.reshape(-1, 3)[part].ravel()[own], ours)
             out &= ~shapely.dwithin(shapely.centroid(lines), stays, _ON_SECTION_M)
-            aside = _CUT_ASIDE_M * _ways_out(own[out], corners, places)
+            aside = aside_m * _ways_out(own[out], corners, places)
             slab = _mesh_over(
                 corners, own, part, places + aside, self._bottom[vertex] - deeper_m, self._top[vertex], vertex
             )
