@@ -101,6 +101,13 @@ def test_legs_of_real_caves_that_meet_keep_their_floors_without_a_step(tmp_path,
     assert found.share_built == 1
 
 
+def test_a_steep_way_goes_on_down_past_a_drift_that_leaves_it(tmp_path):
+    rows = "A,1,0,0,1,1,0,3,0\nA,2,10,0,1,1,-5,3,0\nA,3,20,0,1,1,-10,3,0\nB,2,10,0,1,1,-5,3,0\nB,4,10,10,1,1,-5,3,0\n"
+    network, rough = built(HEADER + rows, tmp_path)
+    assert network.joined[0, 1]  # both steep legs are one tube
+    assert measure_floor(solve_floors(rough, network), network).share_built == 1
+
+
 def test_a_leg_with_a_flat_floor_is_no_shaft_however_its_stations_lie(tmp_path):
     roof_to_floor = "A,1,0,0,2,2,2,1,2\nA,2,1.5,0,2,2,0.2,1,0\nA,3,12,0,2,2,0.2,1,0\n"
     network, rough = built(HEADER + roof_to_floor, tmp_path)

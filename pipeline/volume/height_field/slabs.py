@@ -102,20 +102,27 @@ class PassageFloors:
         stays = shapely.MultiLineString(steep)
         bodies = [body for number in numbers for body in self._bodies(number, stays)]
         if not any(self._pieces[number].is_drivable for number in numbers):
-            under = {floor for number in numbers for floor in self._floors_at_foot(number)}
+            under = {floor for station, low in self._feet(numbers) for floor in self._floors_at(station, low)}
             bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M, 0.0)]
         return manifold3d.Manifold.batch_boolean([solid, *bodies], manifold3d.OpType.Subtract)
 
-    def _floors_at_foot(self, number: int) -> Iterator[int]:
-        """Yield the drivable pieces at the lower station of a leg that have no higher floor there than it has."""
-        network, shot = self._network, self._pieces[number].shot
-        end = int(network.floors_m[shot, :, 2].argmin())
-        station = int(network.shots[shot, end])
-        for other in self._at_station.get(station, ()):
-            floors = network.floors_m[self._pieces[other].shot]
-            height = floors[network.shots[self._pieces[other].shot] == station, 2].max()
-            if height < network.floors_m[shot, end, 2] + _SAME_M:
-                yield other
+    def _feet(self, numbers: list[int]) -> Iterator[tuple[int, float]]:
+        """Yield the stations from which legs rise and no other goes down, and the legs' floors there, m."""
+        network, shots = self._network, [self._pieces[number].shot for number in numbers]
+        lower = network.floors_m[shots, :, 2].argmin(axis=1)
+        heads = set(network.shots[shots, 1 - lower].tolist())
+        for shot, end in zip(shots, lower.tolist(), strict=True):
+            station = int(network.shots[shot, end])
+            if station not in heads:
+                yield station, float(network.floors_m[shot, end, 2])
+
+    def _floors_at(self, station: int, low_m: float) -> Iterator[int]:
+        """Yield the drivable pieces at a station whose floor there is no higher than that of a leg that rises there."""
+        for number in self._at_station.get(station, ()):
+            shot = self._pieces[number].shot
+            floors = self._network.floors_m[shot, :, 2]
+            if floors[self._network.shots[shot] == station].max() < low_m + _SAME_M:
+                yield number
 
     def _sections_to_steep(self, number: int, together: set[int]) -> Iterator[shapely.LineString]:
         """Yield the floors of sections that a leg shares with steep ones of its tube, which begin there."""
