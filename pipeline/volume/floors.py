@@ -49,7 +49,7 @@ def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     """Return the union of slabs and passages; its facets are floors or walls."""
     field = solve_heights(network, pieces)
     numbers, keys, cut = dict[int, int](), dict[int, int](), []
-    passages = PassageFloors(field, pieces, keys)
+    passages = PassageFloors(network, field, pieces, keys)
     for solid in solids_of(network, pieces, numbers):
         found = {numbers[int(number)] for number in solid.to_mesh64().run_original_id}
         cut.append(passages.cut(solid, sorted(found)))

@@ -11,7 +11,7 @@ from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
-from pipeline.volume.union import Volume
+from pipeline.volume.union import Volume, without_crumbs
 
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
@@ -109,10 +109,8 @@ def _without(free: manifold3d.Manifold, rock: list[manifold3d.Manifold]) -> mani
     small = [part for part in parts if part.volume() <= _POCKET_M3]  # nobody cut these off
     if small:
         free = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
-    left = manifold3d.Manifold.batch_boolean([free, *rock], manifold3d.OpType.Subtract)
-    parts = left.decompose()
-    if len(parts) > 1:
-        left = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
+    cut = manifold3d.Manifold.batch_boolean([free, *rock], manifold3d.OpType.Subtract)
+    left = without_crumbs(cut, _POCKET_M3)
     if not small:
         return left
     others = manifold3d.Manifold.batch_boolean([manifold3d.Manifold.compose(small), *rock], manifold3d.OpType.Subtract)

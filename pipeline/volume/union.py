@@ -23,7 +23,6 @@ _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
-_RIDGE = 0.1  # holds a hub level across where its legs alone would tilt it
 
 
 @dataclass(frozen=True)
@@ -112,17 +111,39 @@ def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.nda
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), source
 
 
-def without_crumbs(solid: manifold3d.Manifold) -> manifold3d.Manifold:
-    """Fill closed shells of rock that float in the free space: they are gaps between hulls."""
-    vertices, faces, _ = mesh_of(solid, {})
+def without_crumbs(solid: manifold3d.Manifold, least_m3: float = 0.0) -> manifold3d.Manifold:
+    """Return the solid without its shells of a volume up to `least_m3`, m3.
+
+    A shell of rock that floats in the free space has a volume below 0: it is a gap between hulls, and becomes free.
+    """
+    mesh = solid.to_mesh64()
+    vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
     n = len(vertices)
     edges = coo_matrix((np.ones(2 * len(faces)), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())), (n, n))
     count, part = connected_components(edges, directed=False)
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    signed = np.bincount(part[faces[:, 0]], np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count)
-    if (signed >= 0).all():
+    shell = part[faces[:, 0]]
+    about = vertices[np.unique(part, return_index=True)[1]][shell]
+    a, b, c = np.moveaxis(vertices[faces] - about[:, None], 1, 0)
+    is_kept = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count) > least_m3
+    if count == 1 or is_kept.all():
         return solid
-    return manifold3d.Manifold.compose([one for one in solid.decompose() if one.volume() > 0])
+    # Each solid of `decompose` has all the numbers of the whole surface: 4 GB in a cave of 13 km.
+    return manifold3d.Manifold.compose([_some(mesh, vertices, faces, shell == k) for k in np.flatnonzero(is_kept)])
+
+
+def _some(mesh: manifold3d.Mesh64, vertices: np.ndarray, faces: np.ndarray, kept: np.ndarray) -> manifold3d.Manifold:
+    """Return the solid of some facets (f,) of a mesh, with the same numbers of their surfaces."""
+    used, corners = np.unique(faces[kept], return_inverse=True)
+    ends = np.asarray(mesh.run_index).astype(int) // 3
+    size = np.diff(np.append(0, np.cumsum(kept))[ends])
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(
+            vertices[used],
+            corners.reshape(-1, 3).astype(np.uint64),
+            run_index=3 * np.append(0, np.cumsum(size[size > 0])),
+            run_original_id=np.asarray(mesh.run_original_id)[size > 0],
+        )
+    )
 
 
 def pieces_of(network: SurveyNetwork) -> list[Solid]:
@@ -213,24 +234,17 @@ def _level(ring: np.ndarray, height_m: float) -> np.ndarray:
 
 
 def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]]) -> Solid:
-    """Return the piece at a station: a prism as wide as the narrowest leg, on the plane that its legs' floors share."""
+    """Return the piece at a station: a prism as wide as the narrowest leg, level as the sections are that end there."""
     walls = np.array([network.lrud_m[shot, end] for shot, end in ends])
     radius, up, down = max(walls[:, :2].min(), 0.05), walls[:, 2].min(), walls[:, 3].max()
-    away, rise, runs = [], [], []
-    for shot, end in ends:
-        step = network.floors_m[shot, 1 - end] - network.floors_m[shot, end]
-        run = np.hypot(step[0], step[1])
-        away.append(step[:2] / run)
-        rise.append(step[2] / run)
-        runs.append(float(run))
-    A = np.array(away)
-    slope = np.linalg.solve(A.T @ A + _RIDGE * np.eye(2), A.T @ np.array(rise))
+    steps = [network.floors_m[shot, 1 - end] - network.floors_m[shot, end] for shot, end in ends]
+    runs = [float(np.hypot(step[0], step[1])) for step in steps]
     radius = min(radius, max(_HUB_M, min(runs)))
     angle = 2 * np.pi * np.arange(_HUB_SIDES) / _HUB_SIDES
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     x, y, z = network.places_m[station]
-    foot = np.column_stack([ring + np.array([x, y]), z - down + ring @ slope])
+    foot = np.column_stack([ring + np.array([x, y]), np.full(len(ring), z - down)])
     tall = np.array([0, 0, up + down])
     roof = np.column_stack([ring * _HIGH + np.array([x, y]), np.full(len(ring), z + up)])
     corners = np.concatenate([foot, foot + _LOW * tall, roof])
-    return Solid(corners[None], np.array([x, y, z - down, *slope]), foot[:, :2], ends[0][0], True)
+    return Solid(corners[None], np.array([x, y, z - down, 0, 0]), foot[:, :2], ends[0][0], True)

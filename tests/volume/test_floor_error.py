@@ -23,6 +23,36 @@ OVER_A_STATION = (
 )
 # A crawl, and a passage that crosses it 0.58 m higher on average and rises; no station is in both.
 OVER_A_CRAWL = "A,1,0,-10,1,1,0,0.4,0\nA,2,0,10,1,1,0,0.4,0\nB,3,-10,0,1,1,-0.6,2,0\nB,4,10,0,1,1,1.8,2,0\n"
+# A wide chamber at the foot of a slope, and a passage over it that ends on the slope. From a real cave.
+OVER_A_CHAMBER = (
+    "A,a,2.3,2.7,2,3,-0.4,3.2,2\nA,b,2.5,-0.2,2,3,-0.5,3,1\n"
+    "B,c,34.7,-11.9,0.5,0.9,3.3,0.2,2.5\nB,d,-0.4,-0.5,1.2,6,-0.2,2.3,0.7\n"
+    "C,e,7.7,-15.2,0,0.9,-1.9,0.2,0.1\nC,a,2.3,2.7,6,3,-0.4,3.2,2\n"
+    "D,d,-0.4,-0.5,1.2,6,-0.2,2.3,0.7\nD,b,2.5,-0.2,2,3,-0.5,3,1\n"
+)
+# A leg too steep to drive on leads down to one of 0.1 m, and on. Likewise.
+UNDER_A_STEEP_LEG = (
+    "A,a,0.47,-3.69,0.08,0.99,2.39,6.42,1.26\nA,b,0.38,-0.38,0.35,0.07,0.37,10.5,0.84\n"
+    "B,b,0.38,-0.38,0.35,0.07,0.37,10.5,0.84\nB,c,0.46,-0.33,0.5,0.51,-0.29,0.52,0.15\n"
+    "C,c,0.46,-0.33,0.5,0.51,-0.29,0.52,0.15\nC,d,3.32,0.73,0.43,0.23,-0.34,0.21,0.92\n"
+)
+# Two legs at a station and one too steep to drive on that rises from it, whose level section is on a slope. Likewise.
+ON_A_SLOPE = (
+    "A,a,5.37,-3.93,1.8,0,-2.17,2,1.8\nA,b,0.12,-0.07,2.5,1.2,-0.43,4,2\n"
+    "B,b,0.12,-0.07,2.5,1.2,-0.43,4,2\nB,c,0.41,-2.6,0,2.5,-1.16,4,1.5\n"
+    "C,c,0.41,-2.6,0,2.5,-1.16,4,1.5\nC,d,-5.9,-2.56,1.5,1.4,2.64,5,1.3\n"
+)
+# A leg crosses over a low one; a third joins an end of each. Likewise.
+OVER_A_LOW_LEG = (
+    "A,a,4.1,-2.1,0,1,1.3,0.3,0.5\nA,b,0.3,0.4,2,0.5,0.3,0,0.5\n"
+    "B,c,1.5,-2.8,2,1.5,-0.8,0.5,0.3\nB,d,3.3,3,2,0.2,1.4,0,0.6\n"
+    "C,b,0.3,0.4,2,0.5,0.3,0,0.5\nC,d,3.3,3,2,0.2,1.4,0,0.6\n"
+)
+# A wide leg turns back over another of its station, and falls below it. Likewise.
+UNDER_ITSELF = (
+    "A,a,-17.4,23.2,1.5,12,-1.5,1.5,2\nA,b,-0.3,9.9,0,11,-2.2,8,2.5\n"
+    "B,b,-0.3,9.9,0,11,-2.2,8,2.5\nB,c,-0.2,-0.4,2.5,9,0.2,2.5,2\nB,d,5,-12.1,6,7,0.4,1,2\n"
+)
 
 
 def built(table, folder):
@@ -31,7 +61,7 @@ def built(table, folder):
 
 
 def test_a_ledge_between_two_floors_that_a_robot_drives_on_is_a_step(tmp_path):
-    network, rough = built(HEADER + PARTING, tmp_path)
+    network, rough = built(HEADER + PARTING.replace("-4", "-0.8"), tmp_path)  # a ledge of 0.5 m and more is a wall
     assert measure_floor(rough, network).step_m > 0.4
     assert measure_floor(solve_floors(network), network).step_m < 0.01
 
@@ -52,6 +82,30 @@ def test_a_passage_keeps_its_floor_over_a_crawl_that_it_does_not_meet(tmp_path):
     network, _ = built(HEADER + OVER_A_CRAWL, tmp_path)
     found = measure_floor(solve_floors(network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+
+
+KNOTS = {
+    "chamber": OVER_A_CHAMBER,
+    "itself": UNDER_ITSELF,
+    "steep": UNDER_A_STEEP_LEG,
+    "slope": ON_A_SLOPE,
+    "low": OVER_A_LOW_LEG,
+}
+
+
+@pytest.mark.parametrize("knot", KNOTS)
+def test_legs_of_real_caves_that_meet_keep_their_floors_without_a_step(tmp_path, knot):
+    network, _ = built(HEADER + KNOTS[knot], tmp_path)
+    found = measure_floor(solve_floors(network), network)
+    assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+    assert found.share_built == 1
+
+
+def test_a_steep_way_goes_on_down_past_a_drift_that_leaves_it(tmp_path):
+    rows = "A,1,0,0,1,1,0,3,0\nA,2,10,0,1,1,-5,3,0\nA,3,20,0,1,1,-10,3,0\nB,2,10,0,1,1,-5,3,0\nB,4,10,10,1,1,-5,3,0\n"
+    network, _ = built(HEADER + rows, tmp_path)
+    assert network.joined[0, 1]  # both steep legs are one tube
+    assert measure_floor(solve_floors(network), network).share_built == 1
 
 
 def test_a_leg_with_a_flat_floor_is_no_shaft_however_its_stations_lie(tmp_path):

@@ -21,7 +21,7 @@ from pipeline.volume.network import network_of
 from pipeline.volume.shell import build_shell, facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.union import Volume, pieces_of, unite
+from pipeline.volume.union import Volume, mesh_of, pieces_of, unite, without_crumbs
 from pipeline.volume.world.solid import volume_of_solid
 from tests.heights import HEADER
 
@@ -199,3 +199,18 @@ def test_two_drifts_that_only_touch_are_built_with_rock_behind_every_facet(tmp_p
 )
 def test_a_random_survey_is_clean(kind, seed):
     assert beyond(judge(kind, seed)) == {}
+
+
+def test_pockets_and_rock_that_floats_go_and_the_facets_that_stay_keep_their_numbers():
+    cube = manifold3d.Manifold.cube((1.0, 1.0, 1.0), True)
+    large, tall, small = (
+        cube.scale(size).translate(place).as_original()
+        for size, place in (((4, 4, 4), (0, 0, 0)), ((1, 1, 9), (1000, 0, 0)), ((0.05, 0.05, 0.05), (1000, 2000, 0)))
+    )
+    floating = cube.as_original()
+    kept = without_crumbs(manifold3d.Manifold.compose([large - floating, tall, small]), 1e-3)
+    assert kept.volume() == pytest.approx(4**3 + 9, rel=1e-12)
+    vertices, faces, number = mesh_of(kept, {large.original_id(): 1, tall.original_id(): 2, small.original_id(): 3})
+    assert number.tolist() == [1] * 12 + [2] * 12
+    assert (np.abs(vertices[faces[number == 2], 2]) == 4.5).all()
+    assert without_crumbs(small, 1e-3) is small  # all there is stays

@@ -18,6 +18,7 @@ from pipeline.volume.union import Solid
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
 _HOLD = 10.0  # the same of the sections' floors where a leg passes that does not share the floor
 _PULL = 0.3  # the same elsewhere, a m2: what a leg does to the floor ends within a few metres
+_PARTED = 10.0  # the same of a floor over or under one that it is parted from: they are as far apart as stated
 _PULL_LEAST = 1e-7
 _PASS_M = 2.0  # over or under a floor: a leg that is so near lies on it, cuts it, or it rises to the leg elsewhere
 _PRISM = 1e-3  # weight of a prism's floor against that of a leg
@@ -63,14 +64,15 @@ def solve_heights(network: SurveyNetwork, pieces: list[Solid]) -> HeightField:
     stiff, slopes = _stiffness(surface, mean)
     a, b, c = np.moveaxis(surface.places[surface.spots], 1, 0)
     area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 6
-    weight = _PULL_LEAST + _PULL * np.bincount(corners.ravel(), np.repeat(area, 3), n)
+    pull = np.where(surface.parted, _PARTED, _PULL)[surface.patch]
+    weight = _PULL_LEAST + np.bincount(corners.ravel(), np.repeat(pull * area, 3), n)
     held, passing = _on_legs(network, pieces, surface, target)
     weight[list(passing)] = _HOLD
     fixed, heights = np.array(list(held), int), np.array(list(held.values()))
     weight[fixed], target[fixed] = _FIX, heights
     level = float(target.mean()) if n else 0.0
-    pull = csr_matrix((weight, (range(n), range(n))), shape=(n, n))
-    found = spsolve((stiff + pull).tocsc(), slopes + weight * (target - level)) + level if n else target
+    diagonal = csr_matrix((weight, (range(n), range(n))), shape=(n, n))
+    found = spsolve((stiff + diagonal).tocsc(), slopes + weight * (target - level)) + level if n else target
     found[fixed] = heights
     return HeightField(surface, found, low, high, tall)
 

@@ -38,7 +38,9 @@ class SectionFloors:
         planes = np.array([piece.floor for piece in pieces])
         corners, ends, between = np.zeros((len(pieces), 4, 2)), np.zeros((len(pieces), 2)), np.zeros(len(pieces), bool)
         for number, piece in enumerate(pieces):
-            if is_leg(piece) and not piece.is_plumb:
+            if not is_leg(piece):
+                talls[number] = piece.sections[0][:, 2].max() - piece.floor[2]
+            elif not piece.is_plumb:
                 corners[number] = piece.footprint[[0, 3, 1, 2]]
                 ends[number] = network.floors_m[piece.shot][:, 2]
                 polygon = shapely.Polygon(piece.footprint)

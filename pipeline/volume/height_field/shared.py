@@ -38,7 +38,7 @@ class SharedFloors:
     Where two ways leave a station, or run beside each other, the overlaps of their pieces follow each other. All pairs
     of such a run share a floor if somewhere in it two floors are hardly apart in height. So no floor ends where two
     ways part slowly. Where rock is between the two, they are two floors all the same: if they are farther apart than
-    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where no station joins their ways.
+    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where the two share no station.
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
@@ -56,16 +56,14 @@ class SharedFloors:
         np.maximum.at(high, row, apart)
         least = np.where(low * high <= 0, 0.0, np.minimum(np.abs(low), np.abs(high)))
         pairs = list(zip(one.tolist(), two.tolist(), strict=True))
-        stations = _stations(network, pieces)
+        stations = stations_of(network, pieces)
         follow = np.array(list(_following(pairs, overlap, stations)), int).reshape(-1, 2)
         n = len(pairs)
         count, run = connected_components(coo_matrix((np.ones(len(follow)), follow.T), (n, n)), directed=False)
         nearest = np.full(count, np.inf)
         np.minimum.at(nearest, run, least)
         self._floors = floors
-        parted = np.full(count, MEET_M)
-        parted[run[[not stations[a].isdisjoint(stations[b]) for a, b in pairs]]] = _WAYS_APART_M
-        self._parted_m = dict(zip(pairs, parted[run].tolist(), strict=True))
+        self._parted_m = {(a, b): MEET_M if stations[a].isdisjoint(stations[b]) else _WAYS_APART_M for a, b in pairs}
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
         self.crossings = _crossings(network, pieces, self._pairs)
 
@@ -122,7 +120,7 @@ def _crossings(network: SurveyNetwork, pieces: list[Solid], pairs: set[tuple[int
     return Crossings(legs[row, upper], along[row, upper], np.ptp(height, axis=1))
 
 
-def _stations(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:
+def stations_of(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:
     """Return the stations that each piece has; a prism's is the one that it stands on."""
     found = []
     for piece in pieces:

@@ -14,10 +14,14 @@ from scipy.sparse.csgraph import connected_components
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.height_field.heights import HeightField
 from pipeline.volume.height_field.section_floors import is_leg
+from pipeline.volume.height_field.shared import stations_of
 from pipeline.volume.height_field.surface import FloorSurface, weld
+from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 
 _DEPTH_M = 0.3  # of a slab over its floor, at most half of the passage's height
+_PIT_M = 2.0  # farther below: sections of a steep leg are level across, and the floor that it rises from may slope
+_SAME_M = 0.01  # between floors of one station
 _UNDER_M = 0.1  # below the lowest floor, where what is cut from a passage ends
 _SLAB_ASIDE_M, _CUT_ASIDE_M = 3e-7, 6e-7  # beyond the passages' walls: solids that only touch are bad for booleans
 _MOST_ASIDE = 3.0  # times that at a corner
@@ -75,9 +79,13 @@ def slabs_of(field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> l
 class PassageFloors:
     """What is cut from passages: all from below their floors up to half the depth of the slab over these."""
 
-    def __init__(self, field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> None:
+    def __init__(self, network: SurveyNetwork, field: HeightField, pieces: list[Solid], keys: dict[int, int]) -> None:
         """Sort the triangles by the pieces whose floor they are; `keys` get those of cut facets, as in `slabs_of`."""
-        self._surface, self._pieces, self._keys = field.surface, pieces, keys
+        self._network, self._surface, self._pieces, self._keys = network, field.surface, pieces, keys
+        self._at_station: dict[int, list[int]] = {}
+        for number, some in enumerate(stations_of(network, pieces)):
+            for station in some if pieces[number].is_drivable else ():
+                self._at_station.setdefault(station, []).append(number)
         self._top = field.heights_m + np.minimum(_DEPTH_M, field.tall_m / 2) / 2
         self._bottom = np.minimum(field.heights_m, field.low_m) - _UNDER_M
         triangle, piece = field.surface.of_pieces
@@ -86,11 +94,35 @@ class PassageFloors:
         self._starts = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
 
     def cut(self, solid: manifold3d.Manifold, numbers: list[int]) -> manifold3d.Manifold:
-        """Return the solid of some pieces without what is below their floors' slabs."""
+        """Return the solid of some pieces without what is below their floors' slabs.
+
+        A leg that is too steep to drive on rises out of the floors at its foot: it has nothing below these, either.
+        """
         steep = [line for number in numbers for line in self._sections_to_steep(number, set(numbers))]
         stays = shapely.MultiLineString(steep)
         bodies = [body for number in numbers for body in self._bodies(number, stays)]
+        if not any(self._pieces[number].is_drivable for number in numbers):
+            under = {floor for station, low in self._feet(numbers) for floor in self._floors_at(station, low)}
+            bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M, 0.0)]
         return manifold3d.Manifold.batch_boolean([solid, *bodies], manifold3d.OpType.Subtract)
+
+    def _feet(self, numbers: list[int]) -> Iterator[tuple[int, float]]:
+        """Yield the stations from which legs rise and no other goes down, and the legs' floors there, m."""
+        network, shots = self._network, [self._pieces[number].shot for number in numbers]
+        lower = network.floors_m[shots, :, 2].argmin(axis=1)
+        heads = set(network.shots[shots, 1 - lower].tolist())
+        for shot, end in zip(shots, lower.tolist(), strict=True):
+            station = int(network.shots[shot, end])
+            if station not in heads:
+                yield station, float(network.floors_m[shot, end, 2])
+
+    def _floors_at(self, station: int, low_m: float) -> Iterator[int]:
+        """Yield the drivable pieces at a station whose floor there is no higher than that of a leg that rises there."""
+        for number in self._at_station.get(station, ()):
+            shot = self._pieces[number].shot
+            floors = self._network.floors_m[shot, :, 2]
+            if floors[self._network.shots[shot] == station].max() < low_m + _SAME_M:
+                yield number
 
     def _sections_to_steep(self, number: int, together: set[int]) -> Iterator[shapely.LineString]:
         """Yield the floors of sections that a leg shares with steep ones of its tube, which begin there."""
@@ -99,8 +131,13 @@ class PassageFloors:
             if is_leg(piece) and piece.is_drivable and other in together and not self._pieces[other].is_drivable:
                 yield shapely.LineString(piece.footprint[[left, right]])
 
-    def _bodies(self, number: int, stays: shapely.MultiLineString) -> Iterator[manifold3d.Manifold]:
-        """Yield the solids below the slabs of a piece, which reach beyond its walls but not into steep legs."""
+    def _bodies(
+        self, number: int, stays: shapely.MultiLineString, deeper_m: float = 0.0, aside_m: float = _CUT_ASIDE_M
+    ) -> Iterator[manifold3d.Manifold]:
+        """Yield the solids below the slabs of a piece, which reach beyond its walls but not into steep legs.
+
+        A steep leg goes on beyond the walls. What is cut from it ends within the slab: no rock is left between them.
+        """
         some = self._triangles[self._starts[number] : self._starts[number + 1]]
         surface = self._surface
         ours, back = surface.lines[0].reshape(-1, 3)[some].ravel(), surface.lines[1]
@@ -113,8 +150,10 @@ class PassageFloors:
             lines = shapely.linestrings(np.stack([places[x.ravel()[own]] for x in (corners, _next(corners))], axis=1))
             out = ~np.isin(back.reshape(-1, 3)[part].ravel()[own], ours)
             out &= ~shapely.dwithin(shapely.centroid(lines), stays, _ON_SECTION_M)
-            aside = _CUT_ASIDE_M * _ways_out(own[out], corners, places)
-            slab = _mesh_over(corners, own, part, places + aside, self._bottom[vertex], self._top[vertex], vertex)
+            aside = aside_m * _ways_out(own[out], corners, places)
+            slab = _mesh_over(
+                corners, own, part, places + aside, self._bottom[vertex] - deeper_m, self._top[vertex], vertex
+            )
             body = slab.solid()
             self._keys[body.original_id()] = len(FacetLabel) * number + FacetLabel.WALL
             yield body

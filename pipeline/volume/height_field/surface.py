@@ -40,6 +40,8 @@ class FloorSurface:
         Of each patch.
     over : (m, 2) int64
         Patches that lie over each other.
+    parted : (n,) bool
+        Of each patch, whether another one lies over or under it with which it is one floor elsewhere.
     mates : (k, 2) int64
         Edges that two triangles share; edge 3 t + i begins at corner i of triangle t.
     """
@@ -49,6 +51,7 @@ class FloorSurface:
     patch: np.ndarray
     pieces: list[list[int]]
     over: np.ndarray
+    parted: np.ndarray
     mates: np.ndarray
 
     @cached_property
@@ -129,7 +132,9 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     spots = triangles[np.concatenate([np.zeros(0, int), *rows])]
     ways = LegWays(network, pieces)
     mates = np.array(list(joined_edges(places, spots, patch, of_patch, shared, floors, ways)), int).reshape(-1, 2)
-    return FloorSurface(places, spots, patch, of_patch, _patches_over(cells, group, cell_of), mates)
+    patches_over = _patches_over(cells, group, cell_of)
+    parted = _parted(patches_over, of_patch, shared)
+    return FloorSurface(places, spots, patch, of_patch, patches_over, parted, mates)
 
 
 def _lines(
@@ -196,6 +201,15 @@ def _patches_over(cells: np.ndarray, group: np.ndarray, cell_of: np.ndarray) -> 
     both = [(cell, cell) for cell in range(len(cells))] + cells_over(cells, group).tolist()
     found = [(p, q) for a, b in both for p in range(*first[a : a + 2]) for q in range(*first[b : b + 2]) if p < q]
     return np.array(found, int).reshape(-1, 2)
+
+
+def _parted(over: np.ndarray, pieces: list[list[int]], shared: SharedFloors) -> np.ndarray:
+    """Return which patches (n,) are over or under (k, 2) one with which some of their pieces share a floor."""
+    found = np.zeros(len(pieces), bool)
+    for p, q in over.tolist():
+        if any(shared.has(one, two) for one in pieces[p] for two in pieces[q]):
+            found[[p, q]] = True
+    return found
 
 
 def _patches(cells: np.ndarray, over: list[list[int]], shared: SharedFloors) -> Iterator[list[list[int]]]:

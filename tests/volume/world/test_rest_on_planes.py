@@ -12,7 +12,6 @@ from minexplore.physics.robot import FLOOR_BIT, RobotParams, stand_on_facets
 from minexplore.task import TaskParams
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
-from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.proof.physics import STEEPEST, creep_on_planes, measure_standing
 from tests.heights import HEADER
 
@@ -65,5 +64,5 @@ def test_the_creep_that_is_taken_off_is_that_of_a_plane_with_tilted_gravity_and_
 def test_a_world_that_is_an_even_ramp_adds_nothing_to_the_creep_of_its_robots(tmp_path):
     rows = "A,1,0,0,2,2,0,3,0\nA,2,30,0,2,2,5.7,3,0\n"  # a rise of 0.19
     network = GateCase("ramp", HEADER + rows).network(tmp_path)
-    volume = solve_floors(unite(network, pieces_of(network)), network)
+    volume = solve_floors(network)
     assert measure_standing(volume, build_shell(volume), np.random.default_rng(0)).rest_m < 2e-4
