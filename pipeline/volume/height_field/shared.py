@@ -38,7 +38,8 @@ class SharedFloors:
     Where two ways leave a station, or run beside each other, the overlaps of their pieces follow each other. All pairs
     of such a run share a floor if somewhere in it two floors are hardly apart in height. So no floor ends where two
     ways part slowly. Where rock is between the two, they are two floors all the same: if they are farther apart than
-    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where the two share no station.
+    the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where no station joins the run, and of two legs
+    that cross and share no station: there the survey states two floors.
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
@@ -63,7 +64,11 @@ class SharedFloors:
         nearest = np.full(count, np.inf)
         np.minimum.at(nearest, run, least)
         self._floors = floors
-        self._parted_m = {(a, b): MEET_M if stations[a].isdisjoint(stations[b]) else _WAYS_APART_M for a, b in pairs}
+        apart = np.array([stations[a].isdisjoint(stations[b]) for a, b in pairs], bool)
+        parted = np.full(count, MEET_M)
+        parted[run[~apart]] = _WAYS_APART_M
+        parted_m = np.where(apart & _cross(network, pieces, pairs), MEET_M, parted[run])
+        self._parted_m = dict(zip(pairs, parted_m.tolist(), strict=True))
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
         self.crossings = _crossings(network, pieces, self._pairs)
 
@@ -104,6 +109,15 @@ class SharedFloors:
         parted_m = np.fromiter(map(self._parted_m.__getitem__, pairs), float, len(upper))
         found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), parted_m, APART_M)
         return found
+
+
+def _cross(network: SurveyNetwork, pieces: list[Solid], pairs: list[tuple[int, int]]) -> np.ndarray:
+    """Return which pairs of pieces (n,) are legs that cross, seen from above."""
+    both = np.array(pairs, int).reshape(-1, 2)
+    lines = shapely.linestrings(network.ways_m[[piece.shot for piece in pieces]][:, :, :2])
+    of_legs = np.array([is_leg(piece) for piece in pieces])[both].all(axis=1)
+    found: np.ndarray = of_legs & shapely.dwithin(*lines[both.T], TOUCH_M)
+    return found
 
 
 def _crossings(network: SurveyNetwork, pieces: list[Solid], pairs: set[tuple[int, int]]) -> Crossings:
