@@ -144,7 +144,7 @@ class PassageFloors:
         """Yield the solids below the slabs of a piece, which reach beyond its walls but not into steep legs.
 
         Those that are cut from a steep leg with its floor at `foot_m`, m, are below the floors about that height, and
-        deeper. The leg goes on beyond the walls: what is cut from it ends within the slab, no rock is left between them.
+        deeper. The leg goes on beyond the walls. What is cut from it ends within the slab: no rock is left between.
         """
         some = self._triangles[self._starts[number] : self._starts[number + 1]]
         surface = self._surface
