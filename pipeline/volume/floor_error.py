@@ -177,21 +177,21 @@ def _share_built(volume: Volume, network: SurveyNetwork) -> float:
 def _other_working(network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Return the leg (n,) in whose working each place lies, -1 for its own.
 
-    A prism on a station is the working of the legs near it. A plumb leg has the floor of its foot.
+    A prism on a station is the working of the legs near it.
     """
     pieces = pieces_of(network)
     floors = SectionFloors.of(network, pieces)
-    place, piece = shapely.STRtree(floors.outlines).query(shapely.points(places[:, :2]), predicate="intersects")
-    is_plumb = np.array([one.is_plumb for one in pieces])[piece]
+    some = np.flatnonzero([not piece.is_plumb for piece in pieces])
+    place, row = shapely.STRtree(floors.outlines[some]).query(shapely.points(places[:, :2]), predicate="intersects")
+    piece = some[row]
     leg = np.array([one.shot for one in pieces])[piece]
     is_other = np.where(
         np.array([is_leg(one) for one in pieces])[piece],
         leg != owner[place],
         ~network.near_legs(NEAR_M).has(leg, owner[place]),
     )
-    foot, head = np.sort(network.floors_m[leg, :, 2]).T
-    deeper = places[place, 2] - np.where(is_plumb, foot, floors.heights_at(piece, places[place, :2]))
-    is_over = deeper > floors.tall_at(piece, places[place, :2]) + np.where(is_plumb, head - foot, 0.0)
+    deeper = places[place, 2] - floors.heights_at(piece, places[place, :2])
+    is_over = deeper > floors.tall_at(piece, places[place, :2])
     good = np.flatnonzero(is_other & (deeper > _OFF_M) & ~is_over)
     good = good[np.argsort(deeper[good], kind="stable")]  # the deepest is last
     found = np.full(len(places), -1)

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.height_field.heights import HeightField
 from pipeline.volume.height_field.section_floors import is_leg
-from pipeline.volume.height_field.shared import MEET_M, stations_of
+from pipeline.volume.height_field.shared import stations_of
 from pipeline.volume.height_field.surface import FloorSurface, weld
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
@@ -86,11 +86,6 @@ class PassageFloors:
         for number, some in enumerate(stations_of(network, pieces)):
             for station in some if pieces[number].is_drivable else ():
                 self._at_station.setdefault(station, []).append(number)
-        self._beside: dict[int, set[int]] = {}
-        for together in field.surface.pieces:
-            for number in together:
-                self._beside.setdefault(number, set()).update(together)
-        self._heights = field.heights_m
         self._top = field.heights_m + np.minimum(_DEPTH_M, field.tall_m / 2) / 2
         self._bottom = np.minimum(field.heights_m, field.low_m) - _UNDER_M
         triangle, piece = field.surface.of_pieces
@@ -101,26 +96,25 @@ class PassageFloors:
     def cut(self, solid: manifold3d.Manifold, numbers: list[int]) -> manifold3d.Manifold:
         """Return the solid of some pieces without what is below their floors' slabs.
 
-        A leg that is too steep to drive on rises out of the floors at its foot, and out of those that are one with them
-        and nearly as high: it has nothing below these, either.
+        A leg that is too steep to drive on rises out of the floors at its foot: it has nothing below these, either. A
+        plumb one has a level floor of its own there.
         """
         steep = [line for number in numbers for line in self._sections_to_steep(number, set(numbers))]
         stays = shapely.MultiLineString(steep)
         bodies = [body for number in numbers for body in self._bodies(number, stays)]
         if not any(self._pieces[number].is_drivable for number in numbers):
-            for station, low in self._feet(numbers):
-                floors = {other for floor in self._floors_at(station, low) for other in self._beside.get(floor, ())}
-                bodies += [body for floor in sorted(floors) for body in self._bodies(floor, stays, low)]
+            under = {floor for station, low in self._feet(numbers) for floor in self._floors_at(station, low)}
+            bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M, 0.0)]
         return manifold3d.Manifold.batch_boolean([solid, *bodies], manifold3d.OpType.Subtract)
 
     def _feet(self, numbers: list[int]) -> Iterator[tuple[int, float]]:
-        """Yield the stations from which legs rise and no other goes down, and the legs' floors there, m."""
+        """Yield the stations from which legs that are not plumb rise, no other goes down, and their floors there, m."""
         network, shots = self._network, [self._pieces[number].shot for number in numbers]
         lower = network.floors_m[shots, :, 2].argmin(axis=1)
         heads = set(network.shots[shots, 1 - lower].tolist())
-        for shot, end in zip(shots, lower.tolist(), strict=True):
+        for number, shot, end in zip(numbers, shots, lower.tolist(), strict=True):
             station = int(network.shots[shot, end])
-            if station not in heads:
+            if station not in heads and not self._pieces[number].is_plumb:
                 yield station, float(network.floors_m[shot, end, 2])
 
     def _floors_at(self, station: int, low_m: float) -> Iterator[int]:
@@ -139,18 +133,14 @@ class PassageFloors:
                 yield shapely.LineString(piece.footprint[[left, right]])
 
     def _bodies(
-        self, number: int, stays: shapely.MultiLineString, foot_m: float | None = None
+        self, number: int, stays: shapely.MultiLineString, deeper_m: float = 0.0, aside_m: float = _CUT_ASIDE_M
     ) -> Iterator[manifold3d.Manifold]:
         """Yield the solids below the slabs of a piece, which reach beyond its walls but not into steep legs.
 
-        Those that are cut from a steep leg with its floor at `foot_m`, m, are below the floors about that height, and
-        deeper. The leg goes on beyond the walls. What is cut from it ends within the slab: no rock is left between.
+        A steep leg goes on beyond the walls. What is cut from it ends within the slab: no rock is left between them.
         """
         some = self._triangles[self._starts[number] : self._starts[number + 1]]
         surface = self._surface
-        deeper_m, aside_m = (0.0, _CUT_ASIDE_M) if foot_m is None else (_PIT_M, 0.0)
-        if foot_m is not None:
-            some = some[(np.abs(self._heights[surface.corners[some]] - foot_m) < MEET_M).all(axis=1)]
         ours, back = surface.lines[0].reshape(-1, 3)[some].ravel(), surface.lines[1]
         for part in _connected(surface, some):
             corners = weld(len(part), _mates_within(surface, part))
