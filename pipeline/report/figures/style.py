@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontManager, fontManager
 
 from pipeline.types import Image
 
@@ -24,6 +27,19 @@ matplotlib.rcParams.update(
         "svg.hashsalt": "minexplore",
     }
 )
+
+
+def use_own_fonts(manager: FontManager) -> None:
+    """Have a font manager know Matplotlib's own fonts alone.
+
+    A machine's copy of the same font replaces them otherwise, and its glyphs have other numbers in an SVG.
+    """
+    manager.ttflist = []
+    for path in sorted(Path(matplotlib.get_data_path()).glob("fonts/ttf/*.ttf")):
+        manager.addfont(path)
+
+
+use_own_fonts(fontManager)
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
