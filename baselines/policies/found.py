@@ -71,7 +71,7 @@ def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = N
     Raises
     ------
     BaselineError
-        If there is no policy of that name, or it knows level mines or floors only; the message lists the choices.
+        If there is no policy of that name, or it does not know such mines or robots; the message lists the choices.
     """
     robot = robot or RobotParams()
     if name in EXPLORERS and fits(name, robot):
@@ -84,14 +84,14 @@ def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = N
             f"policy = {name!r}: it drives on floors; of robots that fly valid choices are {flying}, module:Class"
         )
     path = find_checkpoint(name)
-    if heights:
+    graph = graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT
+    learned = None if graph else LearnedPolicy(path, count, task)
+    if heights and (learned is None or learned.observation == "map"):
         raise BaselineError(
-            f"policy = {name!r}: learned policies map level mines only; in a mine with heights valid choices are "
-            f"{', '.join(EXPLORERS)}, module:Class"
+            f"policy = {name!r}: its map is of level mines; in a mine with heights valid choices are "
+            f"{', '.join(EXPLORERS)}, module:Class, and what is trained with observation=beams"
         )
-    if graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT:
-        return GraphPolicy(path, count, task, cast(RobotParams, robot))  # it uses what all robots on wheels have
-    return LearnedPolicy(path, count, task)
+    return learned or GraphPolicy(path, count, task, cast(RobotParams, robot))  # it uses what all on wheels have
 
 
 def fits(name: str, robot: Robot) -> bool:

@@ -76,17 +76,17 @@ class TrainingEnv(VectorWrapper):
         return np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
 
 
-def training_mines(env: str, mines: int) -> list[str]:
+def training_mines(env: str, mines: int, observation: str) -> list[str]:
     """Return the ids of the mines to train in: of `MineXplore/Family-v0` the first mines of the training split.
 
     Raises
     ------
     BaselineError
-        If the id is unknown, a mine is not built, or one that policies are judged by.
+        If the id is unknown, a mine is not built, one that policies are judged by, or has heights that a map lacks.
     """
     ids = built_ids("train", mines) if env == FAMILY else [env]
     for env_id in ids:
-        require_trainable(env_id)
+        require_trainable(env_id, observation)
     return ids
 
 
@@ -99,7 +99,9 @@ def make_training_env(context: dict[str, Any]) -> TrainingEnv:
         As `training_mines`, or if a world cannot be loaded, or the robots cannot be spread evenly over the mines.
     """
     robots = context.get("num_envs", 1)
-    ids = training_mines(context["env"], context["mines"])[:robots]  # of one robot RLlib asks the spaces only
+    ids = training_mines(context["env"], context["mines"], context["observation"])[
+        :robots
+    ]  # of one robot RLlib asks the spaces only
     if robots % len(ids):
         raise BaselineError(f"robots = {robots}, mines = {len(ids)}: want as many robots in each mine")
     mines = [make_env(env_id, robots // len(ids)) for env_id in ids]

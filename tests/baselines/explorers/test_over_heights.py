@@ -1,14 +1,18 @@
 """Explorers and coverage in mines with heights."""
 
+import gymnasium
 import numpy as np
 import pytest
 
+from baselines.base.environments import require_trainable
 from baselines.base.errors import BaselineError
 from baselines.explorers import EXPLORERS, Explorer
 from baselines.explorers.maps.layers import LayeredMap, Stance
 from baselines.explorers.maps.own_map import FREE, ROCK, UNKNOWN
 from baselines.explorers.reactive import Reactive
 from baselines.policies.found import make_policy
+from baselines.running.protocol import run_episodes
+from minexplore.envs.vector import MineVectorEnv
 from minexplore.task import TaskParams
 
 LEVEL = np.eye(3)[:2]
@@ -58,6 +62,31 @@ def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(
         assert [kind.__name__ for kind in kinds] == ["Reactive", mapped]
 
 
-def test_a_learned_policy_refuses_a_mine_with_heights():
-    with pytest.raises(BaselineError, match="learned policies map level mines only"):
-        make_policy("x.safetensors", 1, None, None, heights=True)
+@pytest.mark.parametrize("name", ["graph-142", "ChileanMineEntrance-map-mlp-42"])
+def test_a_learned_policy_that_maps_in_plan_refuses_a_mine_with_heights(name):
+    with pytest.raises(BaselineError, match=f"policy = '{name}': its map is of level mines"):
+        make_policy(name, 1, TaskParams(), heights=True)
+
+
+def test_a_learned_policy_of_beams_drives_in_a_mine_with_heights(ramp):
+    env = MineVectorEnv(2, world=ramp, task={"max_steps": 100, **DRY})
+    policy = make_policy("Family-beams-mlp-42", 2, env.task, env.robot, env.world.has_heights)
+    episodes = list(run_episodes(env, policy, [0, 1]))
+    env.close()
+    assert all(episode.path_m > 1.0 for episode in episodes)
+
+
+def test_training_by_beams_takes_a_mine_with_heights_and_by_a_map_does_not(ramp):
+    env_id = "MineXplore/Ramp-v0"
+    gymnasium.register(
+        env_id,
+        "minexplore.envs.env:MineEnv",
+        vector_entry_point="minexplore.envs.vector:MineVectorEnv",
+        kwargs={"world": str(ramp)},
+    )
+    try:
+        require_trainable(env_id, "beams")
+        with pytest.raises(BaselineError, match=f"{env_id}: observation = 'map' is of level mines"):
+            require_trainable(env_id, "map")
+    finally:
+        del gymnasium.registry[env_id]
