@@ -1,7 +1,7 @@
 """Work in a forked process beside this one, on what this process holds.
 
-Stage 6 measures the texture so, while it makes the world again: threads would wait for the interpreter, and a process
-of its own would compile the model once more.
+Stage 6 measures so, while it makes the world again: threads would wait for the interpreter, and a process of its own
+would compile the model once more.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ _T = TypeVar("_T")
 
 
 class Forked(Generic[_T]):
-    """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for."""
+    """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for.
+
+    `with` ends the process.
+    """
 
     def __init__(self, work: Callable[[], _T]) -> None:
         self._work, self._process = work, None
@@ -36,6 +39,12 @@ class Forked(Generic[_T]):
                 )  # about threads; none of them holds what `work` needs
                 self._process.start()
             out.close()
+
+    def __enter__(self) -> Forked[_T]:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.end()
 
     def result(self) -> _T:
         """Return what the function returns.
