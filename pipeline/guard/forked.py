@@ -17,6 +17,7 @@ from typing import Any, Generic, TypeVar
 
 from pipeline.errors import MemoryShortageError, MineError
 from pipeline.guard.process_limits import die_with_parent
+from pipeline.remarks import collect_remarks, hand_on
 
 _T = TypeVar("_T")
 
@@ -47,7 +48,7 @@ class Forked(Generic[_T]):
         self.end()
 
     def result(self) -> _T:
-        """Return what the function returns.
+        """Return what the function returns, and warn the user of what it remarked.
 
         Raises
         ------
@@ -57,7 +58,7 @@ class Forked(Generic[_T]):
         if self._process is None:
             return self._work()
         try:
-            error, value = self._answer.recv()
+            error, value, remarks = self._answer.recv()
         except EOFError:
             self._process.join()
             if self._process.exitcode and self._process.exitcode > 0:
@@ -65,6 +66,7 @@ class Forked(Generic[_T]):
             raise MemoryShortageError("a process that measures was ended, perhaps for want of memory") from None
         finally:
             self.end()
+        hand_on(remarks)
         if error is not None:
             raise error
         return value
@@ -80,7 +82,8 @@ class Forked(Generic[_T]):
 def _serve(work: Callable[[], Any], out: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     die_with_parent(parent)
-    try:
-        out.send((None, work()))
-    except (MineError, MemoryError) as error:
-        out.send((error, None))
+    with collect_remarks() as remarks:
+        try:
+            out.send((None, work(), remarks))
+        except (MineError, MemoryError) as error:
+            out.send((error, None, remarks))
