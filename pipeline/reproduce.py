@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
+import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import yaml
 
 from pipeline.commands.maintenance import set_overrides
 from pipeline.errors import run_command
+from pipeline.prepared import prepared
 
 _DAG, _LOCK, _CACHE = Path("dvc.yaml"), Path("dvc.lock"), Path(".dvc/cache/files/md5")
 _SCHEMA = "2.0"  # of the lock
@@ -131,7 +133,10 @@ def main() -> int:
         print("Data and pipelines are up to date.")
         return 0
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "dvc", "repro", *sys.argv[1:]])
+    with prepared() as environment:
+        dvc = subprocess.Popen([sys.executable, "-m", "dvc", "repro", *sys.argv[1:]], env=environment)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # DVC and the stage get it, too, and end as they do alone
+        return dvc.wait()
 
 
 if __name__ == "__main__":

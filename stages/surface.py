@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,8 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import VOLUME
+from pipeline.geometry.ray_scene import load_open3d
+from pipeline.guard.forked import Forked
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
@@ -56,30 +57,29 @@ def model_surface(
         return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
-    free = free_space.polygon
-    params = widen_spacing(params, free, extent.height_m)
-    with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
-        smooth = pool.submit(_smooth, params, free, extent.height_m)
-        texture = pool.submit(_texture, params.texture)
+    load_open3d()  # once, for the other processes as well
+    free, height_m = free_space.polygon, extent.height_m
+    params = widen_spacing(params, free, height_m)
+    with Forked(lambda: (_smooth(params, free, height_m), _texture(params.texture))) as plain:
         sources = measure_sources(params)
-        lattice = lay_rough_lattice(params, free, topology, extent.height_m)
+        lattice = lay_rough_lattice(params, free, topology, height_m)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
-        reported = pool.submit(report_roughness, params, sources, relief, rough)
-        spectra = pool.submit(lambda: draw_spectra(reported.result()))
-        sections = pool.submit(lambda: draw_sections(rough, smooth.result(), extent.height_m))
-        files = chunk_files(rough, params)
-        checked = check_rough(rough, closed_mesh(rough)[1])
+        smooth, texture = plain.result()
+
+    def evidence() -> dict[str, Any]:
+        reported = report_roughness(params, sources, relief, rough)
         return {
-            "smooth": smooth.result(),
-            "rough": files,
-            "texture": texture.result(),
-            "sections": sections.result(),
+            "sections": draw_sections(rough, smooth, height_m),
             "amplitude": amplitude_table(rough),
-            "roughness": reported.result(),
-            "spectra": spectra.result(),
-            "mesh_checks": checked,
+            "roughness": reported,
+            "spectra": draw_spectra(reported),
+            "mesh_checks": check_rough(rough, closed_mesh(rough)[1]),
         }
+
+    with Forked(evidence) as reports:
+        files = chunk_files(rough, params)
+        return {"smooth": smooth, "rough": files, "texture": texture, **reports.result()}
 
 
 _NO_ROCK: dict[str, Any] = {

@@ -154,7 +154,8 @@ def draw(chunks: dict[str, Mesh], network: DriftNetwork) -> np.ndarray:
     at = len(line) // 3
     ahead = line[min(at + 8, len(line) - 1)]
     eye, towards = np.array([*line[at], 1.3]), np.array([*ahead, 1.3])
-    return render_from(spec.compile(), eye, towards, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE))
+    groups = GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE
+    return render_from(spec.compile(), [(eye, towards)], 70.0, _SIZE, groups)[0]
 
 
 def table(results: dict[str, dict[str, float]]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -19,13 +20,17 @@ def ray_scene(vertices: np.ndarray, faces: np.ndarray, threads: int = 0) -> Any:
     It takes rays and points as float32 arrays. So many threads make it, 0: all. Open3D takes a second to load: what
     needs no scene does without it.
     """
+    open3d = load_open3d()
+    tensor, scene = open3d.core.Tensor, open3d.t.geometry.RaycastingScene(nthreads=threads)
+    scene.add_triangles(tensor(vertices.astype(np.float32, copy=False)), tensor(faces.astype(np.uint32, copy=False)))
+    return scene
+
+
+def load_open3d() -> Any:
+    """Return Open3D's module, without the libraries that draw."""
     if "open3d" not in sys.modules and _DRAWING not in sys.modules:
         stand_in = ModuleType(_DRAWING)
         for name in _DRAWS:
             setattr(stand_in, name, None)
         sys.modules[_DRAWING] = stand_in
-    import open3d
-
-    tensor, scene = open3d.core.Tensor, open3d.t.geometry.RaycastingScene(nthreads=threads)
-    scene.add_triangles(tensor(vertices.astype(np.float32, copy=False)), tensor(faces.astype(np.uint32, copy=False)))
-    return scene
+    return import_module("open3d")

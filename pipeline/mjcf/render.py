@@ -42,56 +42,64 @@ def render_camera(
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return _render(model, data, camera, data.cam_xpos[model.camera(camera).id], (width, height), groups, spots)
+    with _sized(model, (width, height)) as renderer:
+        return _draw(renderer, data, camera, data.cam_xpos[model.camera(camera).id], groups, spots)
 
 
 def render_from(
     model: mujoco.MjModel,
-    eye_m: np.ndarray,
-    towards_m: np.ndarray,
+    views_m: Iterable[tuple[np.ndarray, np.ndarray]],
     fovy_deg: float,
     size_px: tuple[int, int],
     groups: Iterable[int],
-) -> Image:
-    """Render the view from `eye_m` (3,) towards `towards_m` (3,), m, world frame, as (height, width, 3) uint8, BGR."""
+) -> list[Image]:
+    """Render views from an eye (3,) towards a place (3,), m, world frame, as (height, width, 3) uint8, BGR each."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
+    before = float(model.vis.global_.fovy)
+    model.vis.global_.fovy = fovy_deg
+    try:
+        with _sized(model, size_px) as renderer:
+            return [_draw(renderer, data, _camera_at(*view), view[0], groups, spots=True) for view in views_m]
+    finally:
+        model.vis.global_.fovy = before
+
+
+def _camera_at(eye_m: np.ndarray, towards_m: np.ndarray) -> mujoco.MjvCamera:
     along = (towards_m - eye_m) / np.linalg.norm(towards_m - eye_m)
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat, camera.distance = eye_m + 0.01 * along, 0.01
     camera.azimuth = np.degrees(np.arctan2(along[1], along[0]))
     camera.elevation = np.degrees(np.arcsin(along[2]))
-    before = float(model.vis.global_.fovy)
-    model.vis.global_.fovy = fovy_deg
-    try:
-        return _render(model, data, camera, eye_m, size_px, groups, spots=True)
-    finally:
-        model.vis.global_.fovy = before
+    return camera
 
 
-def _render(
-    model: mujoco.MjModel,
+def _sized(model: mujoco.MjModel, size_px: tuple[int, int]) -> _Renderer:
+    """Return a renderer of pictures of a size; to make one takes 0.4 s of a world with rock."""
+    width, height = model.vis.global_.offwidth, model.vis.global_.offheight = size_px
+    return _Renderer(model, height, width)
+
+
+def _draw(
+    renderer: _Renderer,
     data: mujoco.MjData,
     camera: str | mujoco.MjvCamera,
     eye_m: np.ndarray,
-    size_px: tuple[int, int],
     groups: Iterable[int],
     spots: bool,
 ) -> Image:
-    width, height = size_px
+    model = renderer.model
     active = model.light_active.copy()
     if spots:
         light_nearest(model, data, eye_m)
     else:
         model.light_active[:] = 0
-    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     try:
-        with _Renderer(model, height, width) as renderer:
-            renderer.update_scene(data, camera, _options(groups))
-            if spots:  # a view from above is farther away than any haze
-                add_haze(model, renderer.scene)
-            return renderer.render()[..., ::-1].copy()
+        renderer.update_scene(data, camera, _options(groups))
+        if spots:  # a view from above is farther away than any haze
+            add_haze(model, renderer.scene)
+        return renderer.render()[..., ::-1].copy()
     finally:
         model.light_active[:] = active
 

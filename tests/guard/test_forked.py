@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.errors import ArtifactError, MemoryShortageError
 from pipeline.guard.forked import Forked
+from pipeline.remarks import collect_remarks, warn_user
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the work runs in this process there")
 
@@ -47,3 +48,16 @@ def test_a_process_that_is_no_longer_wanted_ends(tmp_path):
     forked.end()
     assert time.monotonic() - start < 5
     assert not file.exists()
+
+
+def test_a_forked_process_hands_on_its_remarks():
+    with collect_remarks() as remarks, Forked(lambda: warn_user("realism: points are 0.2 m apart")) as forked:
+        assert forked.result() is None
+    assert [remark.what for remark in remarks] == ["realism: points are 0.2 m apart"]
+
+
+def test_with_ends_a_process_whose_result_nobody_asks_for():
+    start = time.monotonic()
+    with pytest.raises(ArtifactError), Forked(lambda: time.sleep(30)):
+        raise ArtifactError("mine.xml: no rock")
+    assert time.monotonic() - start < 5

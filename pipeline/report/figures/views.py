@@ -18,13 +18,14 @@ def draw_views(world: OpenedBundle, network: DriftNetwork) -> Image:
     """Return two robot-eye views side by side (600, 1800, 3) uint8, BGR."""
     longest = max(network.legs, key=lambda leg: leg.length_m)
     middle = len(longest.stations_m) // 3
-    along_longest = _view(world, longest.stations_m, middle)
+    seen = [_view(world, longest.stations_m, middle)]
     junctions = sorted(network.junctions, key=lambda j: -sum(j in (leg.start, leg.end) for leg in network.legs))
-    if not junctions:
-        return along_longest
-    arriving = max((leg for leg in network.legs if junctions[0] in (leg.start, leg.end)), key=lambda leg: leg.length_m)
-    stations = arriving.stations_m if arriving.end == junctions[0] else arriving.stations_m[::-1]
-    return cv2.hconcat([along_longest, _view(world, stations, _back_from_end(stations))])
+    if junctions:
+        legs = [leg for leg in network.legs if junctions[0] in (leg.start, leg.end)]
+        arriving = max(legs, key=lambda leg: leg.length_m)
+        stations = arriving.stations_m if arriving.end == junctions[0] else arriving.stations_m[::-1]
+        seen.append(_view(world, stations, _back_from_end(stations)))
+    return cv2.hconcat(render_from(world.model, seen, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)))
 
 
 def _back_from_end(stations: list[tuple[float, float]]) -> int:
@@ -32,11 +33,12 @@ def _back_from_end(stations: list[tuple[float, float]]) -> int:
     return int(np.flatnonzero(far)[-1]) if far.any() else 0
 
 
-def _view(world: OpenedBundle, stations: list[tuple[float, float]], at: int) -> Image:
+def _view(world: OpenedBundle, stations: list[tuple[float, float]], at: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the eye (3,) and the place (3,) that it looks at, m, world frame."""
     line = np.array(stations)
     ahead = np.flatnonzero(np.linalg.norm(line - line[at], axis=1) >= _AHEAD_M)
     target = line[ahead[ahead > at][0]] if (ahead > at).any() else line[-1]
     T = np.array(world.record.T_world_mine)
     places = np.array([[*place, _EYE_M] for place in (line[at], target)])
     eye, towards = ((T @ [*place, 1.0])[:3] for place in places)
-    return render_from(world.model, eye, towards, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE))
+    return eye, towards

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -15,6 +15,7 @@ from shapely import Polygon
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.guard.forked import Forked
 from pipeline.surface.mesh.walls import Ring, WallColumns, outline_of, smoothstep
 from pipeline.types import Frame
 
@@ -41,22 +42,41 @@ class Lattice:
 
     Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
     (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
-    (n,) is the wall column at or nearest to a vertex. `piece` (m,) is `WALL` or `ROOF` for each face.
+    (n,) is the wall column at or nearest to a vertex. Another process triangulates the roof: its faces (k, 3) are over
+    wall columns and inner points, and `faces` and `piece` wait for them.
     """
 
     vertices: np.ndarray
     direction: np.ndarray
     roof_share: np.ndarray
     column: np.ndarray
-    faces: np.ndarray
-    piece: np.ndarray
     walls: WallColumns
     rows: int
+    triangulated: Forked[np.ndarray]
 
     @property
     def wall_vertices(self) -> int:
         """Return the number of wall vertices, the top row included."""
         return self.rows * len(self.walls.xy)
+
+    @cached_property
+    def faces(self) -> np.ndarray:
+        """Return the faces (m, 3): those of the walls, then those of the roof.
+
+        Raises
+        ------
+        GeometryError
+            If two walls are nearer to each other than the spacing.
+        """
+        offset = (self.rows - 1) * len(self.walls.xy)  # the first points of the roof are the walls' top row
+        roof = self.triangulated.result()[:, ::-1] + offset
+        return np.concatenate([_wall_faces(self.walls, self.rows), roof]).astype(np.int32)
+
+    @cached_property
+    def piece(self) -> np.ndarray:
+        """Return `WALL` or `ROOF` for each face (m,)."""
+        of_walls = 2 * (self.rows - 1) * len(self.walls.xy)
+        return np.repeat(np.array([WALL, ROOF], np.uint8), [of_walls, len(self.faces) - of_walls])
 
 
 def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roof_spacing_m: float) -> Lattice:
@@ -71,11 +91,6 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
     profile : CrossSection
     spacing_m, roof_spacing_m : float
         Greatest distance of neighbouring points up the walls, and in plan on the roof.
-
-    Raises
-    ------
-    GeometryError
-        If two walls are nearer to each other than the spacing.
     """
     xy, inward = walls.xy, walls.inward
     top_m = profile.height_m - profile.arch_rise_m
@@ -83,27 +98,22 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
     toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
     rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
     grid = _roof_grid(walls, roof_spacing_m)
-    with ThreadPoolExecutor(1) as pool:
-        triangulated = pool.submit(_roof_faces, walls, grid, roof_spacing_m)
-        inner = grid.xy
-        near, column = cKDTree(xy).query(inner, workers=2)
-        roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
-        share = smoothstep(near / BLEND_M)
-        direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        flat = np.column_stack([inward, np.zeros(len(xy))])
-        wall_faces = _wall_faces(walls, len(levels))
-        faces = triangulated.result()
-    offset = (len(levels) - 1) * len(xy)  # the first points of the roof are the walls' top row
+    triangulated = Forked(partial(_roof_faces, walls, grid, roof_spacing_m))
+    inner = grid.xy
+    near, column = cKDTree(xy).query(inner, workers=2)
+    roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
+    share = smoothstep(near / BLEND_M)
+    direction = np.column_stack([inward[column] * (1 - share)[:, None], -share])
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    flat = np.column_stack([inward, np.zeros(len(xy))])
     return Lattice(
         vertices=np.concatenate([*rows, roof]),
         direction=np.concatenate([np.tile(flat, (len(levels), 1)), direction]),
         roof_share=np.concatenate([np.zeros(len(levels) * len(xy)), share]),
         column=np.concatenate([np.tile(np.arange(len(xy)), len(levels)), column]),
-        faces=np.concatenate([wall_faces, faces[:, ::-1] + offset]).astype(np.int32),
-        piece=np.repeat(np.array([WALL, ROOF], np.uint8), [len(wall_faces), len(faces)]),
         walls=walls,
         rows=len(levels),
+        triangulated=triangulated,
     )
 
 

@@ -1,0 +1,125 @@
+"""Run a stage of the default world, or its report, in a process that has loaded the libraries: DVC's commands.
+
+`python -m pipeline.prepared NAME` asks a process that `pipeline.reproduce` holds, which forks itself for each command:
+libraries take a second to load each time. Without such a process, as under `dvc repro`, the command loads its own.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import NoReturn
+
+from pipeline.guard.process_limits import die_with_parent
+
+ADDRESS = "MINEXPLORE_PREPARED"  # the environment's variable with the path of the socket
+REPORT = "report"
+_LONGEST_NAME = 64
+_STREAMS = (0, 1, 2)
+_LATER = (  # what stages and the report load while they run
+    "pipeline.report.page",
+    "pipeline.report.figures.replay",
+    "pipeline.report.figures.roughness",
+    "pipeline.report.figures.texture",
+    "pipeline.worlds",
+)
+
+
+@contextmanager
+def prepared() -> Iterator[dict[str, str]]:
+    """Hold a process that runs commands, and yield the environment in which they find it; Linux only."""
+    if sys.platform != "linux":
+        yield dict(os.environ)
+        return
+    with tempfile.TemporaryDirectory(prefix="minexplore-") as folder, socket.socket(socket.AF_UNIX) as listener:
+        address, parent = str(Path(folder) / "socket"), os.getpid()
+        listener.bind(address)
+        listener.listen()
+        server = os.fork()
+        if not server:
+            _exit(partial(_serve, listener, parent))
+        try:
+            yield {**os.environ, ADDRESS: address}
+        finally:
+            os.kill(server, signal.SIGKILL)
+            os.waitpid(server, 0)
+
+
+def run(name: str) -> int:
+    """Run a stage, or the report, in this process; return the exit code."""
+    sys.argv = [name]
+    if name == REPORT:
+        sys.argv = ["pipeline", name]
+        return int(import_module("pipeline.__main__").main())
+    return int(import_module("pipeline.stage").main(import_module(f"stages.{name}").STAGE))
+
+
+def _serve(listener: socket.socket, parent: int) -> int:
+    """Load the libraries, then run commands, one after another, until the parent ends this process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(parent)
+    import_module("stages.__main__").load_stages()
+    for name in _LATER:
+        import_module(name)
+    import_module("pipeline.geometry.ray_scene").load_open3d()
+    while True:
+        asked, _ = listener.accept()
+        with asked:
+            named, streams, _, _ = socket.recv_fds(asked, _LONGEST_NAME, len(_STREAMS))
+            child = os.fork()
+            if not child:
+                listener.close()
+                _exit(partial(_run_with, named.decode(), streams))
+            for stream in streams:
+                os.close(stream)
+            code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            asked.send(bytes([code % 256]))  # a signal is a negative number
+
+
+def _run_with(name: str, streams: list[int]) -> int:
+    """Run a command whose standard input, output and errors are these."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for own, given in zip(_STREAMS, streams, strict=True):
+        os.dup2(given, own)
+    return run(name)
+
+
+def _exit(work: Callable[[], int]) -> NoReturn:
+    """Do the work of a forked process, and end it with the exit code."""
+    code = 1
+    try:
+        code = work()
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _ask(address: str, name: str) -> int:
+    """Let the prepared process run a command; return its exit code."""
+    with socket.socket(socket.AF_UNIX) as asked:
+        asked.connect(address)
+        socket.send_fds(asked, [name.encode()], list(_STREAMS))
+        answer = asked.recv(1)
+    return answer[0] if answer else 1
+
+
+def main() -> int:
+    """Run the command that is named; return its exit code."""
+    address, name = os.environ.get(ADDRESS), sys.argv[1]
+    return _ask(address, name) if address else run(name)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
