@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
+from pipeline.guard.forked import Forked
 from pipeline.memory import keep_memory
 from pipeline.params.reading.composed import composed_section, root_overrides
 from pipeline.params.reading.places import ROOT_PARAMS
@@ -48,7 +49,7 @@ class Stage:
     `run(params, **inputs)` receives the section of the configuration with the stage's name, and one decoded artifact
     for each entry of `reads`. It returns one value for each entry of `writes`. `sources(params)` lists the registered
     files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after the artifacts are
-    written.
+    written. `begin(params, root)` may start work that needs nothing of the stage before; `run` gets it as `begun`.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Stage:
     writes: dict[str, Artifact]
     sources: Callable[[Any], list[str]] = field(default=lambda params: [])
     check: Callable[[Any, Mapping[str, Any]], None] = field(default=lambda params, outputs: None)
+    begin: Callable[[Any, Path], Forked[Any] | None] = field(default=lambda params, root: None)
 
 
 def run_stage(stage: Stage, overrides: list[str]) -> None:
@@ -94,8 +96,10 @@ def _params(stage: Stage, overrides: list[str]) -> Any:
     return getattr(compose_after_root(overrides), stage.name)
 
 
-def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
+def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> None:
     """Run a stage in a world's folder; all outputs and the manifest are replaced at once.
+
+    `begun` is what the stage's `begin` has started earlier, if anything.
 
     Raises
     ------
@@ -108,7 +112,7 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
         inputs, values = _input_hashes(stage, params, root), {}
         for key, artifact in stage.reads.items():
             values[key] = decode(artifact.at(root), artifact.kind)
-        outputs = stage.run(params, **values)
+        outputs = stage.run(params, **values, **({"begun": begun} if begun else {}))
     if set(outputs) != set(stage.writes):
         raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
     _write_outputs(stage, params, root, inputs, outputs)

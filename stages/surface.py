@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +10,17 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import VOLUME
+from pipeline.guard.forked import Forked
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
-from pipeline.surface.mesh.rough import check_rough, closed_mesh
+from pipeline.surface.mesh.rough import RoughSurface, check_rough, closed_mesh
 from pipeline.surface.mesh.smooth import smooth_surface
-from pipeline.surface.reference import measure_sources, reference_files
-from pipeline.surface.relief_source import choose_relief
+from pipeline.surface.reference import Sources, measure_sources, reference_files
+from pipeline.surface.relief_source import Relief, choose_relief
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (
@@ -54,32 +54,33 @@ def model_surface(
 
         rock = rock_of_volume(params, volume, _texture(params.texture), solid.scan_m, solid.scan_rgb)
         return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
-    from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
-
-    free = free_space.polygon
-    params = widen_spacing(params, free, extent.height_m)
-    with ThreadPoolExecutor(1) as pool:  # works beside this thread, in the order of the calls
-        smooth = pool.submit(_smooth, params, free, extent.height_m)
-        texture = pool.submit(_texture, params.texture)
+    free, height_m = free_space.polygon, extent.height_m
+    params = widen_spacing(params, free, height_m)
+    with Forked(lambda: (_smooth(params, free, height_m), _texture(params.texture))) as plain:
         sources = measure_sources(params)
-        lattice = lay_rough_lattice(params, free, topology, extent.height_m)
+        lattice = lay_rough_lattice(params, free, topology, height_m)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
-        reported = pool.submit(report_roughness, params, sources, relief, rough)
-        spectra = pool.submit(lambda: draw_spectra(reported.result()))
-        sections = pool.submit(lambda: draw_sections(rough, smooth.result(), extent.height_m))
+        smooth, texture = plain.result()
+    with Forked(lambda: _evidence(params, sources, relief, rough, smooth, height_m)) as evidence:
         files = chunk_files(rough, params)
-        checked = check_rough(rough, closed_mesh(rough)[1])
-        return {
-            "smooth": smooth.result(),
-            "rough": files,
-            "texture": texture.result(),
-            "sections": sections.result(),
-            "amplitude": amplitude_table(rough),
-            "roughness": reported.result(),
-            "spectra": spectra.result(),
-            "mesh_checks": checked,
-        }
+        return {"smooth": smooth, "rough": files, "texture": texture, **evidence.result()}
+
+
+def _evidence(
+    params: SurfaceParams, sources: Sources, relief: Relief, rough: RoughSurface, smooth: Meshes, height_m: float
+) -> dict[str, Any]:
+    """Return the reports on the rough surface and their pictures; Matplotlib, which draws them, takes 0.4 s to load."""
+    from pipeline.report.figures.roughness import draw_sections, draw_spectra
+
+    reported = report_roughness(params, sources, relief, rough)
+    return {
+        "sections": draw_sections(rough, smooth, height_m),
+        "amplitude": amplitude_table(rough),
+        "roughness": reported,
+        "spectra": draw_spectra(reported),
+        "mesh_checks": check_rough(rough, closed_mesh(rough)[1]),
+    }
 
 
 _NO_ROCK: dict[str, Any] = {

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
-from pipeline.memory import give_back
 from pipeline.metrics.limits import breaches, flatten, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
-from pipeline.proof.groups import OF_VISIBLE_ROCK, applying_limits, is_measured, is_rock_judged
+from pipeline.proof.groups import applying_limits, is_measured, is_rock_judged
 from pipeline.proof.lidar.replay import replay_sweeps
 from pipeline.proof.lidar.replay_report import Replay, ReplayReport
 from pipeline.proof.texture import TextureReport
@@ -69,29 +68,20 @@ def validate_world(
             picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures, rays)
             pictures = pictures | {"deviation": picture}
         return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
-    groups = [group for group in MEASURES if is_measured(group, params)]
-    beside = [group for group in OF_VISIBLE_ROCK if group in groups and params.extent != "certificate"]
-    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], beside=beside)
-    if params.extent == "certificate":
+    groups, whole = [group for group in MEASURES if is_measured(group, params)], params.extent != "certificate"
+    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], beside=whole)
+    if not whole:
         metrics = {group: validator.measure(group) for group in groups}
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
+    pictures = _pictures(params, validator)
+    validator.await_measured()
     with ThreadPoolExecutor(1) as pool:
-        columns = pool.submit(_measure, validator, "columns")  # mostly outside the interpreter
-        _measure(validator, "containment")
-        columns.result()
-        validator.await_measured()
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
-        evidence = _evidence(params, validator)
+        evidence = pictures | _evidence(params, validator)
         metrics = {group: validator.measure(group) for group in groups}
         timings = _timings(validator, loading.result())
     return {"metrics": metrics, "timings": timings, **evidence}
-
-
-def _measure(validator: Validator, name: str) -> None:
-    """Measure once, for later, and give back the memory that it took meanwhile."""
-    getattr(validator, name)
-    give_back()
 
 
 def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
@@ -101,12 +91,21 @@ def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
     return {"world_sha256": digest, "world": dataclasses.asdict(cost), "per_m2": per_m2}
 
 
+def _pictures(params: ValidationParams, validator: Validator) -> dict[str, Image]:
+    """Return what is drawn of the model; the mask comes first, after which the model is drawn without antialiasing."""
+    pictures = {"agreement": draw_agreement(validator.cleaned, validator.world_free), "views": NO_PICTURE}
+    if params.overlay != "none":
+        from pipeline.report.figures.views import draw_views
+
+        pictures["views"] = draw_views(validator.world, validator.network)
+    return pictures
+
+
 def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
-    """Return the certificate, the reports and the pictures."""
+    """Return the certificate, the reports and their pictures."""
     columns = validator.columns
     return {
         "certificate": validator.certificate,
-        "agreement": draw_agreement(validator.cleaned, validator.world_free),
         "deviation": NO_PICTURE,
         "blocked": blocked_table(columns.blocked_places_m, columns.blocked_depths_m, columns.wall_band_m),
         **(_NO_ROCK if params.overlay == "none" else _evidence_of_rock(params, validator)),
@@ -117,14 +116,12 @@ def _evidence_of_rock(params: ValidationParams, validator: Validator) -> dict[st
     """Return the reports and pictures of the visible rock; Matplotlib, which draws them, takes 0.4 s to load."""
     from pipeline.report.figures.replay import draw_replay
     from pipeline.report.figures.texture import draw_heat, draw_texture
-    from pipeline.report.figures.views import draw_views
 
     free, replay = validator.free_space.polygon, _replay(params.replay, validator)
     return {
         "texture": validator.texture,
         "texture_picture": draw_texture(validator.texture),
         "heat": draw_heat(validator.texture, free),
-        "views": draw_views(validator.world, validator.network),
         "replay": replay.report,
         "replay_picture": draw_replay(replay, free),
     }
@@ -134,11 +131,16 @@ _NO_ROCK: dict[str, Any] = {
     "texture": None,
     "texture_picture": NO_PICTURE,
     "heat": NO_PICTURE,
-    "views": NO_PICTURE,
     "replay": ReplayReport({}),
     "replay_picture": NO_PICTURE,
 }
-_NOTHING_ELSE: dict[str, Any] = {"agreement": NO_PICTURE, "deviation": NO_PICTURE, "blocked": "", **_NO_ROCK}
+_NOTHING_ELSE: dict[str, Any] = {
+    "agreement": NO_PICTURE,
+    "views": NO_PICTURE,
+    "deviation": NO_PICTURE,
+    "blocked": "",
+    **_NO_ROCK,
+}
 
 
 def _replay(params: ReplayParams, validator: Validator) -> Replay:

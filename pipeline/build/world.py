@@ -43,19 +43,29 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
     """
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())
-    ran: list[str] = []
-    for stage in progress(load_stages()):
+    stages, ran, begun = load_stages(), list[str](), None
+    after = dict(zip([stage.name for stage in stages], stages[1:], strict=False))
+    for stage in progress(stages):
         params: Any = getattr(config, stage.name)
         recover_folder(root / stage.name)
+        coming = None
         try:
             if is_fresh(stage, params, root):
                 check_again(stage, params, root)
             else:
-                make_artifacts(stage, params, root)
+                following = after.get(stage.name)
+                coming = following.begin(getattr(config, following.name), root) if following else None
+                make_artifacts(stage, params, root, begun)
                 give_back()
                 ran.append(stage.name)
-        except Exception as error:
-            if not lacks_memory(error):
+        except BaseException as error:
+            if coming:
+                coming.end()
+            if not isinstance(error, Exception) or not lacks_memory(error):
                 raise
             raise MemoryShortageError(f"{stage.name}: {describe_shortage(error)}") from error
+        finally:
+            if begun:
+                begun.end()
+        begun = coming
     return ran

@@ -1,7 +1,7 @@
 """Work in a forked process beside this one, on what this process holds.
 
-Stage 6 measures the texture so, while it makes the world again: threads would wait for the interpreter, and a process
-of its own would compile the model once more.
+Stage 6 measures so, while it makes the world again: threads would wait for the interpreter, and a process of its own
+would compile the model once more.
 """
 
 from __future__ import annotations
@@ -17,12 +17,16 @@ from typing import Any, Generic, TypeVar
 
 from pipeline.errors import MemoryShortageError, MineError
 from pipeline.guard.process_limits import die_with_parent
+from pipeline.remarks import collect_remarks, hand_on
 
 _T = TypeVar("_T")
 
 
 class Forked(Generic[_T]):
-    """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for."""
+    """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for.
+
+    `with` ends the process.
+    """
 
     def __init__(self, work: Callable[[], _T]) -> None:
         self._work, self._process = work, None
@@ -37,8 +41,14 @@ class Forked(Generic[_T]):
                 self._process.start()
             out.close()
 
+    def __enter__(self) -> Forked[_T]:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.end()
+
     def result(self) -> _T:
-        """Return what the function returns.
+        """Return what the function returns, and warn the user of what it remarked.
 
         Raises
         ------
@@ -48,7 +58,7 @@ class Forked(Generic[_T]):
         if self._process is None:
             return self._work()
         try:
-            error, value = self._answer.recv()
+            error, value, remarks = self._answer.recv()
         except EOFError:
             self._process.join()
             if self._process.exitcode and self._process.exitcode > 0:
@@ -56,6 +66,7 @@ class Forked(Generic[_T]):
             raise MemoryShortageError("a process that measures was ended, perhaps for want of memory") from None
         finally:
             self.end()
+        hand_on(remarks)
         if error is not None:
             raise error
         return value
@@ -71,7 +82,8 @@ class Forked(Generic[_T]):
 def _serve(work: Callable[[], Any], out: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     die_with_parent(parent)
-    try:
-        out.send((None, work()))
-    except (MineError, MemoryError) as error:
-        out.send((error, None))
+    with collect_remarks() as remarks:
+        try:
+            out.send((None, work(), remarks))
+        except (MineError, MemoryError) as error:
+            out.send((error, None, remarks))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -27,12 +27,13 @@ from minexplore.bundle import (
     TOPOLOGY,
     GeomGroup,
 )
+from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.render import render_camera
-from pipeline.mjcf.scene import MineScene, ZoneStrip, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.store.palette_png import encode_texture
@@ -41,10 +42,21 @@ from pipeline.types import (
     DriftNetwork,
     FreeSpace,
     Image,
+    Mesh,
     SolidExtent,
     Spawn,
     Survey,
 )
+
+
+def begin_floor(
+    params: RealismParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
+) -> Forked[dict[str, Mesh]] | None:
+    """Let another process make the visible floor, whose meshes are the result by name; None: the mine has none."""
+    if params.floor is None:
+        return None
+    zones = tile_zones(params.zones, extent.world_m)
+    return Forked(partial(cover_floor, params.floor, free_space.polygon, topology, zones))
 
 
 def assemble_world(
@@ -62,12 +74,13 @@ def assemble_world(
     free_space_bt: bytes,
     map_png: bytes,
     map_yaml: bytes,
+    begun: Forked[dict[str, Mesh]] | None = None,
 ) -> dict[str, Bundle]:
     """Return `world`: the files of the bundle by name.
 
     `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
-    without visible rock, which has no texture and no preview either. The last four arguments enter the bundle as they
-    are.
+    without visible rock, which has no texture and no preview either. The last four files enter the bundle as they are.
+    `begun` is what `begin_floor` has returned, if it was called before.
     """
     chunks = _chunks(rough)
     zones = tile_zones(params.zones, extent.world_m)
@@ -87,7 +100,7 @@ def assemble_world(
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
         look=params.look,
-        fittings=_fittings(params, free_space, topology, zones, chunks, extent.height_m) if smooth else {},
+        fittings=_fittings(params, free_space, topology, extent, chunks, begun) if smooth else {},
         puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
         water_m=wet.water_m if wet else 0.0,
         is_rough=params.rough_floor,
@@ -113,18 +126,17 @@ def _fittings(
     params: RealismParams,
     free_space: FreeSpace,
     topology: DriftNetwork,
-    zones: list[ZoneStrip],
+    extent: SolidExtent,
     rough: Bundle,
-    height_m: float,
+    begun: Forked[dict[str, Mesh]] | None,
 ) -> Bundle:
     """Return the meshes of the visible floor and the furniture as `NAME.msh`."""
     found: Bundle = {}
-    with ThreadPoolExecutor(1) as pool:  # a process simplifies the floor meanwhile
-        cover = pool.submit(cover_floor, params.floor, free_space.polygon, topology, zones) if params.floor else None
-        if params.furnish != "off":
-            found |= hang_furniture(params.furniture[params.furnish], topology, rough, height_m)
-    if cover:
-        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in cover.result().items()}
+    floor = begun or begin_floor(params, free_space, topology, extent)
+    if params.furnish != "off":
+        found |= hang_furniture(params.furniture[params.furnish], topology, rough, extent.height_m)
+    if floor:
+        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in floor.result().items()}
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
 

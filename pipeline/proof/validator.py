@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,8 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
-from pipeline.proof.rebuilt.built import require_built, tolerance_of
+from pipeline.proof.groups import OF_VISIBLE_ROCK
+from pipeline.proof.rebuilt.built import require_rock, require_solid, tolerance_of
 from pipeline.proof.surface import WallBands, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
@@ -55,14 +56,14 @@ class Validator:
         survey: Survey,
         checked: bool = True,
         traced: Polygon | None = None,
-        beside: Iterable[str] = (),
+        beside: bool = False,
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
         With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
-        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. Another process takes
-        the measures of visible rock that `beside` names, of texture, relief and walls, while the world is made again;
-        see `await_measured`.
+        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. With `beside`, other
+        processes take measures while this one goes on, see `await_measured`: those of visible rock from the start, and
+        the certificate's and the columns' once outline and model are those of the builder.
 
         Raises
         ------
@@ -77,29 +78,43 @@ class Validator:
         self._tracing = params.network_cell_m, params.network_min_leg_m
         self.free_space: FreeSpace = decode(bundle / FREE_SPACE, FreeSpace)
         self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
-        names = tuple(beside)
         give_back()  # what the model was compiled from
-        self._measured = Forked(lambda: {name: getattr(self, name) for name in names}) if names else None
-        if checked and params.extent == "full":
-            try:
+        self._beside, self._measured = beside, list[Forked[dict[str, Any]]]()
+        try:
+            if self.world.record.has_visible_rock:
+                self._measure_beside(*OF_VISIBLE_ROCK)
+            if checked and params.extent == "full":
                 self._require_built()
-            except BaseException:
-                if self._measured:
-                    self._measured.end()
-                raise
-            give_back()  # what the world was made again with
+            else:
+                self._measure_solid()
+        except BaseException:
+            for measured in self._measured:
+                measured.end()
+            raise
+        give_back()  # what the world was made again with
 
     def _require_built(self) -> None:
         require_own_claims(self.bundle, read_made_by(self.bundle), self.params)
-        self.free_space = require_built(self.bundle, self.world.record, self.params)
+        self.free_space, grid = require_solid(self.bundle, self.world.record, self.params)
+        self._measure_solid()
         _require_survey(self.bundle, self.world, self.survey)
         _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
+        require_rock(self.bundle, self.world.record, self.free_space.polygon, grid, self.params)
+
+    def _measure_solid(self) -> None:
+        self._measure_beside("containment")
+        self._measure_beside("columns")
+
+    def _measure_beside(self, *names: str) -> None:
+        """Let another process take measures."""
+        if self._beside:
+            give_back()  # the other process starts with what this one holds
+            self._measured.append(Forked(lambda: {name: getattr(self, name) for name in names}))
 
     def await_measured(self) -> None:
-        """Take over what another process has measured, once it is done."""
-        if self._measured:
-            vars(self).update(self._measured.result())
-            self._measured = None
+        """Take over what other processes have measured, once they are done."""
+        while self._measured:
+            vars(self).update(self._measured.pop().result())
 
     @functools.cached_property
     def world_free(self) -> Mask:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
+from shapely import Polygon
+
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
+from pipeline.guard.forked import Forked
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.made_by import MadeBy
-from pipeline.proof.rebuilt.fittings import require_fittings
+from pipeline.proof.rebuilt.fittings import require_floor, require_furniture
 from pipeline.proof.rebuilt.remake import read_free_space, require_remade
 from pipeline.proof.rebuilt.same_model import require_same_model
+from pipeline.proof.rebuilt.smooth import require_smooth
 from pipeline.proof.rebuilt.visible import require_visible
-from pipeline.types import FreeSpace
+from pipeline.types import FreeSpace, Occupancy
 
 
 def tolerance_of(params: MadeBy) -> float:
@@ -35,10 +40,30 @@ def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpac
     ArtifactError
         With the file, the value and the limit.
     """
+    free_space, grid = require_solid(folder, record, params)
+    require_rock(folder, record, free_space.polygon, grid, params)
+    return free_space
+
+
+def require_solid(folder: Path, record: WorldRecord, params: MadeBy) -> tuple[FreeSpace, Occupancy]:
+    """Refuse a bundle whose outline, maps or model the builder does not write; return free space and clearance grid.
+
+    Parameters and errors as `require_built`. What is seen alone is left to `require_rock`.
+    """
     free_space = read_free_space(folder)
     grid = require_remade(folder, record, free_space, params, tolerance_of(params))
     require_same_model(folder, record, free_space.polygon, params.collision_method == "exact", params.collision_tile_m)
+    return free_space, grid
+
+
+def require_rock(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy, params: MadeBy) -> None:
+    """Refuse a bundle whose visible rock, floor or furniture the builder does not write.
+
+    Parameters and errors as `require_built`; `free` and `grid` are by `require_solid`. Another process makes the floor
+    again meanwhile.
+    """
     if record.has_visible_rock:
-        require_visible(folder, record, free_space.polygon, grid)
-        require_fittings(folder, record, free_space.polygon, params.fittings)
-    return free_space
+        with Forked(partial(require_floor, folder, record, free, params.fittings.floor)) as floor:
+            require_visible(folder, record, free, grid, require_smooth(folder, record, free))
+            require_furniture(folder, record, params.fittings.furniture)
+            floor.result()

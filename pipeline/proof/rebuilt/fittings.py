@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,51 +29,30 @@ from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.loading import read_spec
-from pipeline.params.fittings import FittingsParams, FloorParams, FurnitureParams
+from pipeline.params.fittings import FloorParams, FurnitureParams
 from pipeline.proof.rebuilt.visible import rough_meshes
-from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.store.codecs import decode, encode
 from pipeline.types import DriftNetwork
 
 _APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
 _TEXTURED_M = 5e-3
 _LEVEL_M = 1e-6
-_Hang = Callable[[FurnitureParams], Bundle]
 
 
-def require_fittings(folder: Path, record: WorldRecord, free: Polygon, params: FittingsParams) -> None:
-    """Make the visible floor and the furniture of a bundle again and compare every face.
-
-    Both may be absent. The floor must be the one of `params.floor`; the furniture must be all of one of
-    `params.furniture`, hung on the bundle's own rock, which `visible` checks.
+def require_floor(folder: Path, record: WorldRecord, free: Polygon, params: FloorParams | None) -> None:
+    """Make the visible floor of a bundle again and compare every face; it may be absent.
 
     Raises
     ------
     ArtifactError
         With the file, how it differs, and the parameters that would make it.
     """
-    names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
-    cover = {name for name in names if is_fitting(name) and is_cover(name)}
-    furniture = {name for name in names if is_fitting(name) and not is_cover(name)}
-    network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
-    rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in rough_meshes(names)}
-    if cover:
-        _require_floor(folder, record, free, network, cover, params.floor)
-    if furniture:
-        hang = partial(hang_furniture, network=network, rough=rough, height_m=record.height_m)
-        _require_furniture(folder, furniture, list(params.furniture.items()), hang)
-
-
-def _require_floor(
-    folder: Path,
-    record: WorldRecord,
-    free: Polygon,
-    network: DriftNetwork,
-    names: set[str],
-    params: FloorParams | None,
-) -> None:
+    names = {name for name in _fittings(record) if is_cover(name)}
+    if not names:
+        return
     if params is None:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
-    meshes = cover_floor(params, free, network, record.zones)
+    meshes = cover_floor(params, free, _network(folder), record.zones)
     made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
     differs = _first_difference(folder, names, made)
     if differs:
@@ -90,18 +68,44 @@ def _require_floor(
         raise ArtifactError(f"{folder / MODEL}: water stands on {wet}, want {flooded}, realism.floor.puddles")
 
 
-def _require_furniture(folder: Path, names: set[str], kinds: list[tuple[str, FurnitureParams]], hang: _Hang) -> None:
-    """Refuse furniture that is not all of one kind; the error names the first difference from the likeliest one."""
-    if not kinds:
+def require_furniture(folder: Path, record: WorldRecord, params: Mapping[str, FurnitureParams]) -> None:
+    """Make the furniture of a bundle again and compare every face; it may be absent.
+
+    It must be all of one kind of `params`, hung on the bundle's own rock, which `visible` checks. The error names the
+    first difference from the likeliest one.
+
+    Raises
+    ------
+    ArtifactError
+        With the file, how it differs, and the parameters that would make it.
+    """
+    names = {name for name in _fittings(record) if not is_cover(name)}
+    if not names:
+        return
+    if not params:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: furniture, realism.furniture says none")
-    message = ""
-    for kind, params in sorted(kinds, key=lambda item: _unlike(names, item[1])):
-        made = {name: decode_msh(data) for name, data in hang(params).items()}
-        differs = _first_difference(folder, names, made)
+    network, message = _network(folder), ""
+    rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in rough_meshes(_meshes(record))}
+    for kind, wanted in sorted(params.items(), key=lambda item: _unlike(names, item[1])):
+        hung = hang_furniture(wanted, network, rough, record.height_m)
+        differs = _first_difference(folder, names, {name: decode_msh(data) for name, data in hung.items()})
         if differs is None:
             return
         message = message or f"{differs}, by realism.furniture.{kind}"
     raise ArtifactError(message)
+
+
+def _meshes(record: WorldRecord) -> list[str]:
+    return [mesh_of(name) for name in record.files if name.startswith(MESHES)]
+
+
+def _fittings(record: WorldRecord) -> list[str]:
+    return [name for name in _meshes(record) if is_fitting(name)]
+
+
+def _network(folder: Path) -> DriftNetwork:
+    network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
+    return network
 
 
 def _unlike(names: set[str], params: FurnitureParams) -> int:

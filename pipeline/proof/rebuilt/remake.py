@@ -1,4 +1,4 @@
-"""Make again what a bundle states and compare it: plan figures, network, grid, map, octree, spawn, smooth surface.
+"""Make again what a bundle states and compare it: plan figures, network, grid, map, octree, spawn.
 
 Only the outline of the workings, the collision parts, the rough rock and the texture are taken from the bundle. The
 outline is compared with the collision parts by the certificate, the rough rock with the outline by `visible`.
@@ -33,7 +33,6 @@ from pipeline.geometry.wall_distance import distances_to_walls
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.made_by import MadeBy
 from pipeline.proof.rebuilt.differences import first_difference
-from pipeline.proof.rebuilt.smooth import require_smooth
 from pipeline.store.codecs import decode, encode
 from pipeline.types import Areas, DriftNetwork, FreeSpace, Image, Occupancy
 
@@ -74,8 +73,6 @@ def require_remade(
     grid = _require_grid(folder, record, free)
     _require_map_and_octree(folder, record, grid)
     _require_spawn(folder, record, grid)
-    if record.has_visible_rock:
-        require_smooth(folder, record, free)
     return grid
 
 

@@ -50,8 +50,18 @@ def texture_repeat_m(folder: Path) -> float:
     return round(float(floor.vertices[widest, axis]) / repeats, 4) if repeats else 0.0
 
 
-def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
-    """Compare the smooth surface with the one of the outline; its two chamfers and its texture's size are read off.
+@dataclass(frozen=True)
+class RemadeSmooth:
+    """The smooth surface of an outline, made again: its sizes, and its triangles (n, 3, 3) m without the floor."""
+
+    sizes: SmoothSizes
+    triangles: np.ndarray
+
+
+def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> RemadeSmooth:
+    """Compare the smooth surface with the one of the outline, and return this.
+
+    Its two chamfers and its texture's size are read off.
 
     Raises
     ------
@@ -85,3 +95,6 @@ def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> None:
                 f"{path}: {differs}; compared with the smooth surface of the outline, chamfers of {chamfers[0]:g} m "
                 f"and {chamfers[1]:g} m and a texture of {repeat_m:g} m"
             )
+    return RemadeSmooth(
+        sizes, np.concatenate([mesh.vertices[mesh.faces] for name, mesh in made.items() if name != FLOOR])
+    )

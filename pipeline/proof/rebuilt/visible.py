@@ -18,10 +18,8 @@ from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.same_surface import NearestFace
-from pipeline.proof.rebuilt.smooth import SmoothSizes, smooth_sizes
+from pipeline.proof.rebuilt.smooth import RemadeSmooth
 from pipeline.store.codecs import decode
-from pipeline.surface.mesh.smooth import FLOOR as SMOOTH_FLOOR
-from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.types import Mesh, Occupancy
 
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
@@ -43,7 +41,7 @@ _SMALLEST_M = 0.35  # cells with less clearance admit no robot
 _VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times the height
 
 
-def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy) -> None:
+def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy, smooth: RemadeSmooth) -> None:
     """Check the visible surface of a bundle whose smooth surface has been made again.
 
     Raises
@@ -51,11 +49,10 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     ArtifactError
         With the file or place, the value and the limit.
     """
-    sizes = smooth_sizes(folder, record)
+    sizes = smooth.sizes
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
     rough: dict[str, Mesh] = {name: decode(folder / mesh_file(name), Mesh) for name in rough_meshes(names)}
-    smooth = _smooth_triangles(record, free, sizes)
-    near, foot_m = NearestFace(smooth), record.height_m - sizes.roof_chamfer_m
+    near, foot_m = NearestFace(smooth.triangles), record.height_m - sizes.roof_chamfer_m
     walls = cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
     far, relaxed = [np.zeros((0, 2))], record.look != PLAIN
     for name, chunk in rough.items():
@@ -63,7 +60,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
         far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
     _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
-    seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth
+    seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth.triangles
     if rough:
         _require_closed(folder, list(rough.values()), free, walls, record.height_m)
     for height in HEIGHTS_M:
@@ -74,13 +71,6 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
 def rough_meshes(names: Iterable[str]) -> list[str]:
     """Return the names of the chunks of the rough surface among names of meshes."""
     return [name for name in names if name not in SMOOTH_MESHES and not is_fitting(name)]
-
-
-def _smooth_triangles(record: WorldRecord, free: Polygon, sizes: SmoothSizes) -> np.ndarray:
-    """Return the triangles (n, 3, 3) m of the smooth surface in the plan, without its floor."""
-    chamfers = sizes.floor_chamfer_m, sizes.roof_chamfer_m
-    pieces = smooth_surface(free, record.height_m, *chamfers, sizes.repeat_m)
-    return np.concatenate([mesh.vertices[mesh.faces] for name, mesh in pieces.items() if name != SMOOTH_FLOOR])
 
 
 def _require_tiles(folder: Path, chunks: dict[str, Mesh]) -> None:

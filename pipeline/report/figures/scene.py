@@ -121,9 +121,11 @@ def _rock(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> dict[str,
 
 def _simplified(meshes: list[Mesh], most: int) -> tuple[np.ndarray, np.ndarray]:
     """Join meshes at equal vertices, and simplify what has more faces than `most`."""
-    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).reshape(-1, 3)
-    vertices, index = np.unique(corners.round(4), axis=0, return_inverse=True)
-    faces = index.reshape(-1, 3).astype(np.int32)
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    places = np.concatenate([mesh.vertices for mesh in meshes]).round(4)
+    vertices, index = np.unique(places, axis=0, return_inverse=True)
+    numbers = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    faces = index.ravel()[numbers].astype(np.int32)
     points = vertices.astype(np.float32)
     for keep_border in (True, False):  # borders of the walls meet the roof; those of a very large mine are too many
         if len(faces) > most:
