@@ -138,9 +138,7 @@ def _along_rib(
         yield kind.kind, *_tube(middle, kind.radius_m, kind.sides)
 
 
-def _duct(
-    rock: RayCaster, way: Way, side: float, over_m: HeightsOver
-) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def _duct(rock: RayCaster, way: Way, side: float, over_m: HeightsOver) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield a duct under the roof of the main drift, `side` m left of its middle."""
     at = way.places(_STEP_M)
     floor = at.floor_m + np.column_stack([side * at.left, np.zeros(len(at))])
