@@ -128,7 +128,7 @@ def _along_rib(
     distance = rock.cast(origin, outwards)
     closed = distance < (at.left_m if kind.side > 0 else at.right_m) + _TOWARDS_RIB_M
     lowest = origin[closed] + (distance[closed] - kind.gap_m - kind.radius_m)[:, None] * outwards[closed]
-    closed[closed] = over_m(lowest - [0.0, 0.0, kind.radius_m + kind.sag_m]) >= LINES_ABOVE_M
+    closed[closed] = over_m(lowest - _up(kind.radius_m + kind.sag_m)) >= LINES_ABOVE_M
     window = 2 * round(_ALIKE_M / _STEP_M) + 1
     for part in _runs(closed, round(_SHORTEST_M / _STEP_M)):
         offset = gaussian_filter1d(minimum_filter1d(distance[part], window), 1.0)
@@ -142,15 +142,19 @@ def _duct(rock: RayCaster, way: Way, side: float, over_m: HeightsOver) -> Iterat
     """Yield a duct under the roof of the main drift, `side` m left of its middle."""
     at = way.places(_STEP_M)
     floor = at.floor_m + np.column_stack([side * at.left, np.zeros(len(at))])
-    roof = _EYE_M + rock.cast(floor + [0.0, 0.0, _EYE_M], np.tile([0.0, 0.0, 1.0], (len(floor), 1)))
+    roof = _EYE_M + rock.cast(floor + _up(_EYE_M), np.tile([0.0, 0.0, 1.0], (len(floor), 1)))
     sideways = np.column_stack([np.sign(side or 1.0) * at.left, np.zeros(len(at))])
     low = LINES_ABOVE_M + DUCT_RADIUS_M + 0.1
-    room = rock.cast(floor + [0.0, 0.0, low], sideways) > DUCT_RADIUS_M
-    room &= over_m(floor + [0.0, 0.0, low - DUCT_RADIUS_M]) >= LINES_ABOVE_M
+    room = rock.cast(floor + _up(low), sideways) > DUCT_RADIUS_M
+    room &= over_m(floor + _up(low - DUCT_RADIUS_M)) >= LINES_ABOVE_M
     lowest = minimum_filter1d(np.where(np.isfinite(roof), roof, 0.0), 5) - DUCT_GAP_M - DUCT_RADIUS_M
     for part in _runs((lowest > low) & room, round(_SHORTEST_M / _STEP_M)):
         hung = np.maximum(gaussian_filter1d(lowest[part], 3.0) - _sag(part.stop - part.start, 0.04), low)
-        yield "duct", *_tube(floor[part] + hung[:, None] * [0.0, 0.0, 1.0], DUCT_RADIUS_M, DUCT_SIDES)
+        yield "duct", *_tube(floor[part] + hung[:, None] * _up(1.0), DUCT_RADIUS_M, DUCT_SIDES)
+
+
+def _up(height_m: float) -> np.ndarray:
+    return np.array([0.0, 0.0, height_m])
 
 
 def _sag(count: int, sag_m: float) -> np.ndarray:

@@ -64,7 +64,7 @@ class Places:
 
     def over(self, height_m: float) -> np.ndarray:
         """Return the places (n, 3) m so high over the floor."""
-        return self.floor_m + [0.0, 0.0, height_m]
+        return self.floor_m + np.array([0.0, 0.0, height_m])
 
 
 def ways_of(network: DriftNetwork, height_m: float) -> list[Way]:

@@ -12,7 +12,7 @@ from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.ways import Way
 from pipeline.params.fittings import WeldMeshParams
 
-_EYE_M = 1.7  # height that the roof is looked at from, on the middle of the drift
+_UP_TO_EYE = np.array([0.0, 0.0, 1.7])  # m: the roof is looked at from there, on the middle of the drift
 _RAYS_M, _RAYS_DEG = 0.3, 6.0  # between rays along a drift and across it
 _BEND = 4  # rays from one bend of a wire to the next: between two rows of bolts it is straight
 _TAUT = 2 * _BEND + 1  # rays among which the lowest bump holds the mesh off the others
@@ -51,7 +51,7 @@ def _cover(params: WeldMeshParams, rock: RayCaster, places: np.ndarray) -> Itera
     half = _BEND * max(1, round(params.spread_deg / _RAYS_DEG / _BEND))
     angle = np.radians(params.spread_deg) * np.arange(-half, half + 1) / half
     ray = np.sin(angle)[None, :, None] * left[:, None] + np.cos(angle)[None, :, None] * np.array([0.0, 0.0, 1.0])
-    eye = np.broadcast_to((places + [0.0, 0.0, _EYE_M])[:, None], ray.shape)
+    eye = np.broadcast_to((places + _UP_TO_EYE)[:, None], ray.shape)
     distance = rock.cast(eye.reshape(-1, 3), ray.reshape(-1, 3)).reshape(ray.shape[:2])
     if (distance > _REACH_M).any():
         return
@@ -59,7 +59,7 @@ def _cover(params: WeldMeshParams, rock: RayCaster, places: np.ndarray) -> Itera
     bends = (eye + (np.minimum(taut, distance) - _OFF_ROCK_M)[..., None] * ray)[::_BEND, ::_BEND]
     for net in (bends, bends.transpose(1, 0, 2)):  # wires across the drift, then along it
         wires = _between(net, params.aperture_m)
-        yield "weldmesh", *_ribbons(wires, params.wire_m, places[len(places) // 2] + [0.0, 0.0, _EYE_M])
+        yield "weldmesh", *_ribbons(wires, params.wire_m, places[len(places) // 2] + _UP_TO_EYE)
 
 
 def _between(net: np.ndarray, apart_m: float) -> np.ndarray:
