@@ -20,6 +20,7 @@ from minexplore.bundle import (
 )
 from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.schema import check_files, check_world, hash_files, read_folder
+from minexplore.sensing.lidar import Lidar, volume_meshes
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError
 from pipeline.export.extract_volume import read_volume_scene
@@ -141,6 +142,15 @@ def test_the_schema_refuses_furniture_among_robots_and_a_visible_floor(slope, tm
 def _without(model: bytes, *starts: str) -> bytes:
     kept = [line for line in model.decode().splitlines() if not any(start in line for start in starts)]
     return "\n".join(kept).encode()
+
+
+def test_beams_end_on_the_pipe(slope):
+    world = load_world(slope)
+    meshes = volume_meshes(world, world.volume.facets)
+    bare = {name: mesh for name, mesh in meshes.items() if not name.startswith(fitting_geom(""))}
+    eye, ray = np.array([[8.0, 0.0, 3.8 + 2.2]]), np.array([[[0.0, 1.0, 0.0]]])
+    near, far = (Lidar(found, 20.0, floor_m=-np.inf).cast(eye, ray)[0, 0] for found in (meshes, bare))
+    assert 0.05 < far - near < 0.6
 
 
 def test_an_export_has_the_furniture_with_its_own_materials(slope):
