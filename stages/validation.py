@@ -18,6 +18,7 @@ from pipeline.proof.certificate import Certificate
 from pipeline.proof.groups import applying_limits, is_measured, is_rock_judged
 from pipeline.proof.lidar.replay import replay_sweeps
 from pipeline.proof.lidar.replay_report import Replay, ReplayReport
+from pipeline.proof.rebuilt.fittings import require_furniture
 from pipeline.proof.texture import TextureReport
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.figures.graph import blocked_table
@@ -56,8 +57,12 @@ def validate_world(
             open_volume,
             validate_volume,
         )
+        from pipeline.volume.world.surface.furnished import hang_again
 
-        found = validate_volume(params.volume, open_volume(world), network, solid, floors)
+        opened = open_volume(world)
+        files = opened.record.files
+        require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
+        found = validate_volume(params.volume, opened, network, solid, floors)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
         pictures = _NOTHING_ELSE
         if found.scan is not None:

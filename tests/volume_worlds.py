@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from pipeline.params.survey import PassageSurveyParams, SolidSurveyParams, VectorSurveyParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.store.codecs import Bundle, decode
@@ -12,11 +14,12 @@ from pipeline.survey.load import _read
 from pipeline.types import NO_FLOORS, NO_LEGS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedLegs, Workings
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.proof.certificate import Validated, VolumeBundle, open_volume, validate_volume
+from pipeline.volume.world.surface.build import rock_of_volume
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 from tests.composed import compose
 
-CONFIG = compose(["preset=light"])
+CONFIG, WITH_ROCK = compose(["preset=light"]), compose(["+mine=heights"])
 HEADER = "leg,station,easting_m,northing_m,elevation_m,left_m,right_m,up_m,down_m\n"
 RAMP = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,30,0,0,2,2,3,0\nA,3,60,0,-6,2,2,3,0\n"
 
@@ -75,8 +78,8 @@ class VolumeWorld:
             solid=self.solid,
             floors=self.floors,
         )
-        _write(self.compiled, compiled["volume"])
-        _write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
+        write(self.compiled, compiled["volume"])
+        write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
 
     def opened(self) -> VolumeBundle:
         """Return the bundle, checked as stage 6 does."""
@@ -85,6 +88,16 @@ class VolumeWorld:
     def decoded(self, name: str, kind: Any) -> Any:
         """Return a file of the bundle."""
         return decode(self.bundle / name, kind)
+
+
+def with_rock(source: str, folder: Path) -> Path:
+    """Build a station table in a folder, and in `folder / "rocky"` its bundle with visible rock; return the folder."""
+    built, rough = VolumeWorld(source, folder), folder / "rough"
+    texture = np.full((16, 16, 3), 90, np.uint8)
+    write(rough, rock_of_volume(WITH_ROCK.surface, folder / "compiled", texture).files)
+    plan = built.traced["free_space"]
+    write(folder / "rocky", bundle_volume(WITH_ROCK.realism, built.survey, plan, built.compiled, rough, texture))
+    return folder
 
 
 def proof(**values: Any) -> VolumeProofParams:
@@ -104,7 +117,8 @@ def validated(
     return validate_volume(proof(**values), world, legs, solid, floors)
 
 
-def _write(folder: Path, files: Bundle) -> None:
-    folder.mkdir()
+def write(folder: Path, files: Bundle) -> None:
+    """Write files by name into a folder, which is made."""
     for name, data in files.items():
+        (folder / name).parent.mkdir(exist_ok=True, parents=True)
         (folder / name).write_bytes(data)

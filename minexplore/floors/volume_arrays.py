@@ -110,12 +110,44 @@ class FloorSpans:
         middle = self.origin_m + (np.column_stack([self.column, self.row]) + 0.5) * self.cell_m
         return np.column_stack([middle, self.floor_m])
 
+    def heights_over(self, points_m: np.ndarray) -> np.ndarray:
+        """Return how high points (n, 3) m are over the first floor below them in their cell and those around it.
+
+        Infinite where no floor is below.
+        """
+        at = np.floor((points_m[:, :2] - self.origin_m) / self.cell_m).astype(np.int64) + 1
+        columns = int(max(self.column.max(initial=0), at[:, 0].max(initial=0))) + 3
+        of_span = (self.row.astype(np.int64) + 1) * columns + self.column + 1
+        floors = np.lexsort((self.floor_m, of_span))
+        found = np.full(len(points_m), np.inf)
+        for aside in (-1, 0, 1):
+            for ahead in (-1, 0, 1):
+                of_point = (at[:, 1] + ahead) * columns + at[:, 0] + aside
+                under = _last_under(of_span[floors], self.floor_m[floors], of_point, points_m[:, 2])
+                height = np.where(under < 0, np.inf, points_m[:, 2] - self.floor_m[floors[under]])
+                found = np.minimum(found, height)
+        return found
+
     @functools.cached_property
     def plan(self) -> np.ndarray:
         """Return the largest clearance (rows, columns) m in each column, 0 where there is no floor."""
         widest = np.zeros((int(self.row.max()) + 1, int(self.column.max()) + 1), np.float32)
         np.maximum.at(widest, (self.row, self.column), self.clearance_m.astype(np.float32))
         return widest
+
+
+def _last_under(cell: np.ndarray, floor_m: np.ndarray, of_point: np.ndarray, height_m: np.ndarray) -> np.ndarray:
+    """Return the number (n,) of the highest floor of its cell at or under each point, -1 without one.
+
+    Floors (s,) are sorted by cell, then by height.
+    """
+    low, high = np.searchsorted(cell, of_point), np.searchsorted(cell, of_point, side="right")
+    first = low.copy()
+    while (low < high).any():  # each point halves the floors of its cell
+        middle = (low + high) // 2
+        under = (low < high) & (floor_m[np.minimum(middle, len(floor_m) - 1)] <= height_m)
+        low, high = np.where(under, middle + 1, low), np.where(under | (low >= high), high, middle)
+    return np.where(low > first, low - 1, -1)
 
 
 @dataclass(frozen=True)

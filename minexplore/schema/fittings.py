@@ -39,7 +39,8 @@ from minexplore.schema.readers.xml import Node
 _MOST = 100_000
 _SLACK_M = 1e-6  # of heights, which are in 32 bits
 _KINDS = "|".join(FURNITURE)
-FITTING_MESH = rf"(?:{COVER_MESHES}|(?:{_KINDS})_\d{{2,4}}_\d{{2,4}})"
+FURNITURE_MESH = rf"(?:{_KINDS})_\d{{2,4}}_\d{{2,4}}"
+FITTING_MESH = rf"(?:{COVER_MESHES}|{FURNITURE_MESH})"
 _KIND_MATERIAL = fitting_material(f"(?:{_KINDS})", [])
 _ZONE = r"[a-z][a-z0-9_]{0,63}"
 _RGBA = Attribute(numbers(4, 0, 1), "1 1 1 1")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -21,7 +21,17 @@ _MOST_REPEATS = 1e7  # of the texture
 _AT_ONCE_BYTES = 16 << 20  # of meshes that are copied into one array
 
 
-def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) -> None:
+def _over_level(points_m: np.ndarray) -> np.ndarray:
+    found: np.ndarray = points_m[:, 2]
+    return found
+
+
+def check_meshes(
+    files: Mapping[str, bytes],
+    low: np.ndarray,
+    high: np.ndarray,
+    over_m: Callable[[np.ndarray], np.ndarray] = _over_level,
+) -> None:
     """Refuse meshes that no world has: lying counts, places outside the rock, faces of vertices that are not there.
 
     Parameters
@@ -30,6 +40,8 @@ def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) 
         A bundle's files; those below `meshes/` are checked.
     low, high : (3,) float64, m
         Corners of the box that holds all vertices.
+    over_m : callable
+        The heights (n,) m of points (n, 3) m over the floors, which are level at z = 0 without it.
 
     Raises
     ------
@@ -39,7 +51,7 @@ def check_meshes(files: Mapping[str, bytes], low: np.ndarray, high: np.ndarray) 
     for names in _batches(files):
         meshes = [_decode(name, files[name]) for name in names]
         _check_places(names, [mesh.vertices for mesh in meshes], low, high)
-        _check_fittings(names, meshes)
+        _check_fittings(names, meshes, over_m)
         _check_faces(names, meshes)
         _check_textures(names, meshes)
         _check_normals(names, meshes)
@@ -95,11 +107,12 @@ def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray,
         )
 
 
-def _check_fittings(names: list[str], meshes: list[TriangleMesh]) -> None:
-    """Check that fittings are at heights where fittings are, above the level floor; NaN fails as well."""
+def _check_fittings(names: list[str], meshes: list[TriangleMesh], over_m: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Check that fittings are at heights over the floors where fittings are; NaN fails as well."""
     for name, mesh in zip(names, meshes, strict=True):
         if is_fitting(mesh_of(name)):
-            check_heights(mesh_of(name), float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max()))
+            heights = over_m(mesh.vertices)
+            check_heights(mesh_of(name), float(heights.min()), float(heights.max()))
 
 
 def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:

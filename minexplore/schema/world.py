@@ -103,7 +103,7 @@ def _check_volume(record: dict[str, Any], files: Mapping[str, bytes]) -> Checked
     check_elements(MODEL, root, ROCK_VOLUME_WORLD if has_visible_rock(record) else VOLUME_WORLD)
     check_volume_model(root, record, volume)
     if has_visible_rock(record):
-        check_rock(root, record, files, volume.facets)
+        check_rock(root, record, files, volume)
     spans = volume.spans
     grid = {"clearance_m": spans.plan, "origin_m": spans.origin_m, "cell_m": np.array(spans.cell_m)}
     return CheckedWorld(record, files, grid, volume)

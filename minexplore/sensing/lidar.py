@@ -19,8 +19,11 @@ from minexplore.bundle import (
     MESHES,
     GeomGroup,
     decode_msh,
+    fitting_geom,
     has_visible_rock,
+    is_fitting,
     is_rock,
+    mesh_file,
     mesh_of,
     stops_beams,
     surface_geom,
@@ -85,11 +88,13 @@ def facet_meshes(facets: VolumeFacets, labels: Iterable[FacetLabel] = FacetLabel
 
 
 def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
-    """Return what beams end on in a world that is one volume: floors and visible rock, or else all its facets."""
+    """Return what beams end on in a world that is one volume: its floors with rock and furniture, or all its facets."""
     if not has_visible_rock(world.record):
         return facet_meshes(facets)
-    seen = {name: decode_msh(world.read(name)) for name in world.record["files"] if name.startswith(MESHES)}
-    rock = {surface_geom(mesh_of(name)): (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
+    names = [mesh_of(name) for name in world.record["files"] if name.startswith(MESHES)]
+    seen = {name: decode_msh(world.read(mesh_file(name))) for name in names if stops_beams(name)}
+    geoms = {name: fitting_geom(name) if is_fitting(name) else surface_geom(name) for name in seen}
+    rock = {geoms[name]: (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
     return rock | facet_meshes(facets, [FacetLabel.FLOOR])
 
 

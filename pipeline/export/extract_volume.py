@@ -16,8 +16,10 @@ from minexplore.bundle import (
     WALLS,
     TriangleMesh,
     decode_msh,
+    fitting_material,
     ground_material,
     has_visible_rock,
+    is_fitting,
     mesh_file,
     mesh_of,
 )
@@ -115,7 +117,14 @@ def _bare(arrays: VolumeArrays) -> list[Surface]:
 
 def _chunks(world: World, names: list[str]) -> list[Surface]:
     return [
-        Surface(name, surface_label(name, []).what, "", ROCK, decode_msh(world.read(mesh_file(name)))) for name in names
+        Surface(
+            name,
+            surface_label(name, []).what,
+            "",
+            fitting_material(name, []) if is_fitting(name) else ROCK,
+            decode_msh(world.read(mesh_file(name))),
+        )
+        for name in names
     ]
 
 

@@ -33,19 +33,20 @@ def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray
 
     Parameters
     ----------
-    path : (k, 2) m
+    path : (k, d) m
+        Of two or three dimensions.
     spacing_m : float
         The distance is the nearest to this that divides the length evenly.
 
     Returns
     -------
     chainage : (n,) m
-    points : (n, 2) m
+    points : (n, d) m
         The ends of the polyline included.
     """
     along = arc_length(path)
     chainage = np.linspace(0.0, along[-1], max(2, round(along[-1] / spacing_m) + 1))
-    return chainage, np.column_stack([np.interp(chainage, along, path[:, k]) for k in (0, 1)])
+    return chainage, np.column_stack([np.interp(chainage, along, axis) for axis in path.T])
 
 
 def line_moments(points: np.ndarray) -> np.ndarray:

@@ -34,6 +34,7 @@ from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.ways import on_level, ways_of
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.store.palette_png import encode_texture
@@ -134,7 +135,8 @@ def _fittings(
     found: Bundle = {}
     floor = begun or begin_floor(params, free_space, topology, extent)
     if params.furnish != "off":
-        found |= hang_furniture(params.furniture[params.furnish], topology, rough, extent.height_m)
+        ways, main_m = ways_of(topology, extent.height_m), on_level(topology.main_drift_m)
+        found |= hang_furniture(params.furniture[params.furnish], ways, main_m, rough)
     if floor:
         found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in floor.result().items()}
     return {f"{name}.msh": found[name] for name in sorted(found)}

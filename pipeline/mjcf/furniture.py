@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
-from pipeline.geometry.polyline import arc_length, resample
 from pipeline.geometry.raycast import RayCaster
+from pipeline.mjcf.ways import HeightsOver, Way, over_level
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.fittings import FurnitureParams
-from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle
-from pipeline.types import DriftNetwork
 
 _TILE_M = 20.0
 _EYE_M = 1.7  # height that bolts are aimed from
-_LEAST_HEIGHT_M = 2.9  # of workings: a duct under the roof then leaves 2 m below it
 _REACH_M = 3.0  # beyond half the drift's width a ray has met no rib but an opening
 _TOWARDS_RIB_M = 0.7  # a line hangs at most so far from where the plan's wall is
 _OFF_RIB_M = 0.5  # and so far off the rock, to pass its bumps
@@ -47,63 +44,56 @@ DUCT_RADIUS_M, DUCT_SIDES, DUCT_GAP_M = 0.3, 8, 0.12
 HANGERS_M = 3.0  # between the hooks of a cable or a duct
 
 
-def hang_furniture(params: FurnitureParams, network: DriftNetwork, rough: Bundle, height_m: float) -> Bundle:
+def hang_furniture(
+    params: FurnitureParams, ways: Sequence[Way], main_m: np.ndarray, rough: Bundle, over_m: HeightsOver = over_level
+) -> Bundle:
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
     All of it is fixed to the visible rock, and above all robots: bolts above `FURNITURE_ABOVE_M`, all else
-    above `LINES_ABOVE_M`. In workings lower than 2.9 m nothing hangs, and a line says so.
+    above `LINES_ABOVE_M`. What would be lower is left out.
 
     Parameters
     ----------
     params : FurnitureParams
-    network : DriftNetwork
-        Bolts, pipe and cable follow its legs, the duct its main drift; weld mesh hangs at its junctions.
+    ways : sequence of Way
+        Those that are high enough: bolts, pipe and cable follow them, weld mesh hangs where they
+        end at junctions.
+    main_m : (n, 3) float64, m
+        The line on the floor that the duct follows.
     rough : dict of bytes
         The chunks of the visible rock as `.msh`.
-    height_m : float
-        From the floor to the roof.
+    over_m : callable
+        The heights of points over the floors.
     """
-    if height_m < _LEAST_HEIGHT_M:
-        warn_user(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {_LEAST_HEIGHT_M:g} m")
+    if not ways:
         return {}
     placed = [mesh.vertices[mesh.faces] for mesh in map(decode_msh, rough.values())]
     rock = RayCaster(np.concatenate(placed, dtype=np.float64))
     del placed
     parts: list[tuple[str, np.ndarray, np.ndarray]] = []
-    for leg in network.legs:
-        line, half = np.array(leg.stations_m), float(np.median(leg.half_width_m))
-        parts += _bolts(params, rock, line, half)
-        for kind in (PIPE, CABLE):
-            parts += _along_rib(kind, rock, line, half)
+    for way in ways:
+        if way.length_m >= _SHORTEST_M:
+            parts += _bolts(params, rock, way)
+            for kind in (PIPE, CABLE):
+                parts += _along_rib(kind, rock, way, over_m)
     if params.weld_mesh:
-        parts += hang_weld_mesh(params.weld_mesh, network, rock)
+        parts += hang_weld_mesh(params.weld_mesh, ways, rock)
     if params.duct:
-        parts += _duct(rock, np.array(network.main_drift_m), params.duct_side_m)
-    return _merged(parts)
+        parts += _duct(rock, Way(main_m, np.zeros(len(main_m)), np.zeros(len(main_m))), params.duct_side_m, over_m)
+    return _merged(parts, over_m)
 
 
-def _frames(line: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (n, 2) m along a line and the unit vectors (n, 2) to its left."""
-    _, places = resample(line, spacing_m)
-    ahead = np.gradient(places, axis=0) if len(places) > 2 else np.diff(places, axis=0).repeat(2, axis=0)
-    ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
-    return places, np.column_stack([-ahead[:, 1], ahead[:, 0]])
-
-
-def _bolts(
-    params: FurnitureParams, rock: RayCaster, line: np.ndarray, half_m: float
-) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def _bolts(params: FurnitureParams, rock: RayCaster, way: Way) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield rings of bolts, each ring turned by half a bolt against the one before."""
-    if arc_length(line)[-1] < _SHORTEST_M:
-        return
-    places, left = _frames(line, params.bolt_spacing_m)
+    at = way.places(params.bolt_spacing_m)
     spread = np.radians(np.linspace(-params.bolt_spread_deg, params.bolt_spread_deg, params.bolts))
     stagger = (spread[1] - spread[0]) / 4 if len(spread) > 1 else 0.0
-    angle = spread + np.where(np.arange(len(places)) % 2, stagger, -stagger)[:, None]
-    rays = np.concatenate([np.sin(angle)[..., None] * left[:, None], np.cos(angle)[..., None]], axis=2).reshape(-1, 3)
-    eyes = np.repeat(np.column_stack([places, np.full(len(places), _EYE_M)]), len(spread), axis=0)
+    angle = spread + np.where(np.arange(len(at)) % 2, stagger, -stagger)[:, None]
+    rays = np.concatenate([np.sin(angle)[..., None] * at.left[:, None], np.cos(angle)[..., None]], axis=2)
+    rays = rays.reshape(-1, 3)
+    eyes = np.repeat(at.over(_EYE_M), len(spread), axis=0)
     distance = rock.cast(eyes, rays)
-    hit = distance < half_m + _REACH_M
+    hit = distance < np.repeat(np.maximum(at.left_m, at.right_m), len(spread)) + _REACH_M
     points, faces = _bolts_at(eyes[hit] + rays[hit] * distance[hit, None], -rays[hit], params.plate_m)
     yield from (("bolts", *bolt) for bolt in zip(points, faces, strict=True))
 
@@ -129,41 +119,42 @@ def _bolts_at(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.nda
 
 
 def _along_rib(
-    kind: ServiceLine, rock: RayCaster, line: np.ndarray, half_m: float
+    kind: ServiceLine, rock: RayCaster, way: Way, over_m: HeightsOver
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield tubes along a rib; a tube ends where the rib opens."""
-    if arc_length(line)[-1] < _SHORTEST_M:
-        return
-    places, left = _frames(line, _STEP_M)
-    outwards = kind.side * left
-    origin = np.column_stack([places, np.full(len(places), kind.height_m)])
-    distance = rock.cast(origin, np.column_stack([outwards, np.zeros(len(places))]))
-    closed = distance < half_m + _TOWARDS_RIB_M
+    """Yield tubes along a rib; a tube ends where the rib opens, or the floor beside it rises."""
+    at = way.places(_STEP_M)
+    outwards = np.column_stack([kind.side * at.left, np.zeros(len(at))])
+    origin = at.over(kind.height_m)
+    distance = rock.cast(origin, outwards)
+    closed = distance < (at.left_m if kind.side > 0 else at.right_m) + _TOWARDS_RIB_M
+    lowest = origin[closed] + (distance[closed] - kind.gap_m - kind.radius_m)[:, None] * outwards[closed]
+    closed[closed] = over_m(lowest - _up(kind.radius_m + kind.sag_m)) >= LINES_ABOVE_M
     window = 2 * round(_ALIKE_M / _STEP_M) + 1
     for part in _runs(closed, round(_SHORTEST_M / _STEP_M)):
         offset = gaussian_filter1d(minimum_filter1d(distance[part], window), 1.0)
         offset = np.clip(offset, distance[part] - _OFF_RIB_M, distance[part]) - kind.gap_m - kind.radius_m
-        middle = origin[part].copy()
-        middle[:, :2] += offset[:, None] * outwards[part]
+        middle = origin[part] + offset[:, None] * outwards[part]
         middle[:, 2] -= _sag(len(middle), kind.sag_m)
         yield kind.kind, *_tube(middle, kind.radius_m, kind.sides)
 
 
-def _duct(rock: RayCaster, line: np.ndarray, side: float) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def _duct(rock: RayCaster, way: Way, side: float, over_m: HeightsOver) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield a duct under the roof of the main drift, `side` m left of its middle."""
-    places, left = _frames(line, _STEP_M)
-    places = places + side * left
-    origin = np.column_stack([places, np.full(len(places), _EYE_M)])
-    roof = _EYE_M + rock.cast(origin, np.tile([0.0, 0.0, 1.0], (len(origin), 1)))
-    sideways = np.column_stack([np.sign(side or 1.0) * left, np.zeros(len(left))])
+    at = way.places(_STEP_M)
+    floor = at.floor_m + np.column_stack([side * at.left, np.zeros(len(at))])
+    roof = _EYE_M + rock.cast(floor + _up(_EYE_M), np.tile([0.0, 0.0, 1.0], (len(floor), 1)))
+    sideways = np.column_stack([np.sign(side or 1.0) * at.left, np.zeros(len(at))])
     low = LINES_ABOVE_M + DUCT_RADIUS_M + 0.1
-    aside = np.column_stack([places, np.full(len(places), low)])
-    room = rock.cast(aside, sideways) > DUCT_RADIUS_M
+    room = rock.cast(floor + _up(low), sideways) > DUCT_RADIUS_M
+    room &= over_m(floor + _up(low - DUCT_RADIUS_M)) >= LINES_ABOVE_M
     lowest = minimum_filter1d(np.where(np.isfinite(roof), roof, 0.0), 5) - DUCT_GAP_M - DUCT_RADIUS_M
     for part in _runs((lowest > low) & room, round(_SHORTEST_M / _STEP_M)):
-        middle = np.column_stack([places[part], gaussian_filter1d(lowest[part], 3.0)])
-        middle[:, 2] = np.maximum(middle[:, 2] - _sag(len(middle), 0.04), low)
-        yield "duct", *_tube(middle, DUCT_RADIUS_M, DUCT_SIDES)
+        hung = np.maximum(gaussian_filter1d(lowest[part], 3.0) - _sag(part.stop - part.start, 0.04), low)
+        yield "duct", *_tube(floor[part] + hung[:, None] * _up(1.0), DUCT_RADIUS_M, DUCT_SIDES)
+
+
+def _up(height_m: float) -> np.ndarray:
+    return np.array([0.0, 0.0, height_m])
 
 
 def _sag(count: int, sag_m: float) -> np.ndarray:
@@ -194,13 +185,16 @@ def _tube(middle: np.ndarray, radius_m: float, sides: int) -> tuple[np.ndarray, 
     return vertices, np.concatenate([quads[:, [0, 2, 1]], quads[:, [0, 3, 2]]])
 
 
-def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]]) -> Bundle:
+def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]], over_m: HeightsOver) -> Bundle:
     """Return one mesh for each kind and tile of the plan; pieces of less than four vertices are dropped."""
     corner = np.min([vertices[:, :2].min(axis=0) for _, vertices, _ in parts], axis=0) if parts else np.zeros(2)
     meshes = {}
     for kind in {kind: None for kind, *_ in parts}:
-        lowest = FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
-        pieces = [(points, faces) for k, points, faces in parts if k == kind and points[:, 2].min() >= lowest]
+        least = FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
+        pieces = [(points, faces) for k, points, faces in parts if k == kind]
+        starts = np.cumsum([0, *(len(points) for points, _ in pieces)])[:-1]
+        lowest = np.minimum.reduceat(over_m(np.concatenate([points for points, _ in pieces])), starts)
+        pieces = [piece for piece, kept in zip(pieces, (lowest >= least).tolist(), strict=True) if kept]
         if not pieces:
             continue
         vertices = np.concatenate([points for points, _ in pieces])

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, minimum_filter
 
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.raycast import RayCaster
+from pipeline.mjcf.ways import Way
 from pipeline.params.fittings import WeldMeshParams
-from pipeline.types import DriftNetwork
 
-_EYE_M = 1.7  # height that the roof is looked at from, on the middle of the drift
+_UP_TO_EYE = np.array([0.0, 0.0, 1.7])  # m: the roof is looked at from there, on the middle of the drift
 _RAYS_M, _RAYS_DEG = 0.3, 6.0  # between rays along a drift and across it
 _BEND = 4  # rays from one bend of a wire to the next: between two rows of bolts it is straight
 _TAUT = 2 * _BEND + 1  # rays among which the lowest bump holds the mesh off the others
@@ -21,7 +21,7 @@ _REACH_M = 6.0  # a ray that goes farther has met no roof
 
 
 def hang_weld_mesh(
-    params: WeldMeshParams, network: DriftNetwork, rock: RayCaster
+    params: WeldMeshParams, ways: Sequence[Way], rock: RayCaster
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield ribbons of weld mesh as vertices (n, 3) m and faces (m, 3), mine frame, which face into the drift.
 
@@ -30,28 +30,28 @@ def hang_weld_mesh(
     Parameters
     ----------
     params : WeldMeshParams
-    network : DriftNetwork
+    ways : sequence of Way
     rock : RayCaster
         Of the visible rock.
     """
-    for leg in network.legs:
-        _, places = resample(np.array(leg.stations_m), _RAYS_M)
+    for way in ways:
+        _, places = resample(way.floor_m, _RAYS_M)
         along = _RAYS_M * np.arange(len(places))
-        for node, from_node in ((leg.start, along), (leg.end, along[::-1])):
-            covered = places[from_node <= params.from_junction_m]
-            if node in network.junctions and len(covered) > _BEND:
+        for at_junction, from_end in zip(way.ends_at_junctions, (along, along[::-1]), strict=True):
+            covered = places[from_end <= params.from_junction_m]
+            if at_junction and len(covered) > _BEND:
                 yield from _cover(params, rock, covered)
 
 
 def _cover(params: WeldMeshParams, rock: RayCaster, places: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield the wires over places (n, 2) m along a drift."""
-    ahead = np.gradient(places, axis=0)
+    """Yield the wires over places (n, 3) m on the floor along a drift."""
+    ahead = np.gradient(places[:, :2], axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
     left = np.column_stack([-ahead[:, 1], ahead[:, 0], np.zeros(len(ahead))])
     half = _BEND * max(1, round(params.spread_deg / _RAYS_DEG / _BEND))
     angle = np.radians(params.spread_deg) * np.arange(-half, half + 1) / half
     ray = np.sin(angle)[None, :, None] * left[:, None] + np.cos(angle)[None, :, None] * np.array([0.0, 0.0, 1.0])
-    eye = np.broadcast_to(np.column_stack([places, np.full(len(places), _EYE_M)])[:, None], ray.shape)
+    eye = np.broadcast_to((places + _UP_TO_EYE)[:, None], ray.shape)
     distance = rock.cast(eye.reshape(-1, 3), ray.reshape(-1, 3)).reshape(ray.shape[:2])
     if (distance > _REACH_M).any():
         return
@@ -59,7 +59,7 @@ def _cover(params: WeldMeshParams, rock: RayCaster, places: np.ndarray) -> Itera
     bends = (eye + (np.minimum(taut, distance) - _OFF_ROCK_M)[..., None] * ray)[::_BEND, ::_BEND]
     for net in (bends, bends.transpose(1, 0, 2)):  # wires across the drift, then along it
         wires = _between(net, params.aperture_m)
-        yield "weldmesh", *_ribbons(wires, params.wire_m, np.array([*places[len(places) // 2], _EYE_M]))
+        yield "weldmesh", *_ribbons(wires, params.wire_m, places[len(places) // 2] + _UP_TO_EYE)
 
 
 def _between(net: np.ndarray, apart_m: float) -> np.ndarray:

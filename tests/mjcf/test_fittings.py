@@ -35,6 +35,7 @@ from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import _merged, hang_furniture
 from pipeline.mjcf.scene import ZoneStrip
+from pipeline.mjcf.ways import on_level, over_level, ways_of
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.params.fittings import FloorParams
@@ -427,7 +428,7 @@ def test_weld_mesh_under_a_level_roof_has_wires_at_the_aperture_and_hangs_just_b
     leg = Leg("a", "J", "end", 20.0, list(map(float, range(21))), stations, [2.5] * 21)
     network = DriftNetwork({"J": (0, 0), "end": (20, 0)}, [leg], ["J"], ["end"], 0, 1, 20.0, ["a"], stations, 20.0, 1.0)
     params = compose([]).realism.furniture["meshed"].weld_mesh
-    across, along = (np.array(part[1]) for part in hang_weld_mesh(params, network, roof))
+    across, along = (np.array(part[1]) for part in hang_weld_mesh(params, ways_of(network, 3.2), roof))
     assert across[:, 0].max() == pytest.approx(params.from_junction_m, abs=1.2)  # the other end is no junction
     lines = np.unique(across[:, 0].round(2))
     apart = np.diff(lines)
@@ -443,7 +444,7 @@ def test_weld_mesh_hangs_in_front_of_the_bumps_of_the_rock(fitted: BuiltMine, fi
     meshes = [decode_msh(data) for data in fitted.surface["rough"].values()]
     rock = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64))
     params = fitted_config.realism.furniture["meshed"].weld_mesh
-    points = np.concatenate([part[1] for part in hang_weld_mesh(params, fitted.network, rock)])
+    points = np.concatenate([part[1] for part in hang_weld_mesh(params, ways_of(fitted.network, 3.5), rock)])
     eye = np.column_stack([points[:, :2], np.full(len(points), 1.7)])
     above = rock.cast(eye, np.tile([0.0, 0, 1.0], (len(points), 1))) + 1.7
     assert (points[:, 2] < above + 0.02).mean() > 0.97
@@ -456,7 +457,8 @@ def test_the_default_world_has_no_weld_mesh():
 
 
 def test_workings_that_are_too_low_have_no_furniture(fitted: BuiltMine, fitted_config: Config, capsys):
-    assert hang_furniture(fitted_config.realism.furniture["full"], fitted.network, {}, 2.0) == {}
+    ways, main_m = ways_of(fitted.network, 2.0), on_level(fitted.network.main_drift_m)
+    assert hang_furniture(fitted_config.realism.furniture["full"], ways, main_m, {}) == {}
     assert "no furniture, workings of 2 m are lower than 2.9 m" in capsys.readouterr().err
 
 
@@ -465,7 +467,7 @@ def test_a_piece_of_a_tile_that_is_no_mesh_is_dropped():
     far = np.array([[0.0, 0, 3], [0, 0.1, 3], [0.1, 0, 3], [0.1, 0.1, 3.1]]) + np.array([41, 0, 0])
     faces = np.array([[0, 1, 2]])
     parts = [("pipe", triangle, faces), ("pipe", far, np.array([[0, 1, 2], [1, 3, 2]]))]
-    assert list(_merged(parts)) == ["pipe_01_00"]
+    assert list(_merged(parts, over_level)) == ["pipe_01_00"]
 
 
 @pytest.mark.parametrize(
@@ -486,7 +488,8 @@ def test_the_same_parameters_give_the_same_fittings(fitted: BuiltMine, fitted_co
     one, two = (cover_floor(params.floor, fitted.free_space.polygon, fitted.network, record.zones) for _ in range(2))
     assert all((one[name].vertices == two[name].vertices).all() for name in one)
     rough = fitted.surface["rough"]
-    hung = [hang_furniture(params.furniture["full"], fitted.network, rough, 3.5) for _ in range(2)]
+    ways, main_m = ways_of(fitted.network, 3.5), on_level(fitted.network.main_drift_m)
+    hung = [hang_furniture(params.furniture["full"], ways, main_m, rough) for _ in range(2)]
     assert hung[0] == hung[1]
 
 

@@ -19,14 +19,16 @@ from minexplore.bundle import (
     SURFACE_CLASS,
     BundleError,
     has_visible_rock,
+    is_fitting,
     mesh_file,
     surface_geom,
 )
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.looks import CUT_MATERIAL
 from minexplore.schema.agreement.comparison import ModelElements
 from minexplore.schema.agreement.views import check_look
 from minexplore.schema.attributes import Element, constant, named, required
+from minexplore.schema.fittings import BODY, FURNITURE_MESH, MATERIALS, MESH, check_fittings
 from minexplore.schema.meshes import check_meshes
 from minexplore.schema.model import ROUGH_MESH, VISIBLE_MESH, WORLD
 from minexplore.schema.readers.png import PALETTE, RGB, check_png, inflate_png
@@ -36,7 +38,7 @@ from minexplore.schema.sizes import MOST_PIXELS
 from minexplore.schema.volume.model import VOLUME_WORLD
 
 _BEYOND_M = 1.0  # that visible rock reaches beyond the free space, at most
-_MESH_FILE = re.compile(rf"{MESHES}{ROUGH_MESH}\.msh", re.ASCII)
+_MESH_FILE = re.compile(rf"{MESHES}(?:{ROUGH_MESH}|{FURNITURE_MESH})\.msh", re.ASCII)
 
 
 def _child(element: Element, tag: str, name: str = "") -> Element:
@@ -67,7 +69,7 @@ def _with_rock() -> Element:
         {**named(ROUGH_MESH), "file": required(matching(rf"{MESHES}{ROUGH_MESH}\.msh", mesh_file("NAME")))},
     )
     seen = [_child(assets, "texture", "rock"), _child(assets, "material", "rock")]
-    seen += [_child(assets, "material", CUT_MATERIAL), mesh]
+    seen += [_child(assets, "material", CUT_MATERIAL), mesh, *MATERIALS, MESH]
     own = _child(_child(VOLUME_WORLD, "worldbody"), "body", MINE_BODY)
     surface = _child(_child(_child(WORLD, "worldbody"), "body", MINE_BODY), "body", SURFACE_BODY)
     geom = _rough(
@@ -82,7 +84,9 @@ def _with_rock() -> Element:
         _child(WORLD, "visual"),
         _with(_child(VOLUME_WORLD, "default"), rock_class, _child(default, "default", SURFACE_CLASS)),
         _with(_child(VOLUME_WORLD, "asset"), *seen),
-        _with(_child(VOLUME_WORLD, "worldbody"), _with(own, light, dataclasses.replace(surface, children=(geom,)))),
+        _with(
+            _child(VOLUME_WORLD, "worldbody"), _with(own, light, dataclasses.replace(surface, children=(geom,)), BODY)
+        ),
     )
 
 
@@ -108,7 +112,7 @@ def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) ->
     return found
 
 
-def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], facets: VolumeFacets) -> None:
+def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
     """Refuse meshes and a texture that no volume has, and a model that shows others.
 
     Raises
@@ -116,8 +120,8 @@ def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes]
     BundleError
         Naming the file or the element, the value and the limit.
     """
-    low, high = facets.vertices.min(axis=0) - _BEYOND_M, facets.vertices.max(axis=0) + _BEYOND_M
-    check_meshes(files, low, high)
+    vertices = volume.facets.vertices
+    check_meshes(files, vertices.min(axis=0) - _BEYOND_M, vertices.max(axis=0) + _BEYOND_M, volume.spans.heights_over)
     width, height = check_png(ROCK_TEXTURE, files[ROCK_TEXTURE], (RGB, PALETTE), MOST_PIXELS[ROCK_TEXTURE])
     inflate_png(ROCK_TEXTURE, files[ROCK_TEXTURE])
     if width != height or width < 16:
@@ -133,8 +137,9 @@ def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes]
         if file not in shown.values():
             raise BundleError(f"{file}: {MODEL} does not use it")
     geoms = {geom.name: geom.attributes["mesh"] for geom in at.surface}
-    if geoms != {surface_geom(name): name for name in shown}:
+    if geoms != {surface_geom(name): name for name in shown if not is_fitting(name)}:
         raise BundleError(f"{MODEL}: worldbody/body[mine]/body[surface]: want one geom of each visible mesh")
     for geom in at.surface:
         if "group" in geom.attributes:
             raise BundleError(f"{MODEL}: {geom.path}@group: want that of its class")
+    check_fittings(at.fittings, at.of_assets, record)

@@ -11,7 +11,7 @@ from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.guard.forked import Forked
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.made_by import MadeBy
-from pipeline.proof.rebuilt.fittings import require_floor, require_furniture
+from pipeline.proof.rebuilt.fittings import hang_again, require_floor, require_furniture
 from pipeline.proof.rebuilt.remake import read_free_space, require_remade
 from pipeline.proof.rebuilt.same_model import require_same_model
 from pipeline.proof.rebuilt.smooth import require_smooth
@@ -65,5 +65,5 @@ def require_rock(folder: Path, record: WorldRecord, free: Polygon, grid: Occupan
     if record.has_visible_rock:
         with Forked(partial(require_floor, folder, record, free, params.fittings.floor)) as floor:
             require_visible(folder, record, free, grid, require_smooth(folder, record, free))
-            require_furniture(folder, record, params.fittings.furniture)
+            require_furniture(folder, record.files, params.fittings.furniture, hang_again(folder, record))
             floor.result()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +29,10 @@ from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture
 from pipeline.mjcf.loading import read_spec
+from pipeline.mjcf.ways import on_level, ways_of
 from pipeline.params.fittings import FloorParams, FurnitureParams
 from pipeline.proof.rebuilt.visible import rough_meshes
-from pipeline.store.codecs import decode, encode
+from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.types import DriftNetwork
 
 _APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
@@ -47,7 +48,7 @@ def require_floor(folder: Path, record: WorldRecord, free: Polygon, params: Floo
     ArtifactError
         With the file, how it differs, and the parameters that would make it.
     """
-    names = {name for name in _fittings(record) if is_cover(name)}
+    names = {name for name in _fittings(record.files) if is_cover(name)}
     if not names:
         return
     if params is None:
@@ -68,39 +69,58 @@ def require_floor(folder: Path, record: WorldRecord, free: Polygon, params: Floo
         raise ArtifactError(f"{folder / MODEL}: water stands on {wet}, want {flooded}, realism.floor.puddles")
 
 
-def require_furniture(folder: Path, record: WorldRecord, params: Mapping[str, FurnitureParams]) -> None:
+def require_furniture(
+    folder: Path, files: Iterable[str], params: Mapping[str, FurnitureParams], hang: Callable[[FurnitureParams], Bundle]
+) -> None:
     """Make the furniture of a bundle again and compare every face; it may be absent.
 
-    It must be all of one kind of `params`, hung on the bundle's own rock, which `visible` checks. The error names the
-    first difference from the likeliest one.
+    It must be all of one kind of `params`. The error names the first difference from the likeliest one.
+
+    Parameters
+    ----------
+    folder : Path
+    files : iterable of str
+        The bundle's, by its record.
+    params : dict of FurnitureParams
+    hang : callable
+        Makes the furniture of a kind on the bundle's own rock.
 
     Raises
     ------
     ArtifactError
         With the file, how it differs, and the parameters that would make it.
     """
-    names = {name for name in _fittings(record) if not is_cover(name)}
+    names = {name for name in _fittings(files) if not is_cover(name)}
     if not names:
         return
     if not params:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: furniture, realism.furniture says none")
-    network, message = _network(folder), ""
-    rough = {f"{n}.msh": (folder / mesh_file(n)).read_bytes() for n in rough_meshes(_meshes(record))}
+    message = ""
     for kind, wanted in sorted(params.items(), key=lambda item: _unlike(names, item[1])):
-        hung = hang_furniture(wanted, network, rough, record.height_m)
-        differs = _first_difference(folder, names, {name: decode_msh(data) for name, data in hung.items()})
+        differs = _first_difference(folder, names, {name: decode_msh(data) for name, data in hang(wanted).items()})
         if differs is None:
             return
         message = message or f"{differs}, by realism.furniture.{kind}"
     raise ArtifactError(message)
 
 
-def _meshes(record: WorldRecord) -> list[str]:
-    return [mesh_of(name) for name in record.files if name.startswith(MESHES)]
+def hang_again(folder: Path, record: WorldRecord) -> Callable[[FurnitureParams], Bundle]:
+    """Return what makes the furniture of a level mine on the rock of its bundle, which `visible` checks."""
+
+    def hang(params: FurnitureParams) -> Bundle:
+        network = _network(folder)
+        rough = {f"{name}.msh": (folder / mesh_file(name)).read_bytes() for name in rough_meshes(_meshes(record.files))}
+        return hang_furniture(params, ways_of(network, record.height_m), on_level(network.main_drift_m), rough)
+
+    return hang
 
 
-def _fittings(record: WorldRecord) -> list[str]:
-    return [name for name in _meshes(record) if is_fitting(name)]
+def _meshes(files: Iterable[str]) -> list[str]:
+    return [mesh_of(name) for name in files if name.startswith(MESHES)]
+
+
+def _fittings(files: Iterable[str]) -> list[str]:
+    return [name for name in _meshes(files) if is_fitting(name)]
 
 
 def _network(folder: Path) -> DriftNetwork:

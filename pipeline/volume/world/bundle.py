@@ -12,6 +12,7 @@ from minexplore.bundle import (
     FRAMES,
     GEOM_GROUPS,
     MADE_BY,
+    MESHES,
     MODEL,
     NO_OVERLAY,
     PARTS,
@@ -20,6 +21,7 @@ from minexplore.bundle import (
     TOPOLOGY,
     VOLUME,
     VOLUME_FORMAT,
+    mesh_file,
     world_sha256,
 )
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
@@ -33,6 +35,7 @@ from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_xml
 from pipeline.volume.world.parts import cut_floors
 from pipeline.volume.world.record import BuiltVolume, VolumeFigures, VolumeRecord
+from pipeline.volume.world.surface.furnished import hang_in_volume
 from pipeline.volume.world.surface.show import chunk_names, rock_files
 from pipeline.volume.world.topology import LegNetwork, Start, heading_at
 
@@ -63,9 +66,13 @@ def bundle_volume(
     texture : Image
     """
     seen = rock_files(rough, texture) if rough else {}
-    volume: VolumeFacets = decode(compiled / VOLUME, VolumeFacets)
-    cells: FloorSpans = decode(compiled / CELLS, FloorSpans)
     legs: LegNetwork = decode(compiled / TOPOLOGY, LegNetwork)
+    cells: FloorSpans = decode(compiled / CELLS, FloorSpans)
+    if seen and params.furnish != "off":
+        chunks = {name: data for name, data in seen.items() if name.startswith(MESHES)}
+        hung = hang_in_volume(params.furniture[params.furnish], legs, chunks, cells)
+        seen |= {mesh_file(name): data for name, data in hung.items()}
+    volume: VolumeFacets = decode(compiled / VOLUME, VolumeFacets)
     start: Start = decode(compiled / SPAWN, Start)
     box = world_box(volume)
     west, south, east, north = box

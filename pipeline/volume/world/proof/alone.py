@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate
 from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, text_array
-from pipeline.volume.world.proof.certificate import VolumeBundle, open_volume, validate_volume
+from pipeline.volume.world.proof.certificate import VolumeBundle, validate_volume
 from pipeline.volume.world.topology import LegNetwork
 
 _OF_ROCK = "rock."
 _OF_SOLID = "solid."  # figures against the file that was read, which nobody has here
 
 
-def certify_alone(folder: Path, params: VolumeProofParams) -> Certificate:
-    """Check the bundle of a volume world, and measure it against the legs that it states.
+def certify_alone(world: VolumeBundle, params: VolumeProofParams) -> Certificate:
+    """Measure the bundle of a volume world, which `open_volume` has checked, against the legs that it states.
 
     A bundle made of a solid has legs that follow its floors, so that no floor is compared with them. One without
     visible rock has no figures of it.
 
     Raises
     ------
-    ArtifactError
-        If a file is missing, changed or not allowed.
     GeometryError
         If its mesh is not closed.
     """
-    world = open_volume(folder)
     legs, solid = (NO_LEGS, _own_mesh(world)) if _is_solid(world) else (stated_legs(world.legs), NO_SOLID)
     found = validate_volume(params, world, legs, solid).certificate
     left_out = (_OF_SOLID,) if world.rock else (_OF_SOLID, _OF_ROCK)

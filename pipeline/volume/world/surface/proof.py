@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from minexplore.bundle import MESHES, mesh_of
+from minexplore.bundle import MESHES, is_fitting, mesh_of
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
@@ -33,8 +33,9 @@ _DIGITS = 6
 
 
 def read_rock(folder: Path, names: Mapping[str, str]) -> dict[str, Mesh]:
-    """Return the visible meshes of a bundle, whose record lists these files."""
-    return {mesh_of(name): decode(folder / name, Mesh) for name in sorted(names) if name.startswith(MESHES)}
+    """Return the visible rock of a bundle, whose record lists these files."""
+    rock = [name for name in sorted(names) if name.startswith(MESHES) and not is_fitting(mesh_of(name))]
+    return {mesh_of(name): decode(folder / name, Mesh) for name in rock}
 
 
 def measure_rock(

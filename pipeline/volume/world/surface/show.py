@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from minexplore.bundle import (
+    FITTINGS_BODY,
     MESHES,
     MINE_BODY,
     ROCK_CLASS,
@@ -14,11 +15,14 @@ from minexplore.bundle import (
     SURFACE_BODY,
     SURFACE_CLASS,
     GeomGroup,
+    fitting_geom,
+    fitting_material,
+    is_fitting,
     mesh_file,
     mesh_of,
     surface_geom,
 )
-from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS, PLAIN, Look
+from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, FURNITURE_LOOKS, LOOKS, PLAIN, Look
 from pipeline.store.codecs import Bundle
 from pipeline.store.palette_png import encode_texture
 from pipeline.types import Image
@@ -38,9 +42,9 @@ def chunk_names(files: Bundle) -> list[str]:
 
 
 def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> None:
-    """Add the visible meshes of these names to a model. Its collision parts get the colour of cut rock.
+    """Add the visible meshes of these names, and furniture, to a model. Its collision parts get the colour of cut rock.
 
-    Nothing collides with the body of the visible meshes.
+    Nothing collides with the bodies of the visible meshes.
     """
     if not names:
         return
@@ -57,7 +61,24 @@ def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> Non
     body = ElementTree.SubElement(_only(root, f"worldbody/body[@name='{MINE_BODY}']"), "body", name=SURFACE_BODY)
     for name in names:
         ElementTree.SubElement(asset, "mesh", name=name, file=mesh_file(name), inertia="shell")
-        ElementTree.SubElement(body, "geom", {"name": surface_geom(name), "class": SURFACE_CLASS, "mesh": name})
+        if not is_fitting(name):
+            ElementTree.SubElement(body, "geom", {"name": surface_geom(name), "class": SURFACE_CLASS, "mesh": name})
+    fittings = [name for name in names if is_fitting(name)]
+    if fittings:
+        _show_fittings(root, fittings)
+
+
+def _show_fittings(root: ElementTree.Element, names: Sequence[str]) -> None:
+    """Add the furniture of these names to a model, in a body of its own."""
+    asset, mine = _only(root, "asset"), _only(root, f"worldbody/body[@name='{MINE_BODY}']")
+    body = ElementTree.SubElement(mine, "body", name=FITTINGS_BODY)
+    for name in names:
+        own = {"name": fitting_geom(name), "class": SURFACE_CLASS, "mesh": name, "material": fitting_material(name, [])}
+        ElementTree.SubElement(body, "geom", own)
+    for kind, (rgba, specular) in FURNITURE_LOOKS.items():
+        if any(name.startswith(f"{kind}_") for name in names):
+            seen = {"rgba": _text(rgba), "specular": f"{specular:g}", "shininess": "0.4"}
+            ElementTree.SubElement(asset, "material", {"name": fitting_material(kind, []), **seen})
 
 
 def _dress(root: ElementTree.Element, look: Look) -> None:

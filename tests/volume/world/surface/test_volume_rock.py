@@ -16,9 +16,8 @@ from minexplore.world import load_world
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
-from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.content import closed_volume
-from pipeline.volume.world.surface.build import displaced_rock, rock_of_volume
+from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.surface.room import room_about
@@ -26,10 +25,10 @@ from pipeline.volume.world.topology import LegNetwork
 from stages.surface import model_surface
 from tests.composed import compose
 from tests.heights import HEADER
-from tests.volume_worlds import VolumeWorld
+from tests.volume_worlds import WITH_ROCK as CONFIG
+from tests.volume_worlds import VolumeWorld, with_rock
 from tests.volumes import BOX
 
-CONFIG = compose(["+mine=heights"])
 # Two drifts 4 m wide with 0.3 m of rock between them; a crosscut joins their ends.
 THIN = HEADER + "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\nA,3,20,4.3,2,2,0,3,0\nA,4,0,4.3,2,2,0,3,0\n"
 
@@ -43,21 +42,6 @@ def box(tmp_path_factory):
 @pytest.fixture(scope="module")
 def files(box):
     return read_folder(box / "rocky")
-
-
-def with_rock(source, folder):
-    built, rough, bundle = VolumeWorld(source, folder), folder / "rough", folder / "rocky"
-    texture = np.full((16, 16, 3), 90, np.uint8)
-    write(rough, rock_of_volume(CONFIG.surface, folder / "compiled", texture).files)
-    plan = built.traced["free_space"]
-    write(bundle, bundle_volume(CONFIG.realism, built.survey, plan, built.compiled, rough, texture))
-    return folder
-
-
-def write(folder, files):
-    for name, data in files.items():
-        (folder / name).parent.mkdir(exist_ok=True, parents=True)
-        (folder / name).write_bytes(data)
 
 
 def volume_of(folder):
