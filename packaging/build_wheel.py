@@ -17,7 +17,7 @@ from minexplore.page import page
 from minexplore.world import DEFAULT_WORLD
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, MineError
-from pipeline.params.reading.places import COMPOSED
+from pipeline.places import COMPOSED
 from pipeline.store.verify import verify_chain
 
 WORLD, DIST = Path("artifacts/realism/world"), Path("dist")

@@ -25,9 +25,9 @@ from pipeline.errors import ParamsError, run_command
 from pipeline.memory import keep_memory
 from pipeline.params.config import Config
 from pipeline.params.reading.composed import root_overrides
-from pipeline.params.reading.places import CODE_HASHES, COMPOSED, ROOT_PARAMS
 from pipeline.params.reading.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
+from pipeline.places import CODE_HASHES, COMPOSED, ROOT_PARAMS
 from pipeline.store.files import write_atomically
 from pipeline.store.manifest import code_hashes
 

@@ -13,7 +13,7 @@ from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
 from pipeline.guard.forked import Forked
 from pipeline.memory import keep_memory
 from pipeline.params.reading.composed import composed_section, root_overrides
-from pipeline.params.reading.places import ROOT_PARAMS
+from pipeline.places import ROOT_PARAMS
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file

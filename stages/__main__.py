@@ -12,7 +12,7 @@ import yaml
 
 from pipeline.compose import CONF, WRITTEN_BY_NEW, compose
 from pipeline.params.config import Config
-from pipeline.params.reading.places import CODE_HASHES, COMPOSED
+from pipeline.places import CODE_HASHES, COMPOSED
 from pipeline.stage import ARTIFACTS, Stage
 from pipeline.store.registry import REGISTRY
 

@@ -11,7 +11,7 @@ from typing import Any
 
 def set_overrides() -> None:
     """Write `$OVERRIDES` to `params.yaml` for `dvc repro`, if they compose. The file is written only if it changes."""
-    from pipeline.params.reading.places import ROOT_PARAMS
+    from pipeline.places import ROOT_PARAMS
     from pipeline.store.files import write_atomically
 
     overrides = os.environ.get("OVERRIDES", "")
@@ -27,7 +27,7 @@ def _forget_other_params(params: dict[str, Any]) -> None:
 
     It does not see that the section of one of your mines was edited: `dvc.yaml` names the project's files only.
     """
-    from pipeline.params.reading.places import COMPOSED
+    from pipeline.places import COMPOSED
 
     if COMPOSED.is_file() and json.loads(COMPOSED.read_bytes()) != params:
         COMPOSED.unlink()

@@ -10,7 +10,7 @@ import yaml
 from minexplore.bundle import BundleError
 from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
-from pipeline.params.reading.places import COMPOSED
+from pipeline.places import COMPOSED
 from pipeline.store.hashing import absence_of, read_text_file, sha256_file
 from pipeline.store.manifest import Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from pipeline.errors import ParamsError
 from pipeline.params.config import Config
-from pipeline.params.reading.places import COMPOSED, ROOT_PARAMS
 from pipeline.params.refusals import first_refusal
+from pipeline.places import COMPOSED, ROOT_PARAMS
 
 
 def composed_section(section: str) -> Any:
