@@ -15,8 +15,10 @@ from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
+from pipeline.volume.height_field.shared import SharedFloors
+from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import STEEPEST, Volume, pieces_of
+from pipeline.volume.union import STEEPEST, Solid, Volume, pieces_of
 
 _SAMPLE_M = 0.25
 _OFF_M = 0.01  # of the floor from the survey, and of a step: what is more is listed
@@ -99,21 +101,25 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
 
     A place lies in another working if the section of another leg holds it, whose floor is deeper by more than 1 cm.
     There one floor cannot have both heights. Such places are listed where it is more than 1 cm off, or has a hole.
+    Listed, too, but judged are places where a leg comes down to another that it meets: between both heights.
     """
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
-    start = places + np.array([0, 0, _ABOVE_M])
-    hit, height = drop(volume.vertices, volume.faces, start)
+    hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, _ABOVE_M]))
     off = height - places[:, 2]
-    on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(off) < _STEP_MOST_M)
-    other = _other_working(network, places, owner)
+    pieces = pieces_of(network)
+    floors = SectionFloors.of(network, pieces)
+    section = _other_working(network, pieces, floors, places, owner)
+    under, lower = SharedFloors(network, pieces, floors).descents.under(owner, places[:, :2])
+    beyond = np.maximum(off, -off - under).clip(0)
+    on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (beyond < _STEP_MOST_M)
+    other = np.where(section < 0, lower, section)
     listed = (hit >= 0) & (other >= 0) & (np.abs(off) > _OFF_M)
-    judged = np.flatnonzero(on_floor & ~listed)
-    error = np.abs(off)[judged]
+    judged = np.flatnonzero(on_floor & ~(listed & (section >= 0)))
+    error, worst = beyond[judged], judged[beyond[judged].argmax()]
     ledges, steps, step_at = _steps(volume, network, places)
-    normal = volume.normals[volume.label == FacetLabel.FLOOR]
-    area = np.linalg.norm(normal, axis=1)
-    steep = area[-normal[:, 2] < np.cos(np.radians(20)) * area].sum() / area.sum()
+    down, area = -volume.normals[:, 2], np.linalg.norm(volume.normals, axis=1) * (volume.label == FacetLabel.FLOOR)
+    steep = area[down < np.cos(np.radians(20)) * area].sum() / area.sum()
     return FloorFigures(
         float(error.max()),
         float(np.median(error)),
@@ -121,11 +127,11 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
         float(on_floor.mean()),
         *steps,
         float(steep),
-        *_tracks(volume, network, shots),
+        *_tracks(volume, network, floors, shots),
         _share_built(volume, network),
         tuple(_in_other_working(network, places, owner, other, listed, off)),
         ledges,
-        _place(network, [owner[judged][error.argmax()]], places[judged][error.argmax()]),
+        _place(network, [owner[worst]], places[worst]),
         step_at,
     )
 
@@ -139,13 +145,11 @@ def _triple(place: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _tracks(volume: Volume, network: SurveyNetwork, shots: np.ndarray) -> tuple[float, float]:
+def _tracks(volume: Volume, network: SurveyNetwork, floors: SectionFloors, shots: np.ndarray) -> tuple[float, float]:
     """Return how far the floor where wheels go is from what the sections of drivable legs state, and how steep it is.
 
     Sections may state several floors of one place, as where two legs part; between these the floor is as stated.
     """
-    pieces = pieces_of(network)[: len(network.shots)]
-    floors = SectionFloors.of(network, pieces)
     tree = shapely.STRtree(floors.outlines[shots])
     off, slope = [0.0], [0.0]
     for aside_m in (0.0, -_TRACK_M, _TRACK_M):
@@ -174,13 +178,13 @@ def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     return float(weight[inside].sum() / weight.sum())
 
 
-def _other_working(network: SurveyNetwork, places: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def _other_working(
+    network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors, places: np.ndarray, owner: np.ndarray
+) -> np.ndarray:
     """Return the leg (n,) in whose working each place lies, -1 for its own.
 
     A prism on a station is the working of the legs near it.
     """
-    pieces = pieces_of(network)
-    floors = SectionFloors.of(network, pieces)
     some = np.flatnonzero([not piece.is_plumb for piece in pieces])
     place, row = shapely.STRtree(floors.outlines[some]).query(shapely.points(places[:, :2]), predicate="intersects")
     piece = some[row]
@@ -191,8 +195,7 @@ def _other_working(network: SurveyNetwork, places: np.ndarray, owner: np.ndarray
         ~network.near_legs(NEAR_M).has(leg, owner[place]),
     )
     deeper = places[place, 2] - floors.heights_at(piece, places[place, :2])
-    is_over = deeper > floors.tall_at(piece, places[place, :2])
-    good = np.flatnonzero(is_other & (deeper > _OFF_M) & ~is_over)
+    good = np.flatnonzero(is_other & (deeper > _OFF_M) & (deeper <= floors.tall_at(piece, places[place, :2])))
     good = good[np.argsort(deeper[good], kind="stable")]  # the deepest is last
     found = np.full(len(places), -1)
     found[place[good]] = leg[good]
@@ -230,10 +233,8 @@ def _steps(
     floor = volume.label == FacetLabel.FLOOR
     east, north, down = volume.normals.T
     drivable = np.hypot(east, north) <= -(STEEPEST + _ROUNDING) * down
-    beside = {(f[i], f[(i + 1) % 3]): k for k, f in enumerate(volume.faces.tolist()) for i in range(3)}
-    edges = np.array(
-        [(a, b, k) for (a, b), k in beside.items() if floor[k] and not floor[beside.get((b, a), k)]]
-    ).reshape(-1, 3)
+    mesh = MeshEdges.of(volume)
+    edges = np.column_stack([mesh.start, mesh.end, mesh.facet])[mesh.is_rim & floor[mesh.facet]]
     a, b = volume.vertices[edges[:, 0]], volume.vertices[edges[:, 1]]
     along = (b - a)[:, :2]
     length = np.linalg.norm(along, axis=1)

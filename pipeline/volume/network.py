@@ -102,6 +102,10 @@ class SurveyNetwork:
         ways[:, :, :2] += aside[:, :, None] * self.across
         return ways
 
+    def foot_of(self, shot: int) -> int:
+        """Return the station of a shot at which its floor is lower."""
+        return int(self.shots[shot, self.floors_m[shot, :, 2].argmin()])
+
     @property
     def grades(self) -> np.ndarray:
         """Return rise over run (m,) of the floors; inf where a shot is plumb."""

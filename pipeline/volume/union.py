@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import manifold3d
 import numpy as np
+import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -39,6 +40,12 @@ class Solid:
     shot: int
     is_drivable: bool
     is_plumb: bool = False
+
+    @property
+    def foot(self) -> np.ndarray:
+        """Return the lowest section (k, 3) m of a plumb leg."""
+        lowest: np.ndarray = self.sections[self.sections[:, 0, 2].argmin()]
+        return lowest
 
 
 @dataclass(frozen=True)
@@ -157,7 +164,8 @@ def pieces_of(network: SurveyNetwork) -> list[Solid]:
     for station, ends in loose.items():
         drivable = [(shot, end) for shot, end in ends if flat[shot]]
         if len(ends) > 1 and drivable and not all(network.joined[shot, end] for shot, end in ends):
-            pieces.append(_hub(network, station, drivable))
+            plumb = [pieces[shot] for shot, _ in ends if pieces[shot].is_plumb]
+            pieces.append(_hub(network, station, drivable, plumb))
     return pieces
 
 
@@ -205,14 +213,14 @@ def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> n
     of its foot on the side that it leans to.
     """
     ahead = np.array([left[1], -left[0]])
-    lower = int(places[1, 2] < places[0, 2])
+    floors = places - lrud[:, 3:] * [0, 0, 1.0]
+    lower = int(floors[:, 2].argmin())
     around = [(1, 0.5), (0.5, 1), (-0.5, 1), (-1, 0.5), (-1, -0.5), (-0.5, -1), (0.5, -1), (1, -0.5)]
     rings = []
     for end in (0, 1):
         half = max(lrud[end, :2].sum() / 2, 0.05)
         ring = [t * ahead * half + a * left * lrud[end, 0 if a > 0 else 1] for t, a in around[:: 1 if lower else -1]]
         rings.append(np.array(ring))
-    floors = places - lrud[:, 3:] * [0, 0, 1.0]
     floors[1 - lower, 2] = max(floors[1 - lower, 2], floors[lower, 2] + _LEAST_RISE_M)
     rise = floors[1 - lower] - floors[lower]
     share = min(_FOOT_M / rise[2], 0.5)
@@ -233,16 +241,22 @@ def _level(ring: np.ndarray, height_m: float) -> np.ndarray:
     return np.column_stack([ring, np.full(len(ring), height_m)])
 
 
-def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]]) -> Solid:
-    """Return the piece at a station: a prism as wide as the narrowest leg, level as the sections are that end there."""
+def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]], plumb: list[Solid]) -> Solid:
+    """Return the piece at a station: a prism, level as the sections are that end there.
+
+    It is as wide as the narrowest leg, and as the plumb legs that stand on it.
+    """
     walls = np.array([network.lrud_m[shot, end] for shot, end in ends])
     radius, up, down = max(walls[:, :2].min(), 0.05), walls[:, 2].min(), walls[:, 3].max()
     steps = [network.floors_m[shot, 1 - end] - network.floors_m[shot, end] for shot, end in ends]
     runs = [float(np.hypot(step[0], step[1])) for step in steps]
     radius = min(radius, max(_HUB_M, min(runs)))
     angle = 2 * np.pi * np.arange(_HUB_SIDES) / _HUB_SIDES
-    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
     x, y, z = network.places_m[station]
+    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    feet = [one.foot[:, :2] - (x, y) for one in plumb if network.foot_of(one.shot) == station]
+    if feet:
+        ring = shapely.get_coordinates(shapely.multipoints(np.concatenate([ring, *feet])).convex_hull)[1:]
     foot = np.column_stack([ring + np.array([x, y]), np.full(len(ring), z - down)])
     tall = np.array([0, 0, up + down])
     roof = np.column_stack([ring * _HIGH + np.array([x, y]), np.full(len(ring), z + up)])

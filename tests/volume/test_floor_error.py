@@ -10,7 +10,8 @@ from benchmarks.comparisons.volume.random_volumes import table_of
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.union import pieces_of, unite
+from pipeline.volume.height_field.leg_lines import drop
+from pipeline.volume.union import STEEPEST, pieces_of, unite
 from tests.heights import HEADER
 
 # A level drift, and a ramp that falls by 4 m in 15 m and parts from it by 25 deg.
@@ -53,6 +54,20 @@ UNDER_ITSELF = (
     "A,a,-17.4,23.2,1.5,12,-1.5,1.5,2\nA,b,-0.3,9.9,0,11,-2.2,8,2.5\n"
     "B,b,-0.3,9.9,0,11,-2.2,8,2.5\nB,c,-0.2,-0.4,2.5,9,0.2,2.5,2\nB,d,5,-12.1,6,7,0.4,1,2\n"
 )
+# Two stations over each other whose depths differ by 7 cm; two legs end at one, another begins at the other. Likewise.
+TWO_DEPTHS = (
+    "A,a,0.4,10,5,5,3.9,0,3\nA,b,0,0,3.5,1.2,0,1.8,1.8\nB,e,-3.3,2.6,0,1,0.1,3,1.7\nB,b,0,0,3.5,1.2,0,1.8,1.8\n"
+    "C,b,0,0,3.5,1.2,0,1.8,1.8\nC,c,0,0,3.5,1.2,1.13,0.7,3\n"
+    "D,c,0,0,3.5,1.2,1.13,0.7,3\nD,d,-2.1,-2.85,2.5,1,1.2,0.3,3\n"
+)
+# A passage that was surveyed twice: legs cross at 12 deg beside their ends, with floors 0.6 m apart. Likewise.
+SURVEYED_TWICE = (
+    "A,a,5.71,-2.18,1.2,0,0.06,0.587,1.413\nA,b,0,0,0,1.5,0,1.6,1.6\n"
+    "B,b,0,0,0,1.5,0,1.6,1.6\nB,c,3.7,9.38,2.5,0,0.06,0.5,1.7\n"
+    "C,c,3.7,9.38,2.5,0,0.06,0.5,1.7\nC,g,2.16,13.17,1.6,0,-0.23,1.2,1.1\n"
+    "D,d,1.89,11.73,0.3,1.2,0.21,0.6,1.2\nD,e,-0.05,-0.41,2.5,0.2,-0.08,1.6,0.9\n"
+    "E,e,-0.05,-0.41,2.5,0.2,-0.08,1.6,0.9\nE,f,4.71,-1.58,0.4,1,-0.06,1.5,0.8\n"
+)
 
 
 def built(table, folder):
@@ -90,6 +105,8 @@ KNOTS = {
     "steep": UNDER_A_STEEP_LEG,
     "slope": ON_A_SLOPE,
     "low": OVER_A_LOW_LEG,
+    "depths": TWO_DEPTHS,
+    "twice": SURVEYED_TWICE,
 }
 
 
@@ -99,6 +116,45 @@ def test_legs_of_real_caves_that_meet_keep_their_floors_without_a_step(tmp_path,
     found = measure_floor(solve_floors(network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
     assert found.share_built == 1
+
+
+def test_a_leg_that_comes_down_to_another_rises_from_it_as_steeply_as_robots_drive(tmp_path):
+    rows = "A,1,0,-10,1,1,0,3,0\nA,2,0,10,1,1,0,3,0\nB,3,-10,-0.3,2,2,0.4,3,0\nB,4,10,0.3,2,2,0.4,3,0\n"
+    network, _ = built(HEADER + rows, tmp_path)
+    volume = solve_floors(network)
+    places = network.floors_m[1, 0] + np.linspace(0.4, 0.6, 41)[:, None] * (
+        network.floors_m[1, 1] - network.floors_m[1, 0]
+    )
+    height = drop(volume.vertices, volume.faces, places + np.array([0, 0, 0.1]))[1]
+    ramp = np.minimum(0.4, STEEPEST * np.linalg.norm(places[:, :2] - places[20, :2], axis=1))
+    assert height - places[20, 2] + 0.4 == pytest.approx(ramp, abs=0.01)
+    assert measure_floor(volume, network).error_m < 0.01
+    lower = volume.vertices.copy()
+    lower[lower[:, 2] < network.floors_m[:, :, 2].min() + 0.5, 2] -= 0.03
+    found = measure_floor(dataclasses.replace(volume, vertices=lower), network)
+    assert found.error_m == pytest.approx(0.03, abs=0.01)
+
+
+def test_a_leg_comes_down_to_two_others_that_are_near_each_other(tmp_path):
+    rows = "A,1,-1,-8,1,1,0,3,0\nA,2,-1,8,1,1,0,3,0\nB,3,1,-8,1,1,0,3,0\nB,4,1,8,1,1,0,3,0\n"
+    rows += "C,5,-10,0.5,2,2,0.45,3,0\nC,6,10,-0.5,2,2,0.45,3,0\n"
+    network, _ = built(HEADER + rows, tmp_path)
+    found = measure_floor(solve_floors(network), network)
+    assert {(one.leg, one.other) for one in found.elsewhere} >= {("5 to 6", "1 to 2"), ("5 to 6", "3 to 4")}
+    assert max(found.error_m, found.step_m) < 0.01
+
+
+def test_the_foot_of_a_shaft_is_one_floor_with_the_narrower_drifts_that_leave_it(tmp_path):
+    drifts = "A,1,10,0,1,1,1.5,2,0\nA,2,0,0,1,1,0,2,0\nB,2,0,0,1,1,0,2,0\nB,3,-8,3,1,1,1,2,0\n"
+    shaft = "S,2,0,0,3,3,0,9,0\nS,4,0,0,3,3,9,2,0\nC,4,0,0,1,1,9,2,0\nC,5,10,0,1,1,9,2,0\n"
+    network, _ = built(HEADER + drifts + shaft, tmp_path)
+    volume = solve_floors(network)
+    level = -volume.normals[:, 2] > 0.7 * np.linalg.norm(volume.normals, axis=1)
+    assert (volume.label[level] == FacetLabel.FLOOR).all()
+    corners = volume.vertices[volume.faces[level]][:, :, :2] - network.places_m[1, :2]
+    assert np.linalg.norm(corners, axis=2)[corners[:, :, 1].min(axis=1) < -2.5].min() < 4  # beside the drifts, too
+    found = measure_floor(volume, network)
+    assert max(found.error_m, found.step_m) < 0.01
 
 
 def test_a_steep_way_goes_on_down_past_a_drift_that_leaves_it(tmp_path):

@@ -11,6 +11,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
+from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.height_field.surface import FloorSurface, surface_of
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
@@ -50,7 +51,8 @@ def solve_heights(network: SurveyNetwork, pieces: list[Solid]) -> HeightField:
     leg counts by how far the place is inside its outline. So a floor has no kink where a leg's outline ends.
     """
     floors = SectionFloors.of(network, pieces)
-    surface = surface_of(network, pieces, floors)
+    shared = SharedFloors(network, pieces, floors)
+    surface = surface_of(network, pieces, floors, shared)
     corners, n = surface.corners, len(surface.plan_m)
     triangle, piece = surface.of_pieces
     stated = np.stack([floors.heights_at(piece, surface.places[spot]) for spot in surface.spots[triangle].T], axis=1)
@@ -66,7 +68,7 @@ def solve_heights(network: SurveyNetwork, pieces: list[Solid]) -> HeightField:
     area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 6
     pull = np.where(surface.parted, _PARTED, _PULL)[surface.patch]
     weight = _PULL_LEAST + np.bincount(corners.ravel(), np.repeat(pull * area, 3), n)
-    held, passing = _on_legs(network, pieces, surface, target)
+    held, passing = _on_legs(network, pieces, surface, shared, target)
     weight[list(passing)] = _HOLD
     fixed, heights = np.array(list(held), int), np.array(list(held.values()))
     weight[fixed], target[fixed] = _FIX, heights
@@ -116,16 +118,16 @@ def _stiffness(surface: FloorSurface, mean: np.ndarray) -> tuple[csr_matrix, np.
 
 
 def _on_legs(
-    network: SurveyNetwork, pieces: list[Solid], surface: FloorSurface, mean_m: np.ndarray
+    network: SurveyNetwork, pieces: list[Solid], surface: FloorSurface, shared: SharedFloors, mean_m: np.ndarray
 ) -> tuple[dict[int, float], set[int]]:
     """Return the vertices on legs that share their floor, with the survey's heights, and those that others pass.
 
-    Where legs of one floor cross, it has the height of the lowest. A leg passes a floor if it is at most 0.6 m over or
-    under it.
+    A leg that comes down to another has the height of its ramp. A leg passes a floor if it is at most 2 m over or under
+    it.
     """
     held: dict[int, float] = {}
     passing = set()
-    for vertex, patch, leg, height in _vertices_on_legs(network, pieces, surface):
+    for vertex, patch, leg, height in _vertices_on_legs(network, pieces, surface, shared):
         if leg in surface.pieces[patch]:
             held[vertex] = min(held.get(vertex, np.inf), height)
         elif abs(height - mean_m[vertex]) < _PASS_M:
@@ -134,9 +136,9 @@ def _on_legs(
 
 
 def _vertices_on_legs(
-    network: SurveyNetwork, pieces: list[Solid], surface: FloorSurface
+    network: SurveyNetwork, pieces: list[Solid], surface: FloorSurface, shared: SharedFloors
 ) -> Iterator[tuple[int, int, int, float]]:
-    """Yield a vertex, its patch, a leg that it is on seen from above, and the survey's floor there, m."""
+    """Yield a vertex, its patch, a leg that it is on seen from above, and the leg's floor there, m."""
     legs = np.array([n for n, piece in enumerate(pieces) if piece.is_drivable and is_leg(piece)], int)
     ends = network.ways_m[[pieces[n].shot for n in legs]]
     tree = shapely.STRtree(shapely.linestrings(ends[:, :, :2]))
@@ -144,10 +146,9 @@ def _vertices_on_legs(
     way = ends[row, 1] - ends[row, 0]
     run = np.maximum((way[:, :2] ** 2).sum(axis=1), 1e-12)
     share = np.clip(((surface.places[spot] - ends[row, 0, :2]) * way[:, :2]).sum(axis=1) / run, 0, 1)
+    heights = ends[row, 0, 2] + share * way[:, 2] - shared.descents.under(legs[row], surface.places[spot])[0]
     wanted: dict[int, list[tuple[int, float]]] = {}
-    for k, leg, height in zip(
-        spot.tolist(), legs[row].tolist(), (ends[row, 0, 2] + share * way[:, 2]).tolist(), strict=True
-    ):
+    for k, leg, height in zip(spot.tolist(), legs[row].tolist(), heights.tolist(), strict=True):
         wanted.setdefault(k, []).append((leg, height))
     corner = np.flatnonzero(np.isin(surface.spots.ravel(), np.unique(spot)))
     vertices, spots, patches = (

@@ -11,8 +11,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.union import Solid
+from pipeline.volume.mesh_edges import ranges
+from pipeline.volume.network import WITHIN_M, SurveyNetwork
+from pipeline.volume.union import STEEPEST, Solid
 
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
@@ -21,15 +22,48 @@ _WAYS_APART_M = 1.5  # of ways that leave one station: what is nearer is one flo
 _RIM_M = 1.0  # between corners on the rim of an overlap
 _LEAST_M2 = 1e-6  # of an overlap that has an inside
 _NEAR_M = 0.01  # between two overlaps that are one
+_LEAST_DROP_M = 0.007  # of a leg that comes down to another
+_SETTLED_M = 1e-4
+_ON_RAMP = np.linspace(-1, 1, 17)  # of its length: places where two floors are asked to be one
 
 
 @dataclass(frozen=True)
-class Crossings:
-    """Where ways of legs cross seen from above: the upper leg (n,), its length up to there, and how far it is over."""
+class Descents:
+    """Where the floors of legs come down to those of others that they meet, seen from above.
 
-    upper: np.ndarray
-    along_m: np.ndarray
+    Ways of legs that share a floor have one height where they cross or meet: that of the lowest. From there each rises
+    to its own floor as steeply as robots drive.
+
+    Attributes
+    ----------
+    legs, others : (n,) int64
+        The legs that come down, in ascending order, and those that they come down to.
+    places : (n, 2) float64, m
+    over_m : (n,) float64
+        How far the survey's floor of the leg is over the floor at each place.
+    """
+
+    legs: np.ndarray
+    others: np.ndarray
+    places: np.ndarray
     over_m: np.ndarray
+
+    def under(self, legs: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far (k,) m floors are under the survey's of legs (k,) at places (k, 2) m on their ways.
+
+        The second are the legs (k,) that they come down to, -1 where they do not.
+        """
+        row, entry = ranges(*(np.searchsorted(self.legs, legs, side) for side in ("left", "right")))
+        drop = self.over_m[entry] - STEEPEST * np.linalg.norm(places[row] - self.places[entry], axis=1)
+        order = np.argsort(drop, kind="stable")
+        order = order[drop[order] > 0]
+        found, other = np.zeros(len(legs)), np.full(len(legs), -1)
+        found[row[order]], other[row[order]] = drop[order], self.others[entry[order]]  # the largest is last
+        return found, other
+
+    def some(self, chosen: np.ndarray) -> Descents:
+        """Return those that are chosen."""
+        return Descents(self.legs[chosen], self.others[chosen], self.places[chosen], self.over_m[chosen])
 
 
 class SharedFloors:
@@ -70,7 +104,11 @@ class SharedFloors:
         parted_m = np.where(apart & _cross(network, pieces, pairs), MEET_M, parted[run])
         self._parted_m = dict(zip(pairs, parted_m.tolist(), strict=True))
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
-        self.crossings = _crossings(network, pieces, self._pairs)
+        self.descents = _descents(network, pieces, floors, self)
+
+    def pairs(self) -> list[tuple[int, int]]:
+        """Return the pairs of pieces that share a floor, in ascending order."""
+        return sorted(self._pairs)
 
     def has(self, one: int, two: int) -> bool:
         """Return whether two pieces share a floor where they are not far apart in height."""
@@ -81,7 +119,7 @@ class SharedFloors:
 
         Heights are taken at the corners of a triangulation of the overlap, no farther apart on its rim than a metre.
         """
-        pairs = np.array(sorted(self._pairs), int).reshape(-1, 2)
+        pairs = np.array(self.pairs(), int).reshape(-1, 2)
         overlap = shapely.intersection(*self._floors.outlines[pairs.T])
         parts, row = shapely.get_parts(shapely.segmentize(overlap, _RIM_M), return_index=True)
         some = shapely.area(parts) > _LEAST_M2
@@ -120,18 +158,38 @@ def _cross(network: SurveyNetwork, pieces: list[Solid], pairs: list[tuple[int, i
     return found
 
 
-def _crossings(network: SurveyNetwork, pieces: list[Solid], pairs: set[tuple[int, int]]) -> Crossings:
-    """Return where the legs among some pairs of pieces pass over each other."""
-    legs = np.array([pair for pair in sorted(pairs) if all(is_leg(pieces[k]) for k in pair)], int).reshape(-1, 2)
+def _descents(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors, shared: SharedFloors) -> Descents:
+    """Return where the legs among the pairs that share a floor come down to each other.
+
+    Two that are two floors over each other on the ramp do not: it would break through the lower one's roof.
+    """
+    pairs = np.array([pair for pair in shared.pairs() if all(is_leg(pieces[k]) for k in pair)], int).reshape(-1, 2)
     ways = network.ways_m[[piece.shot for piece in pieces]]
     lines = shapely.linestrings(ways[:, :, :2])
-    legs = legs[shapely.dwithin(*lines[legs.T], TOUCH_M)]
-    place = shapely.get_point(shapely.shortest_line(*lines[legs.T]), 0)
-    along = shapely.line_locate_point(lines[legs], place[:, None])
-    share = along / np.maximum(shapely.length(lines[legs]), TOUCH_M)
-    height = (1 - share) * ways[legs, 0, 2] + share * ways[legs, 1, 2]
-    row, upper = np.arange(len(legs)), height.argmax(axis=1)
-    return Crossings(legs[row, upper], along[row, upper], np.ptp(height, axis=1))
+    pairs = pairs[shapely.dwithin(*lines[pairs.T], 2 * WITHIN_M + TOUCH_M)]
+    places = shapely.get_coordinates(shapely.shortest_line(*lines[pairs.T])).reshape(-1, 2, 2)
+    along = shapely.line_locate_point(lines[pairs], shapely.points(places))
+    share = along / np.maximum(shapely.length(lines[pairs]), TOUCH_M)
+    height = (1 - share) * ways[pairs, 0, 2] + share * ways[pairs, 1, 2]
+    row, upper = np.arange(len(pairs)), height.argmax(axis=1)
+    ramp = np.ptp(height, axis=1) / STEEPEST * _ON_RAMP[:, None]
+    spots = shapely.line_interpolate_point(lines[pairs[row, upper]], (along[row, upper] + ramp).clip(0))
+    one, two = (np.broadcast_to(some, ramp.shape).ravel() for some in pairs.T)
+    apart = (
+        ~shared.is_one(one, two, shapely.get_coordinates(spots))
+        & shapely.intersects(floors.outlines[pairs[row, 1 - upper]], spots).ravel()
+    )
+    is_one = ~apart.reshape(ramp.shape).any(axis=0)
+    pairs, places, height = pairs[is_one], places[is_one].reshape(-1, 2), height[is_one].ravel()
+    order = np.argsort(pairs.ravel(), kind="stable")
+    twin = np.argsort(order, kind="stable")[order ^ 1]
+    legs, others, places, height = pairs.ravel()[order], pairs[:, ::-1].ravel()[order], places[order], height[order]
+    over, moves = np.zeros(len(legs)), True
+    while moves:  # where a leg comes down, those that it meets do, too
+        found = Descents(legs, others, places, height - np.minimum(height - over, (height - over)[twin]))
+        before, over = over, found.under(legs, places)[0]
+        moves = bool((over - before > _SETTLED_M).any())
+    return found.some(found.over_m > _LEAST_DROP_M)
 
 
 def stations_of(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:

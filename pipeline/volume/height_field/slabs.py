@@ -97,24 +97,25 @@ class PassageFloors:
         """Return the solid of some pieces without what is below their floors' slabs.
 
         A leg that is too steep to drive on rises out of the floors at its foot: it has nothing below these, either. A
-        plumb one has a level floor of its own there.
+        plumb one stands on the prism of its station, so that what is cut reaches beyond its walls.
         """
         steep = [line for number in numbers for line in self._sections_to_steep(number, set(numbers))]
         stays = shapely.MultiLineString(steep)
         bodies = [body for number in numbers for body in self._bodies(number, stays)]
         if not any(self._pieces[number].is_drivable for number in numbers):
             under = {floor for station, low in self._feet(numbers) for floor in self._floors_at(station, low)}
-            bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M, 0.0)]
+            aside_m = _CUT_ASIDE_M if any(self._pieces[number].is_plumb for number in numbers) else 0.0
+            bodies += [body for floor in sorted(under) for body in self._bodies(floor, stays, _PIT_M, aside_m)]
         return manifold3d.Manifold.batch_boolean([solid, *bodies], manifold3d.OpType.Subtract)
 
     def _feet(self, numbers: list[int]) -> Iterator[tuple[int, float]]:
-        """Yield the stations from which legs that are not plumb rise, no other goes down, and their floors there, m."""
+        """Yield the stations from which legs rise and no other goes down, and their floors there, m."""
         network, shots = self._network, [self._pieces[number].shot for number in numbers]
         lower = network.floors_m[shots, :, 2].argmin(axis=1)
         heads = set(network.shots[shots, 1 - lower].tolist())
-        for number, shot, end in zip(numbers, shots, lower.tolist(), strict=True):
+        for shot, end in zip(shots, lower.tolist(), strict=True):
             station = int(network.shots[shot, end])
-            if station not in heads and not self._pieces[number].is_plumb:
+            if station not in heads:
                 yield station, float(network.floors_m[shot, end, 2])
 
     def _floors_at(self, station: int, low_m: float) -> Iterator[int]:

@@ -14,13 +14,14 @@ from scipy.sparse.csgraph import connected_components
 from pipeline.volume.height_field.edges import LegWays, joined_edges
 from pipeline.volume.height_field.groups import FloorGroups, cells_over
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import TOUCH_M, Crossings, SharedFloors
+from pipeline.volume.height_field.shared import TOUCH_M, Descents, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST, Solid
 
 _GRID_M = 1e-7  # of corners: without a grid rounding leaves spikes of no width where outlines meet
 _DIGITS = 9  # of corners: on the grid, or between two places on it
 _EDGE_M = 1.0  # longest edge of an outline and of a leg
+_RAMP_DIGITS = 3  # of lengths, m, at which a leg that comes down has corners
 _LEAST_RAMP_M = 0.02  # along a leg that passes over another
 _LEAST_M2 = 1e-12  # of a triangle, twice
 
@@ -108,7 +109,9 @@ def weld(count: int, mates: np.ndarray) -> np.ndarray:
     return found.reshape(-1, 3)
 
 
-def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> FloorSurface:
+def surface_of(
+    network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors, shared: SharedFloors
+) -> FloorSurface:
     """Return the surface of the floors of all pieces that are flat enough to drive on.
 
     Seen from above, outlines and legs of a group part the plane into cells. Over each cell the pieces that share a
@@ -116,7 +119,6 @@ def surface_of(network: SurveyNetwork, pieces: list[Solid], floors: SectionFloor
     Patches of cells beside each other are joined where they have a piece in common, or where pieces that share a floor
     follow each other.
     """
-    shared = SharedFloors(network, pieces, floors)
     lines = _lines(network, pieces, floors, shared)
     groups = FloorGroups(pieces, floors, shared, lines)
     cells, group = _cells(lines, groups)
@@ -142,29 +144,32 @@ def _lines(
 ) -> dict[int, list[shapely.Geometry]]:
     """Return what each piece parts floors by: its outline, the leg, and where floors that it shares begin to be two."""
     found = {k: [floors.outlines[k].exterior] for k, piece in enumerate(pieces) if piece.is_drivable}
-    ramps = _ramps(shared.crossings)
+    ways = shapely.linestrings(network.ways_m[[piece.shot for piece in pieces]][:, :, :2])
+    ramps = _ramps(ways, shared.descents)
     for leg in found:
         if is_leg(pieces[leg]):
-            way = shapely.LineString(network.ways_m[pieces[leg].shot][:, :2])
-            beside = {at for at in ramps.get(leg, ()) if _LEAST_RAMP_M < at < way.length - _LEAST_RAMP_M}
-            corners = shapely.line_interpolate_point(way, [0.0, *sorted(beside), way.length])
+            way = ways[leg]
+            beside = [at for at in ramps.get(leg, ()) if _LEAST_RAMP_M < at < way.length - _LEAST_RAMP_M]
+            corners = shapely.line_interpolate_point(way, [0.0, *beside, way.length])
             found[leg].append(shapely.LineString(corners))
     for piece, line in shared.borders():
         found[piece].append(line)
     return found
 
 
-def _ramps(crossings: Crossings) -> dict[int, list[float]]:
-    """Return the lengths, m, along ways that pass over others at which they have a corner, by leg.
+def _ramps(ways: np.ndarray, descents: Descents) -> dict[int, np.ndarray]:
+    """Return the lengths, m, along ways (n,) of legs at which they have a corner, by leg.
 
-    At the crossing the floor has the height of the lower leg. It rises to that of the upper one as steeply as robots
-    drive.
+    A corner is where a descent ends, and where two meet.
     """
-    found: dict[int, list[float]] = {}
-    ramp_m = crossings.over_m / STEEPEST
-    for leg, along, ramp in zip(crossings.upper.tolist(), crossings.along_m.tolist(), ramp_m.tolist(), strict=True):
-        if ramp > _LEAST_RAMP_M:
-            found.setdefault(leg, []).extend((along - ramp, along + ramp))
+    along = shapely.line_locate_point(ways[descents.legs], shapely.points(descents.places))
+    ramp = descents.over_m / STEEPEST
+    found = {}
+    for leg in np.unique(descents.legs).tolist():
+        at, half = along[descents.legs == leg], ramp[descents.legs == leg]
+        low, high = at - half, at + half
+        two = (at[:, None] < at) & (high[:, None] > low)
+        found[leg] = np.unique(np.concatenate([low, high, ((high[:, None] + low) / 2)[two]]).round(_RAMP_DIGITS))
     return found
 
 
