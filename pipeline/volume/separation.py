@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
+_CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most
+_CELLS = 1e6
 _TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
 
 
@@ -72,6 +74,34 @@ class Contacts:
 
 
 NO_CONTACTS = Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
+
+
+def boxes_near(low: np.ndarray, high: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """Return the numbers of boxes (n, 3) m that meet one of some others (k, 3) m, and of some that are not far from it.
+
+    A grid finds them, seen from above: an index of all boxes would take longer where the others are few.
+    """
+    if not len(least):
+        return np.zeros(0, int)
+    start, end = low[:, :2].min(axis=0), high[:, :2].max(axis=0)
+    size = max(_CELL_M, float(np.sqrt(np.prod(end - start) / _CELLS)))
+    shape = ((end - start) // size).astype(int) + 1
+    ours, theirs = (
+        [np.clip((corner[:, :2] - start) // size, 0, shape - 1).astype(int) for corner in both]
+        for both in ((low, high), (least, most))
+    )
+    (west, south), (east, north) = theirs[0].T, theirs[1].T + 1
+    change = np.zeros(shape + 1, int)
+    for x, y, by in ((west, south, 1), (east, north, 1), (west, north, -1), (east, south, -1)):
+        np.add.at(change, (x, y), by)
+    taken = change.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+    count = np.zeros(shape + 1, int)
+    count[1:, 1:] = taken.cumsum(axis=0).cumsum(axis=1)
+    (west, south), (east, north) = ours[0].T, ours[1].T + 1
+    found: np.ndarray = np.flatnonzero(
+        count[east, north] - count[west, north] - count[east, south] + count[west, south]
+    )
+    return found
 
 
 class Facets:
