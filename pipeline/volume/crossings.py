@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.guard.forked import in_shares
-from pipeline.volume.separation import ConvexBodies, Facets, boxes_near
+from pipeline.volume.separation import ConvexBodies, Facets, boxes_near, boxes_of
 
 CROSSING_M = 1e-6  # facets that are less deep in each other touch
 _LEAST_SHARE = 5000  # facets, of one process
@@ -25,8 +25,7 @@ def crossing_facets(
     """
     numbers = np.arange(len(faces))
     if some is not None:
-        places = vertices[faces]
-        low, high = places.min(axis=1), places.max(axis=1)
+        low, high = boxes_of(vertices[faces])
         numbers = boxes_near(low, high, low[some], high[some])
     facets = Facets(vertices, faces[numbers])
     tried = np.ones(len(faces), bool) if some is None else some[numbers]

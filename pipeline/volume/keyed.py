@@ -10,7 +10,7 @@ import shapely
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.separation import boxes_near
+from pipeline.volume.separation import boxes_near, boxes_of
 from pipeline.volume.union import Volume, mesh_of
 
 _ROUNDS = 4
@@ -89,8 +89,9 @@ def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
 
 def near_facets(corners: np.ndarray, places: np.ndarray, reach_m: float) -> np.ndarray:
     """Return which facets (f,) have boxes within a distance, m, of those of others (n, 3, 3), seen from above."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    least, most = places.min(axis=1) - reach_m, places.max(axis=1) + reach_m
+    low, high = boxes_of(corners)
+    least, most = boxes_of(places)
+    least, most = least - reach_m, most + reach_m
     some = boxes_near(low, high, least, most)
     tree = shapely.STRtree(shapely.box(*low[some, :2].T, *high[some, :2].T))
     other, row = tree.query(shapely.box(*least[:, :2].T, *most[:, :2].T))

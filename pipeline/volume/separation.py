@@ -76,6 +76,12 @@ class Contacts:
 NO_CONTACTS = Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
 
 
+def boxes_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the largest coordinates (n, 3) m of triangles (n, 3, 3); NumPy is slow along short axes."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
 def boxes_near(low: np.ndarray, high: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
     """Return the numbers of boxes (n, 3) m that meet one of some others (k, 3) m, and of some that are not far from it.
 
@@ -113,7 +119,7 @@ class Facets:
         a, b, c = np.moveaxis(self.corners, 1, 0)
         self.normals = _units(np.cross(b - a, c - a))
         self.owner = np.arange(len(faces))
-        self._low, self._high = self.corners.min(axis=1), self.corners.max(axis=1)
+        self._low, self._high = boxes_of(self.corners)
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
         self._points, self._ways = _apart(self.corners), _apart(self.normals[:, None])[0]
 

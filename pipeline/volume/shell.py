@@ -73,8 +73,9 @@ def facets_without_part(
     numbers = np.arange(len(volume.faces))
     if some is not None:
         tried &= some
-        corners = volume.vertices[volume.faces]
-        numbers = np.flatnonzero(near_facets(corners, corners[tried], _REACH_M))
+        corners, beside, others = volume.vertices[volume.faces], tried.copy(), np.flatnonzero(~tried)
+        beside[others] = near_facets(corners[others], corners[tried], _REACH_M)
+        numbers = np.flatnonzero(beside)
         volume = of_facets(volume, numbers)
     shell = _Shell(volume)
     facets = np.flatnonzero(tried[numbers])
