@@ -24,7 +24,7 @@ THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts tha
 SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
 _REACH_M = 0.1  # more than a corner of these is from its facet
-_LEAST_SHARE = 2000  # facets, of one process
+_LEAST_SHARE = 500  # facets, of one process
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
 
