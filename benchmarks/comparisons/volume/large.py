@@ -128,7 +128,7 @@ def main() -> int:
         return 0
     names = [f"{kind} {size:g}" for kind in ("cave", "caves") for size in getattr(a, kind)]
     names += [f"mine {size:g}" for size in a.deep]
-    rows = resume(RESULTS, names, _rows, "survey", key=lambda row: row["name"])
+    rows = resume(RESULTS, names, _rows, "survey", lambda row: row["name"], lambda row: "processor_s" in row)
     print(table_of([row for row in rows if row["name"] in names]))
     return 0
 
