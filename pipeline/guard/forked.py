@@ -23,7 +23,7 @@ from pipeline.guard.process_limits import die_with_parent
 
 _T = TypeVar("_T")
 _MOST = 4  # processes at a time: the memory that each one writes to adds up
-_SHARES = 16  # of the work, to each process: what takes long in one is made up for by the others
+_SHARES = 8  # of the work, to each process: what takes long in one is made up for by the others
 _sharing = False  # whether this process works at its share
 
 

@@ -8,7 +8,7 @@ from pipeline.guard.forked import in_shares
 from pipeline.volume.separation import ConvexBodies, Facets, boxes_near, boxes_of
 
 CROSSING_M = 1e-6  # facets that are less deep in each other touch
-_LEAST_SHARE = 5000  # facets, of one process
+_LEAST_SHARE = 10_000  # facets, of one process
 
 
 def crossing_facets(

@@ -18,7 +18,7 @@ from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 
 _BOXES = 4  # in which booleans measure all parts: each takes 0.2 s, and planes have measured the whole
-_LEAST_SHARE, _LEAST_BOOLEANS = 2000, 20  # parts, of one process
+_LEAST_SHARE, _LEAST_BOOLEANS = 4000, 50  # parts, of one process
 
 
 @dataclass(frozen=True)

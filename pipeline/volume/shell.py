@@ -24,7 +24,7 @@ THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts tha
 SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
 _REACH_M = 0.1  # more than a corner of these is from its facet
-_LEAST_SHARE = 500  # facets, of one process
+_LEAST_GROUPS, _LEAST_SHARE = 3000, 1500  # of facets, and facets, in one share: each takes some milliseconds more
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
 
@@ -58,7 +58,7 @@ def build_shell(volume: Volume) -> list[ShellPart]:
     def parts_of(start: int, end: int) -> list[ShellPart]:
         return shell.parts_behind(np.sort(facets[ends[start] : ends[end]]))
 
-    found = in_shares(parts_of, len(ends) - 1, _LEAST_SHARE)
+    found = in_shares(parts_of, len(ends) - 1, _LEAST_GROUPS)
     return sorted((part for parts in found for part in parts), key=lambda part: part.facets[0])
 
 

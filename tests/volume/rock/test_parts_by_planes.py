@@ -208,6 +208,7 @@ def test_no_part_repeats_its_last_corner(tmp_path):
 def test_parts_and_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
     for module in ("shell", "crossings", "enclosure", "rock.faces", "rock.cleared"):
         monkeypatch.setattr(f"pipeline.volume.{module}._LEAST_SHARE", 5)
+    monkeypatch.setattr("pipeline.volume.shell._LEAST_GROUPS", 5)
     found, twice = {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
     for cores in (1, 2, 3):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)))
