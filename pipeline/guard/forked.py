@@ -1,18 +1,21 @@
-"""Work in a forked process beside this one, on what this process holds.
+"""Work in forked processes beside this one, on what this process holds.
 
-Stage 6 measures so, while it makes the world again: threads would wait for the interpreter, and a process of its own
-would compile the model once more.
+Stage 6 measures so, while it makes the world again, and volumes are built so on all cores: threads would
+wait for the interpreter, and a new process would have to load all that this one holds.
 """
 
 from __future__ import annotations
 
+import mmap
 import multiprocessing
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Lock
 from typing import Any, Generic, TypeVar
 
 from pipeline.errors import MemoryShortageError, MineError
@@ -20,6 +23,9 @@ from pipeline.guard.process_limits import die_with_parent
 from pipeline.remarks import collect_remarks, hand_on
 
 _T = TypeVar("_T")
+_MOST = 4  # processes at a time: the memory that each one writes to adds up
+_SHARES = 8  # of the work, to each process: what takes long in one is made up for by the others
+_sharing = False  # whether this process works at its share
 
 
 class Forked(Generic[_T]):
@@ -87,3 +93,57 @@ def _serve(work: Callable[[], Any], out: Connection, parent: int) -> None:
             out.send((None, work(), remarks))
         except (MineError, MemoryError) as error:
             out.send((error, None, remarks))
+
+
+def in_shares(work: Callable[[int, int], _T], count: int, least: int = 1) -> list[_T]:
+    """Return what `work` returns for ranges of numbers that together are 0 to `count`, in order, by all cores.
+
+    `work` takes the first number and the one after the last. What it returns for each number must not depend on the
+    range, so that it is the same on any number of cores. A range has at least `least` numbers: fewer are not worth a
+    process. In a process that another one began, and within the work of another share, all is one range.
+
+    Raises
+    ------
+    MineError
+        As `Forked.result`.
+    """
+    global _sharing
+    shares = min(_processes() * _SHARES, count // least)
+    processes = min(_processes(), shares)
+    if processes < 2:
+        return [work(0, count)] if count else []
+    ends = [count * k // shares for k in range(shares + 1)]
+    taken, lock = mmap.mmap(-1, shares), multiprocessing.get_context("fork").Lock()
+
+    def some(process: int) -> list[tuple[int, _T]]:
+        first = shares * process // processes
+        return [(k, work(ends[k], ends[k + 1])) for k in _not_taken(taken, lock, first)]
+
+    others = [Forked(partial(some, process)) for process in range(1, processes)]
+    try:
+        _sharing = True
+        found = some(0)
+        for other in others:
+            found += other.result()
+    finally:
+        _sharing = False
+        for other in others:
+            other.end()
+    return [value for _, value in sorted(found, key=lambda one: one[0])]
+
+
+def _processes() -> int:
+    """Return how many processes may share the work of this one."""
+    if sys.platform != "linux" or _sharing or multiprocessing.parent_process() is not None:
+        return 1
+    return min(len(os.sched_getaffinity(0)), _MOST)
+
+
+def _not_taken(taken: mmap.mmap, lock: Lock, first: int) -> Iterator[int]:
+    """Take the shares that no process has taken, and yield their numbers: from `first` on, then those before it."""
+    for k in [*range(first, len(taken)), *range(first)]:
+        with lock:
+            mine = not taken[k]
+            taken[k] = 1
+        if mine:
+            yield k

@@ -10,6 +10,7 @@ import shapely
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.separation import boxes_near, boxes_of
 from pipeline.volume.union import Volume, mesh_of
 
 _ROUNDS = 4
@@ -88,10 +89,13 @@ def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
 
 def near_facets(corners: np.ndarray, places: np.ndarray, reach_m: float) -> np.ndarray:
     """Return which facets (f,) have boxes within a distance, m, of those of others (n, 3, 3), seen from above."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    tree = shapely.STRtree(shapely.box(*low[:, :2].T, *high[:, :2].T))
-    least, most = places.min(axis=1) - reach_m, places.max(axis=1) + reach_m
-    other, facet = tree.query(shapely.box(*least[:, :2].T, *most[:, :2].T))
+    low, high = boxes_of(corners)
+    least, most = boxes_of(places)
+    least, most = least - reach_m, most + reach_m
+    some = boxes_near(low, high, least, most)
+    tree = shapely.STRtree(shapely.box(*low[some, :2].T, *high[some, :2].T))
+    other, row = tree.query(shapely.box(*least[:, :2].T, *most[:, :2].T))
+    facet = some[row]
     beside = (low[facet, 2] < most[other, 2]) & (high[facet, 2] > least[other, 2])
     found = np.zeros(len(corners), bool)
     found[facet[beside]] = True

@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
+_CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most
+_CELLS = 1e6
 _TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
 
 
@@ -74,6 +76,40 @@ class Contacts:
 NO_CONTACTS = Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
 
 
+def boxes_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the largest coordinates (n, 3) m of triangles (n, 3, 3); NumPy is slow along short axes."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def boxes_near(low: np.ndarray, high: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """Return the numbers of boxes (n, 3) m that meet one of some others (k, 3) m, and of some that are not far from it.
+
+    A grid finds them, seen from above: an index of all boxes would take longer where the others are few.
+    """
+    if not len(least):
+        return np.zeros(0, int)
+    start, end = low[:, :2].min(axis=0), high[:, :2].max(axis=0)
+    size = max(_CELL_M, float(np.sqrt(np.prod(end - start) / _CELLS)))
+    shape = ((end - start) // size).astype(int) + 1
+    ours, theirs = (
+        [np.clip((corner[:, :2] - start) // size, 0, shape - 1).astype(int) for corner in both]
+        for both in ((low, high), (least, most))
+    )
+    (west, south), (east, north) = theirs[0].T, theirs[1].T + 1
+    change = np.zeros(shape + 1, int)
+    for x, y, by in ((west, south, 1), (east, north, 1), (west, north, -1), (east, south, -1)):
+        np.add.at(change, (x, y), by)
+    taken = change.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+    count = np.zeros(shape + 1, int)
+    count[1:, 1:] = taken.cumsum(axis=0).cumsum(axis=1)
+    (west, south), (east, north) = ours[0].T, ours[1].T + 1
+    found: np.ndarray = np.flatnonzero(
+        count[east, north] - count[west, north] - count[east, south] + count[west, south]
+    )
+    return found
+
+
 class Facets:
     """The facets of a closed mesh, indexed by their boxes."""
 
@@ -83,7 +119,7 @@ class Facets:
         a, b, c = np.moveaxis(self.corners, 1, 0)
         self.normals = _units(np.cross(b - a, c - a))
         self.owner = np.arange(len(faces))
-        self._low, self._high = self.corners.min(axis=1), self.corners.max(axis=1)
+        self._low, self._high = boxes_of(self.corners)
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))
         self._points, self._ways = _apart(self.corners), _apart(self.normals[:, None])[0]
 

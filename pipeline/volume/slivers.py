@@ -131,8 +131,8 @@ class _Mesh:
             return False
         kept = np.array(sorted((self._around(u) | self._around(v)) - gone))
         for place in ((self.vertices[u] + self.vertices[v]) / 2, self.vertices[u], self.vertices[v]):
-            moved = self.vertices[self.faces[kept]].copy()
-            moved[np.isin(self.faces[kept], (u, v))] = place
+            moved = self.vertices[self.faces[kept]]
+            moved[(self.faces[kept] == u) | (self.faces[kept] == v)] = place
             if not self._turns(kept, moved):
                 break
         else:
@@ -173,12 +173,14 @@ class _Mesh:
         d = next(k for k in self.faces[other].tolist() if k not in (a, b))
         if d == c or d in self._neighbours(c):
             return False
-        new = np.array([[a, d, c], [d, b, c]])
-        corners, old = self.vertices[new], self.vertices[self.faces[[facet, other]]]
-        was, now = _normals(old[1:])[0], _normals(corners)
-        if _heights_m(corners).min() <= _heights_m(old).min():  # or slivers beside each other are flipped to and fro
+        new = [[a, d, c], [d, b, c]]
+        corners = self.vertices[[*new, face, self.faces[other].tolist()]]
+        normals = _normals(corners)
+        sizes = np.linalg.norm(normals, axis=1)
+        heights = sizes / np.maximum(np.linalg.norm(corners.take(_NEXT, 1) - corners, axis=2).max(axis=1), 1e-30)
+        if heights[:2].min() <= heights[2:].min():  # or slivers beside each other are flipped to and fro
             return False
-        if (now @ was < _TURN * np.linalg.norm(now, axis=1) * np.linalg.norm(was)).any():
+        if (normals[:2] @ normals[3] < _TURN * sizes[:2] * np.linalg.norm(normals[3])).any():
             return False
         self._note_changed([facet, other])
         self._around(b).discard(facet)
@@ -194,11 +196,4 @@ def _normals(corners: np.ndarray) -> np.ndarray:
     """Return twice the area times the normal (n, 3) of triangles (n, 3, 3); `np.cross` is slow for a few of them."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     found: np.ndarray = one.take(_NEXT, 1) * two.take(_LAST, 1) - one.take(_LAST, 1) * two.take(_NEXT, 1)
-    return found
-
-
-def _heights_m(corners: np.ndarray) -> np.ndarray:
-    """Return the heights (n,) m of triangles (n, 3, 3) over their longest edges."""
-    longest = np.linalg.norm(corners.take(_NEXT, 1) - corners, axis=2).max(axis=1)
-    found: np.ndarray = np.linalg.norm(_normals(corners), axis=1) / np.maximum(longest, 1e-30)
     return found

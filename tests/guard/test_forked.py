@@ -1,5 +1,6 @@
 """Work in a forked process."""
 
+import multiprocessing
 import os
 import signal
 import sys
@@ -8,7 +9,7 @@ import time
 import pytest
 
 from pipeline.errors import ArtifactError, MemoryShortageError
-from pipeline.guard.forked import Forked
+from pipeline.guard.forked import Forked, in_shares
 from pipeline.remarks import collect_remarks, warn_user
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the work runs in this process there")
@@ -61,3 +62,49 @@ def test_with_ends_a_process_whose_result_nobody_asks_for():
     with pytest.raises(ArtifactError), Forked(lambda: time.sleep(30)):
         raise ArtifactError("mine.xml: no rock")
     assert time.monotonic() - start < 5
+
+
+def shares_of(found):
+    return [pid for pid, _ in found], [number for _, numbers in found for number in numbers]
+
+
+def test_shares_are_in_order_and_of_all_cores(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2})
+    started = time.monotonic()
+
+    def work(first, end):
+        time.sleep(0.05 if time.monotonic() - started < 2 else 0)  # long enough for others to begin
+        return os.getpid(), list(range(first, end))
+
+    processes, numbers = shares_of(in_shares(work, 1001))
+    assert numbers == list(range(1001))
+    assert len(set(processes)) == 3
+    assert in_shares(work, 0) == []
+
+
+def test_work_is_this_processs_own_on_one_core_when_it_is_little_and_within_a_share(monkeypatch):
+    def work(first, end):
+        return os.getpid(), list(range(first, end))
+
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    assert in_shares(work, 9, least=5) == [(os.getpid(), list(range(9)))]
+    within = in_shares(lambda first, end: (os.getpid(), in_shares(work, 100)), 2)
+    assert [[pid for pid, _ in found] for _, found in within] == [[pid] for pid, _ in within]
+    assert Forked(lambda: {pid for pid, _ in in_shares(work, 100)} == {os.getpid()}).result()
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    assert in_shares(work, 100) == [(os.getpid(), list(range(100)))]
+
+
+def test_a_refusal_of_any_share_comes_with_its_message_and_leaves_no_process(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    parent = os.getpid()
+
+    def refuse(first, end):
+        if os.getpid() != parent:
+            raise ArtifactError("mine.xml: no rock")
+        time.sleep(0.1)
+
+    with pytest.raises(ArtifactError, match=r"^mine\.xml: no rock$"):
+        in_shares(refuse, 100)
+    assert not multiprocessing.active_children()
+    assert len(in_shares(lambda first, end: first, 100)) > 1  # and the next work is shared again

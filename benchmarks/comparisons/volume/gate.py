@@ -11,7 +11,6 @@ import json
 import resource
 import sys
 import time
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,10 +43,6 @@ FOLDER, PAGE, PICTURE = (
 _TILES = 2000  # boxes in which booleans measure all parts
 
 
-def _bar(items: Iterable[int]) -> Iterator[int]:
-    return iter(tqdm(items, unit="round", disable=None, leave=False))
-
-
 def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     """Build a case as one volume and return the figures of its geometry."""
     rng = np.random.default_rng(seed)
@@ -60,7 +55,7 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     volume = solve_floors(network)
     clock.append(time.process_time())
     np.savez_compressed(folder / "solved.npz", vertices=volume.vertices, faces=volume.faces, label=volume.label)
-    built = build_shell(volume, _bar)
+    built = build_shell(volume)
     clock.append(time.process_time())
     row |= dict(zip(("union_s", "floors_s", "shell_s"), np.diff(clock).tolist(), strict=True))
     row |= {
@@ -87,7 +82,7 @@ def measure_physics(name: str, folder: Path, level: Path, seed: int = 0) -> dict
     if case.physics_within_m is not None:
         network = network.within(case.physics_within_m)
     volume = solve_floors(network)
-    parts, _ = without_refused(build_shell(volume, _bar))
+    parts, _ = without_refused(build_shell(volume))
     row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}
     ours, theirs, gone = measure_steps(volume, parts, LevelDrive(level), {BUILT: VARIANTS[BUILT]})[BUILT]
     rates = [1e6 / (cost.total_us + rest) for cost, rest in ((ours, theirs.rest_us), (theirs, 0.0))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
+from pipeline.guard.forked import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shapes import bodies_of
 from pipeline.volume.separation import ROUNDING_M, Facets
@@ -12,6 +13,7 @@ from pipeline.volume.union import Volume
 
 _PAIRS = 100_000  # tried together
 _TOGETHER = 1000  # bodies
+_LEAST_SHARE = 4000  # parts, of one process
 
 
 def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
@@ -22,7 +24,24 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
     convex bodies.
     """
     facets = Facets(volume.vertices, volume.faces)
-    part, facet = _quickly(facets, parts, outward)
+    count = np.diff(parts.first)
+    along = np.einsum("nk,nk->n", parts.corners, np.repeat(outward, count, axis=0))
+    reach = np.maximum.reduceat(along, parts.first[:-1])
+    middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
+    low, high = parts.boxes()
+
+    def some(first: int, end: int) -> np.ndarray:
+        part, facet = facets.near(low[first:end], high[first:end])
+        pairs = _not_parted(facets, parts, outward, reach, middles, part + first, facet)
+        return _in_full(facets, parts, outward, *pairs)
+
+    return np.concatenate([np.zeros(0, int), *in_shares(some, len(parts), _LEAST_SHARE)])
+
+
+def _in_full(
+    facets: Facets, parts: PartCorners, outward: np.ndarray, part: np.ndarray, facet: np.ndarray
+) -> np.ndarray:
+    """Return which of the parts of some pairs (n,) of a part and a facet no plane separates from one of its facets."""
     left, body = np.unique(part, return_inverse=True)
     order = np.argsort(body, kind="stable")
     starts = np.searchsorted(body[order], np.arange(0, len(left) + _TOGETHER, _TOGETHER))
@@ -38,13 +57,19 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
     return np.concatenate(found)
 
 
-def _quickly(facets: Facets, parts: PartCorners, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs of a part (n,) and a facet (n,) that the first planes do not separate, by their numbers."""
-    count = np.diff(parts.first)
-    along = np.einsum("nk,nk->n", parts.corners, np.repeat(outward, count, axis=0))
-    reach = np.maximum.reduceat(along, parts.first[:-1])
-    middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
-    part, facet = facets.near(*parts.boxes())
+def _not_parted(
+    facets: Facets,
+    parts: PartCorners,
+    outward: np.ndarray,
+    reach: np.ndarray,
+    middles: np.ndarray,
+    part: np.ndarray,
+    facet: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return those pairs of a part (n,) and a facet (n,) that the first planes do not separate, by their numbers.
+
+    `reach` (p,) m is how far the parts reach outward, `middles` (p, 3) m are those of their corners.
+    """
     found = [(part[:0], facet[:0])]
     for start in range(0, len(part), _PAIRS):
         p, f = part[start : start + _PAIRS], facet[start : start + _PAIRS]

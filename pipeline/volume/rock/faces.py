@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 import shapely
 
+from pipeline.guard.forked import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
@@ -18,6 +20,7 @@ _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
 _ON_EDGE_M = 1e-10  # a facet's corner that is so little outside a part's face is on its edge: rounding is 1e-13
 _GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
+_LEAST_SHARE = 4000  # parts or facets, of one process
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,12 @@ class PartFaces:
         left = np.flatnonzero((most > 0) & (most < (1 - _WHOLE) * areas_m2))
         order = np.argsort(self.facet, kind="stable")
         first, end = (np.searchsorted(self.facet[order], left, side) for side in ("left", "right"))
-        for facet, rows in zip(left.tolist(), map(slice, first.tolist(), end.tolist()), strict=True):
-            most[facet] = shapely.union_all(self.shared[order[rows]], grid_size=_GRID_M).area
+
+        def covered(start: int, stop: int) -> list[float]:
+            rows = map(slice, first[start:stop].tolist(), end[start:stop].tolist())
+            return [shapely.union_all(self.shared[order[some]], grid_size=_GRID_M).area for some in rows]
+
+        most[left] = list(chain.from_iterable(in_shares(covered, len(left), _LEAST_SHARE)))
         return np.maximum(0.0, areas_m2 - most)
 
 
@@ -78,13 +85,7 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
     part's largest face.
     """
     facets = Facets(volume.vertices, volume.faces)
-    low, high = parts.boxes()
-    near = facets.near(low - ON_PLANE_M, high + ON_PLANE_M)
-    kept = [np.zeros(0, int)]
-    for start in range(0, len(near[0]), _PAIRS):
-        some = slice(start, start + _PAIRS)
-        kept.append(start + np.flatnonzero(_lie_behind(facets, parts, near[0][some], near[1][some])))
-    chosen = np.concatenate(kept)
+    near, chosen = _near(facets, parts)
     part, facet = near[0][chosen], near[1][chosen]
     found = _faces(facets, parts, part, facet, facet)
     size = np.linalg.norm(volume.normals, axis=1) / 2
@@ -99,6 +100,23 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
     return found.joined(replace(more, area_m2=np.zeros(len(more.part))))
 
 
+def _near(facets: Facets, parts: PartCorners) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pairs (2, n) of a part and a facet that are near each other, and which of them `_lie_behind` finds."""
+    low, high = parts.boxes()
+
+    def some(first: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+        part, facet = facets.near(low[first:end] - ON_PLANE_M, high[first:end] + ON_PLANE_M)
+        part, kept = part + first, [np.zeros(0, bool)]
+        for start in range(0, len(part), _PAIRS):
+            rows = slice(start, start + _PAIRS)
+            kept.append(_lie_behind(facets, parts, part[rows], facet[rows]))
+        return np.stack([part, facet]), np.concatenate(kept)
+
+    found = in_shares(some, len(parts), _LEAST_SHARE)
+    pairs, behind = zip((np.zeros((2, 0), int), np.zeros(0, bool)), *found, strict=True)
+    return np.concatenate(pairs, axis=1), np.flatnonzero(np.concatenate(behind))
+
+
 def _lie_behind(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
     """Return which parts (n,) lie behind the planes of facets with a face on it."""
     depth, starts = _depths(facets, parts, part, facet), parts.rows(part)[1]
@@ -109,9 +127,25 @@ def _lie_behind(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.
 
 def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray) -> PartFaces:
     """Return the faces of parts on the planes of some facets, and what they cover of others along their normals."""
-    if not len(part):
-        none = np.zeros(0)
-        return PartFaces(part, facet, none, none, none.astype(bool), none.astype(object))
+    order = np.argsort(facet, kind="stable")
+    first = np.append(np.flatnonzero(np.diff(facet[order], prepend=-1)), len(order))
+
+    def some(start: int, end: int) -> tuple[np.ndarray, ...]:
+        rows = np.sort(order[first[start] : first[end]])
+        return rows, *_faces_of(facets, parts, part[rows], plane[rows], facet[rows])
+
+    area, depth, holds_middle = np.zeros(len(part)), np.zeros(len(part)), np.zeros(len(part), bool)
+    shared = np.full(len(part), shapely.Polygon(), object)
+    for rows, *columns, filled, polygons in in_shares(some, len(first) - 1, _LEAST_SHARE):
+        area[rows], depth[rows], holds_middle[rows] = columns
+        shared[rows[filled]] = shapely.from_wkb(polygons)
+    return PartFaces(part, facet, area, depth, holds_middle, shared)
+
+
+def _faces_of(
+    facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Return the last columns of `PartFaces`; of the polygons those that are not empty: their numbers, and as WKB."""
     across, middles = _across(facets.normals[facet]), facets.corners[facet].mean(axis=1)
     rows, starts = parts.rows(part)
     pair = np.repeat(np.arange(len(part)), np.diff(np.append(starts, len(rows))))
@@ -129,7 +163,9 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
     shared[whole] = shapely.polygons(corners[whole])
     left = np.flatnonzero(~np.isin(facet, facet[whole]))
     shared[left] = polygons_shared(face[left], shapely.polygons(corners[left]))
-    return PartFaces(part, facet, shapely.area(face), np.maximum.reduceat(depth, starts), holds_middle, shared)
+    filled = np.flatnonzero(~shapely.is_empty(shared))
+    deepest = np.maximum.reduceat(depth, starts)
+    return shapely.area(face), deepest, holds_middle, filled, shapely.to_wkb(shared[filled])
 
 
 def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:

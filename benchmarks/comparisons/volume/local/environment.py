@@ -1,6 +1,7 @@
 """Control steps a second of robots in a volume's local models, beside the level mine's environment in the same run.
 
-`python -m benchmarks.comparisons.volume.local.environment` prints the table; surveys are built as in the gate.
+`python -m benchmarks.comparisons.volume.local.environment` prints the table; surveys are built as in the gate. At equal
+contact is the environment's speed if as many steps touched rock as in the level mine.
 """
 
 from __future__ import annotations
@@ -83,12 +84,18 @@ def rows_of(name: str, found: dict[str, tuple[StepCost, StepCost, int]]) -> list
             f"{theirs.physics_us:.0f} + {theirs.rest_us:.0f}",
             f"{theirs.physics_us / (ours.choice_us + ours.physics_us):.2f}",
             f"{theirs.total_us / (ours.total_us + theirs.rest_us):.2f}",
+            f"{theirs.total_us / (ours.total_us + theirs.rest_us - _more_contact_us(ours, theirs)):.2f}",
             f"{100 * ours.parts_share:.0f} %",
             f"{100 * ours.touch_share:.0f} / {100 * theirs.touch_share:.0f} %",
             str(gone),
         )
         for title, (ours, theirs, gone) in found.items()
     ]
+
+
+def _more_contact_us(ours: StepCost, theirs: StepCost) -> float:
+    """Return what of a step's cost is that robots touch rock in more steps than in the level mine."""
+    return (ours.touch_share - theirs.touch_share) * ours.contact_us
 
 
 HEADER = (
@@ -98,6 +105,7 @@ HEADER = (
     "level: physics + rest, us",
     "physics",
     "environment",
+    "at equal contact",
     "on parts",
     "touch rock",
     "escaped",
