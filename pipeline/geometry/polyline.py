@@ -1,6 +1,8 @@
-"""Distances along a polyline."""
+"""Distances along a polyline, and lines on the floors of drifts."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -72,3 +74,54 @@ def points_along(ring: np.ndarray, spacing_m: float) -> np.ndarray:
     along = arc_length(ring)
     at = np.linspace(0.0, along[-1], max(4, round(along[-1] / spacing_m)), endpoint=False)
     return np.column_stack([np.interp(at, along, ring[:, k]) for k in (0, 1)])
+
+
+@dataclass(frozen=True)
+class FloorLine:
+    """A line on the floor of a drift, m, mine frame.
+
+    Attributes
+    ----------
+    floor_m : (n, 3) float64
+    left_m, right_m : (n,) float64
+        From there to the ribs.
+    ends_at_junctions : (bool, bool)
+        Whether it begins and ends at one.
+    """
+
+    floor_m: np.ndarray
+    left_m: np.ndarray
+    right_m: np.ndarray
+    ends_at_junctions: tuple[bool, bool] = (False, False)
+
+    @property
+    def length_m(self) -> float:
+        """Return its length, m."""
+        return float(arc_length(self.floor_m)[-1])
+
+    def places(self, spacing_m: float) -> FloorPlaces:
+        """Return places at even distances along it."""
+        chainage, at = resample(self.floor_m, spacing_m)
+        ahead = np.gradient(at[:, :2], axis=0) if len(at) > 2 else np.diff(at[:, :2], axis=0).repeat(2, axis=0)
+        ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+        along = arc_length(self.floor_m)
+        ribs = [np.interp(chainage, along, side_m) for side_m in (self.left_m, self.right_m)]
+        return FloorPlaces(at, np.column_stack([-ahead[:, 1], ahead[:, 0]]), ribs[0], ribs[1])
+
+
+@dataclass(frozen=True)
+class FloorPlaces:
+    """Places (n, 3) m on a floor, unit vectors (n, 2) to their left, and distances (n,) m to the left and right rib."""
+
+    floor_m: np.ndarray
+    left: np.ndarray
+    left_m: np.ndarray
+    right_m: np.ndarray
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.floor_m)
+
+    def over(self, height_m: float) -> np.ndarray:
+        """Return the places (n, 3) m so high over the floor."""
+        return self.floor_m + np.array([0.0, 0.0, height_m])

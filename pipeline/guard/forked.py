@@ -99,7 +99,8 @@ def in_shares(work: Callable[[int, int], _T], count: int, least: int = 1) -> lis
     """Return what `work` returns for ranges of numbers that together are 0 to `count`, in order, by all cores.
 
     `work` takes the first number and the one after the last. What it returns for each number must not depend on the
-    range, so that it is the same on any number of cores. A range has at least `least` numbers: fewer are not worth a
+    range, so that it is the same on any number of cores. It calls nothing of manifold3d, which waits for threads that a
+    forked process has not. A range has at least `least` numbers: fewer are not worth a
     process. In a process that another one began, and within the work of another share, all is one range.
 
     Raises

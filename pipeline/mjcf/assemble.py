@@ -31,10 +31,9 @@ from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
-from pipeline.mjcf.furniture import hang_furniture
+from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
-from pipeline.mjcf.ways import on_level, ways_of
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.store.palette_png import encode_texture

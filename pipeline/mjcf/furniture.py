@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
+from pipeline.geometry.polyline import FloorLine
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.ways import HeightsOver, Way, over_level
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.fittings import FurnitureParams
+from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle
+from pipeline.types import DriftNetwork
 
+HeightsOver = Callable[[np.ndarray], np.ndarray]  # of points (n, 3) m over the floors: (n,) m
+LEAST_HEIGHT_M = 2.9  # of workings: a duct under the roof then leaves 2 m below it
 _TILE_M = 20.0
 _EYE_M = 1.7  # height that bolts are aimed from
 _REACH_M = 3.0  # beyond half the drift's width a ray has met no rib but an opening
@@ -44,8 +48,37 @@ DUCT_RADIUS_M, DUCT_SIDES, DUCT_GAP_M = 0.3, 8, 0.12
 HANGERS_M = 3.0  # between the hooks of a cable or a duct
 
 
+def ways_of(network: DriftNetwork, height_m: float) -> list[FloorLine]:
+    """Return the legs of a level mine's network; none in workings too low for furniture, and a line says so."""
+    ways: list[FloorLine] = []
+    if height_m < LEAST_HEIGHT_M:
+        warn_user(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {LEAST_HEIGHT_M:g} m")
+        return ways
+    for leg in network.legs:
+        half_m = np.full(len(leg.stations_m), float(np.median(leg.half_width_m)))
+        ends = leg.start in network.junctions, leg.end in network.junctions
+        ways.append(FloorLine(on_level(leg.stations_m), half_m, half_m, ends))
+    return ways
+
+
+def on_level(line_m: object) -> np.ndarray:
+    """Return a line (n, 2) m on the floor z = 0."""
+    line = np.array(line_m, np.float64)
+    return np.column_stack([line, np.zeros(len(line))])
+
+
+def over_level(points_m: np.ndarray) -> np.ndarray:
+    """Return the heights of points (n, 3) m over the floor z = 0."""
+    found: np.ndarray = points_m[:, 2]
+    return found
+
+
 def hang_furniture(
-    params: FurnitureParams, ways: Sequence[Way], main_m: np.ndarray, rough: Bundle, over_m: HeightsOver = over_level
+    params: FurnitureParams,
+    ways: Sequence[FloorLine],
+    main_m: np.ndarray,
+    rough: Bundle,
+    over_m: HeightsOver = over_level,
 ) -> Bundle:
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
@@ -55,7 +88,7 @@ def hang_furniture(
     Parameters
     ----------
     params : FurnitureParams
-    ways : sequence of Way
+    ways : sequence of FloorLine
         Those that are high enough: bolts, pipe and cable follow them, weld mesh hangs where they
         end at junctions.
     main_m : (n, 3) float64, m
@@ -79,11 +112,13 @@ def hang_furniture(
     if params.weld_mesh:
         parts += hang_weld_mesh(params.weld_mesh, ways, rock)
     if params.duct:
-        parts += _duct(rock, Way(main_m, np.zeros(len(main_m)), np.zeros(len(main_m))), params.duct_side_m, over_m)
+        parts += _duct(
+            rock, FloorLine(main_m, np.zeros(len(main_m)), np.zeros(len(main_m))), params.duct_side_m, over_m
+        )
     return _merged(parts, over_m)
 
 
-def _bolts(params: FurnitureParams, rock: RayCaster, way: Way) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def _bolts(params: FurnitureParams, rock: RayCaster, way: FloorLine) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield rings of bolts, each ring turned by half a bolt against the one before."""
     at = way.places(params.bolt_spacing_m)
     spread = np.radians(np.linspace(-params.bolt_spread_deg, params.bolt_spread_deg, params.bolts))
@@ -119,7 +154,7 @@ def _bolts_at(foot: np.ndarray, out: np.ndarray, plate_m: float) -> tuple[np.nda
 
 
 def _along_rib(
-    kind: ServiceLine, rock: RayCaster, way: Way, over_m: HeightsOver
+    kind: ServiceLine, rock: RayCaster, way: FloorLine, over_m: HeightsOver
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield tubes along a rib; a tube ends where the rib opens, or the floor beside it rises."""
     at = way.places(_STEP_M)
@@ -138,7 +173,9 @@ def _along_rib(
         yield kind.kind, *_tube(middle, kind.radius_m, kind.sides)
 
 
-def _duct(rock: RayCaster, way: Way, side: float, over_m: HeightsOver) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+def _duct(
+    rock: RayCaster, way: FloorLine, side: float, over_m: HeightsOver
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield a duct under the roof of the main drift, `side` m left of its middle."""
     at = way.places(_STEP_M)
     floor = at.floor_m + np.column_stack([side * at.left, np.zeros(len(at))])

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter, minimum_filter
 
-from pipeline.geometry.polyline import resample
+from pipeline.geometry.polyline import FloorLine, resample
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.ways import Way
 from pipeline.params.fittings import WeldMeshParams
 
 _UP_TO_EYE = np.array([0.0, 0.0, 1.7])  # m: the roof is looked at from there, on the middle of the drift
@@ -21,7 +20,7 @@ _REACH_M = 6.0  # a ray that goes farther has met no roof
 
 
 def hang_weld_mesh(
-    params: WeldMeshParams, ways: Sequence[Way], rock: RayCaster
+    params: WeldMeshParams, ways: Sequence[FloorLine], rock: RayCaster
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield ribbons of weld mesh as vertices (n, 3) m and faces (m, 3), mine frame, which face into the drift.
 
@@ -30,7 +29,7 @@ def hang_weld_mesh(
     Parameters
     ----------
     params : WeldMeshParams
-    ways : sequence of Way
+    ways : sequence of FloorLine
     rock : RayCaster
         Of the visible rock.
     """

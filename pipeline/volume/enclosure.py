@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
 
 import manifold3d
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.guard.forked import in_shares
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.faces import ON_PLANE_M, PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
@@ -18,7 +16,6 @@ from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 
 _BOXES = 4  # in which booleans measure all parts: each takes 0.2 s, and planes have measured the whole
-_LEAST_SHARE, _LEAST_BOOLEANS = 4000, 50  # parts, of one process
 
 
 @dataclass(frozen=True)
@@ -52,23 +49,17 @@ def measure_enclosure(
     missing = float((faces or faces_on_facets(volume, corners)).uncovered_m2(size / 2).sum())
     middles = np.add.reduceat(corners.corners, corners.first[:-1]) / np.diff(corners.first)[:, None]
     doubtful = set(parts_not_cleared(volume, corners, outward).tolist())
-    inside = Inside(volume)
-    free = in_shares(lambda first, end: inside.distance_m(middles[first:end]) > 0, len(parts), _LEAST_SHARE)
-    doubtful |= set(np.flatnonzero(np.concatenate([np.zeros(0, bool), *free])).tolist())
+    doubtful |= set(np.flatnonzero(Inside(volume).distance_m(middles) > 0).tolist())
     tiles, by_booleans = Tiles(volume.solid), 0.0
     for tile in tiles.drawn(min(most_boxes, _BOXES), rng):
         found = _measure_box(tile, volume.solid.original_id(), corners, outward)
         doubtful |= set(found.near)
         by_booleans += found.missing_m2
-    left = sorted(doubtful)
-
-    def shared_m3(first: int, end: int) -> list[float]:
-        return [tiles.shared_m3(manifold3d.Manifold.hull_points(corners[k])) for k in left[first:end]]
-
+    hulls = (manifold3d.Manifold.hull_points(corners[k]) for k in sorted(doubtful))
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
     return Enclosure(
         # Part by part: the union of parts that touch each other once gave 2.5 m3 of rock where there is none.
-        sum(chain.from_iterable(in_shares(shared_m3, len(left), _LEAST_BOOLEANS))),
+        sum(map(tiles.shared_m3, hulls)),
         max(missing, by_booleans),
         float(size.sum() / 2),
         float(size.sum() / 2),

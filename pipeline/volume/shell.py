@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from pipeline.guard.forked import in_shares
 from pipeline.volume.keyed import near_facets, of_facets
-from pipeline.volume.rock.polygons import FacetPlanes, polygons_of
+from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
@@ -24,7 +23,6 @@ THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts tha
 SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
 _REACH_M = 0.1  # more than a corner of these is from its facet
-_LEAST_GROUPS, _LEAST_SHARE = 3000, 1500  # of facets, and facets, in one share: each takes some milliseconds more
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
 
@@ -49,17 +47,17 @@ def build_shell(volume: Volume) -> list[ShellPart]:
     a boolean decides where one hardly touches. That holds for a mesh that does not cross itself.
     """
     shell = _Shell(volume)
-    group = shell.planes.flat_groups()
-    place = np.argsort(shell.along(np.unique(group, return_index=True)[1]))[group]
-    facets = np.argsort(place, kind="stable")
-    ends = np.searchsorted(place[facets], np.arange(group.max(initial=-1) + 2))
-    shell.with_rays()
-
-    def parts_of(start: int, end: int) -> list[ShellPart]:
-        return shell.parts_behind(np.sort(facets[ends[start] : ends[end]]))
-
-    found = in_shares(parts_of, len(ends) - 1, _LEAST_GROUPS)
-    return sorted((part for parts in found for part in parts), key=lambda part: part.facets[0])
+    surfaces = polygons_of(volume)
+    left = shell.begin(RockSurfaces(volume, [surface for surface in surfaces if len(surface[1]) > 1]))
+    for kind, depth_m in SHAPES[:_SHAPES_OF_MANY]:
+        left = shell.fit(left, kind, depth_m)
+    facets = [k for polygons in left for number in polygons.numbers.tolist() for k in shell.facets_of(number)]
+    facets += [k for _, (k, *more) in surfaces if not more]
+    left = shell.begin(RockSurfaces.of_facets(volume, facets))
+    for kind, depth_m in SHAPES:
+        left = shell.fit(left, kind, depth_m)
+    parts = shell.parts + [shell.least(polygons.some([n])) for polygons in left for n in range(len(polygons))]
+    return sorted(parts, key=lambda part: part.facets[0])
 
 
 def facets_without_part(
@@ -78,11 +76,14 @@ def facets_without_part(
         numbers = np.flatnonzero(beside)
         volume = of_facets(volume, numbers)
     shell = _Shell(volume)
-    facets = np.flatnonzero(tried[numbers])
-    facets = facets[shell.along(facets)]
-    shares = in_shares(lambda start, end: shell.without_part(np.sort(facets[start:end])), len(facets), _LEAST_SHARE)
-    found = {facet: reached for share in shares for facet, reached in share.items()}
-    return {int(numbers[facet]): numbers[found[facet]].tolist() for facet in sorted(found)}
+    left = shell.begin(RockSurfaces.of_facets(volume, np.flatnonzero(tried[numbers]).tolist()))
+    for kind, depth_m in _THINNEST:
+        left = shell.fit(left, kind, depth_m)
+    found: dict[int, list[int]] = {}
+    for polygons in left:
+        for facet, reached in shell.reached(polygons).items():
+            found[int(numbers[facet])] = numbers[reached].tolist()
+    return found
 
 
 class _Shell:
@@ -91,41 +92,8 @@ class _Shell:
     def __init__(self, volume: Volume) -> None:
         """Index the free space."""
         self.parts: list[ShellPart] = []
-        self.planes = FacetPlanes(volume)
         self._facets, self._tiles = Facets(volume.vertices, volume.faces), Tiles(volume.solid)
         self._rays = RaysIntoRock(volume.vertices, volume.faces)
-
-    def along(self, facets: np.ndarray) -> np.ndarray:
-        """Return the order (n,) of facets (n,) along the longest side: tiles about those of a share are cut once."""
-        places = self.planes.volume.vertices
-        corners = places[self.planes.volume.faces[facets, 0]]
-        found: np.ndarray = np.argsort(corners[:, np.argmax(np.ptp(places, axis=0))], kind="stable")
-        return found
-
-    def with_rays(self) -> None:
-        """Index the facets for rays now, so that processes that are forked have the index."""
-        self._rays.scene  # noqa: B018
-
-    def parts_behind(self, facets: np.ndarray) -> list[ShellPart]:
-        """Return the parts behind groups of facets (n,)."""
-        self.parts = []
-        surfaces = polygons_of(self.planes, facets)
-        left = self.begin(RockSurfaces(self.planes, [surface for surface in surfaces if len(surface[1]) > 1]))
-        for kind, depth_m in SHAPES[:_SHAPES_OF_MANY]:
-            left = self.fit(left, kind, depth_m)
-        single = [k for polygons in left for number in polygons.numbers.tolist() for k in self.facets_of(number)]
-        single += [k for _, (k, *more) in surfaces if not more]
-        left = self.begin(RockSurfaces.of_facets(self.planes, single))
-        for kind, depth_m in SHAPES:
-            left = self.fit(left, kind, depth_m)
-        return self.parts + [self.least(polygons.some([n])) for polygons in left for n in range(len(polygons))]
-
-    def without_part(self, facets: np.ndarray) -> dict[int, list[int]]:
-        """Return the facets of some (n,) behind which no part of 2 cm fits, each with those that its part reaches."""
-        left = self.begin(RockSurfaces.of_facets(self.planes, facets.tolist()))
-        for kind, depth_m in _THINNEST:
-            left = self.fit(left, kind, depth_m)
-        return {facet: reached for polygons in left for facet, reached in self.reached(polygons).items()}
 
     def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
         """Take the surfaces that parts are to be found for; return them as polygons."""

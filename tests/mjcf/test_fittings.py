@@ -33,9 +33,8 @@ from pipeline.errors import ArtifactError, ParamsError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.mjcf.floor_cover import cover_floor
-from pipeline.mjcf.furniture import _merged, hang_furniture
+from pipeline.mjcf.furniture import _merged, hang_furniture, on_level, over_level, ways_of
 from pipeline.mjcf.scene import ZoneStrip
-from pipeline.mjcf.ways import on_level, over_level, ways_of
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.params.fittings import FloorParams

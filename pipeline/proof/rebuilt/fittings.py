@@ -27,9 +27,8 @@ from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.floor_cover import cover_floor
-from pipeline.mjcf.furniture import hang_furniture
+from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
 from pipeline.mjcf.loading import read_spec
-from pipeline.mjcf.ways import on_level, ways_of
 from pipeline.params.fittings import FloorParams, FurnitureParams
 from pipeline.proof.rebuilt.visible import rough_meshes
 from pipeline.store.codecs import Bundle, decode, encode

@@ -32,10 +32,10 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
 
     def some(first: int, end: int) -> np.ndarray:
         part, facet = facets.near(low[first:end], high[first:end])
-        pairs = _not_parted(facets, parts, outward, reach, middles, part + first, facet)
-        return _in_full(facets, parts, outward, *pairs)
+        return np.stack(_not_parted(facets, parts, outward, reach, middles, part + first, facet))
 
-    return np.concatenate([np.zeros(0, int), *in_shares(some, len(parts), _LEAST_SHARE)])
+    pairs = np.concatenate([np.zeros((2, 0), int), *in_shares(some, len(parts), _LEAST_SHARE)], axis=1)
+    return _in_full(facets, parts, outward, pairs[0], pairs[1])
 
 
 def _in_full(

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
@@ -20,67 +17,20 @@ _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
 
 
-class FacetPlanes:
-    """The planes of a volume's facets, and what is about its vertices.
-
-    Attributes
-    ----------
-    size : (f,) float64, m2
-        Twice the area of each facet.
-    unit : (f, 3) float64
-        Its normal, out of the free space.
-    edges : MeshEdges
-    level_m : (f,) float64, m
-        Where the plane is along its normal.
-    ways : (v, 3) float64
-        As of `ways_into_rock`.
-    """
-
-    def __init__(self, volume: Volume) -> None:
-        """Take all facets."""
-        self.volume = volume
-        self.size = np.linalg.norm(volume.normals, axis=1)
-        self.unit = volume.normals / np.maximum(self.size, 1e-30)[:, None]
-        self.edges = MeshEdges.of(volume)
-        self.level_m = np.einsum("ij,ij->i", self.unit, volume.vertices[volume.faces[:, 0]])
-        self.ways = ways_into_rock(volume, self.unit)
-
-    @cached_property
-    def flat(self) -> np.ndarray:
-        """Return across which sides (f, 3) facets have one of about the same plane, and of their label."""
-        faces, label = self.volume.faces, self.volume.label
-        beside = self.edges.facets(np.roll(faces, -1, axis=1), faces)
-        found: np.ndarray = np.einsum("fx,fix->fi", self.unit, self.unit[beside]) > 1 - 2 * _PARALLEL
-        found &= label[:, None] == label[beside]
-        return found
-
-    def flat_groups(self) -> np.ndarray:
-        """Return a number (f,) for each facet, the same for those that flat sides join."""
-        faces, n = self.volume.faces, len(self.volume.faces)
-        facet, side = np.nonzero(self.flat)
-        other = self.edges.facets(faces[facet, (side + 1) % 3], faces[facet, side])
-        found: np.ndarray = connected_components(coo_matrix((np.ones(len(facet)), (facet, other)), (n, n)))[1]
-        return found
-
-
-def polygons_of(planes: FacetPlanes, some: np.ndarray | None = None) -> list[tuple[list[int], list[int]]]:
-    """Return convex polygons of coplanar facets with one label: their vertices in order, and their facets.
-
-    `some` (n,) are the facets of some groups, in order; otherwise all are taken.
-    """
-    volume = planes.volume
-    if some is None:
-        some = np.arange(len(volume.faces))
-    numbers, some_faces = some.tolist(), volume.faces[some]
-    faces = dict(zip(numbers, some_faces.tolist(), strict=True))
-    ring, held = dict(faces), {k: [k] for k in numbers}
-    owner = {(face[i], face[(i + 1) % 3]): k for k, face in faces.items() for i in range(3)}
-    vertices = np.unique(some_faces)
-    places = dict(zip(vertices.tolist(), map(tuple, volume.vertices[vertices].tolist()), strict=True))
-    units = dict(zip(numbers, map(tuple, planes.unit[some].tolist()), strict=True))
-    offset = dict(zip(numbers, planes.level_m[some].tolist(), strict=True))
-    row, sides = np.nonzero(planes.flat[some])
-    for facet, side in zip(some[row].tolist(), sides.tolist(), strict=True):
+def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
+    """Return convex polygons of coplanar facets with one label: their vertices in order, and their facets."""
+    normal = volume.normals
+    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    faces = volume.faces.tolist()
+    ring, held = dict(enumerate(faces)), {k: [k] for k in range(len(faces))}
+    owner = {(face[i], face[(i + 1) % 3]): k for k, face in enumerate(faces) for i in range(3)}
+    places, units = list(map(tuple, volume.vertices.tolist())), list(map(tuple, unit.tolist()))
+    level = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]])
+    offset = level.tolist()
+    beside = MeshEdges.of(volume).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
+    flat = np.einsum("fx,fix->fi", unit, unit[beside]) > 1 - 2 * _PARALLEL
+    flat &= volume.label[:, None] == volume.label[beside]
+    for facet, side in np.argwhere(flat).tolist():
         a, b = faces[facet][side], faces[facet][(side + 1) % 3]
         one, two = owner.get((a, b), -1), owner.get((b, a), -1)
         if one == two or _dot(units[one], units[two]) < 1 - _PARALLEL:
@@ -91,7 +41,7 @@ def polygons_of(planes: FacetPlanes, some: np.ndarray | None = None) -> list[tup
         if joined is None or not _is_convex([places[v] for v in joined], units[one]):
             continue
         facets = held[one] + held[two]  # the plane of a narrow facet may be far off beyond it
-        if np.abs(volume.vertices[joined] @ planes.unit[facets].T - planes.level_m[facets]).max() > _OF_EACH:
+        if np.abs(volume.vertices[joined] @ unit[facets].T - level[facets]).max() > _OF_EACH:
             continue
         ring[one] = joined
         held[one] += held.pop(two)
@@ -128,11 +78,10 @@ def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def ways_into_rock(volume: Volume, unit: np.ndarray) -> np.ndarray:
-    """Return for each vertex the vector (v, 3) that goes one metre behind each of its facets, as near as can be.
-
-    `unit` (f, 3) are the facets' normals.
-    """
+def ways_into_rock(volume: Volume) -> np.ndarray:
+    """Return for each vertex the vector (v, 3) that goes one metre behind each of its facets, as near as can be."""
+    normal = volume.normals
+    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     corners = volume.vertices[volume.faces]
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners

@@ -23,8 +23,8 @@ class RaysIntoRock:
         self._mesh = vertices, faces
 
     @cached_property
-    def scene(self) -> Any:
-        """Return the index of the facets: thin parts need no rays."""
+    def _scene(self) -> Any:
+        """Index the facets: thin parts need no rays."""
         return ray_scene(*self._mesh, 1)
 
     def blocked(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
@@ -44,7 +44,7 @@ class RaysIntoRock:
         way = np.concatenate([end, half[:, 1:]], axis=1) - start
         start += _INSIDE_M * way / np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-9)
         rays = np.concatenate([start, way], axis=2).astype(np.float32)
-        share = self.scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
+        share = self._scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
         body, ray = np.nonzero(share < 1)
         some, row = np.unique(body, return_inverse=True)
         hit = start[body, ray] + share[body, ray, None] * way[body, ray]

@@ -6,8 +6,10 @@ from typing import Self
 
 import numpy as np
 
-from pipeline.volume.rock.polygons import FacetPlanes
+from pipeline.volume.mesh_edges import MeshEdges
+from pipeline.volume.rock.polygons import ways_into_rock
 from pipeline.volume.rock.shapes import Polygons, forward_ways
+from pipeline.volume.union import Volume
 
 
 class RockSurfaces:
@@ -21,25 +23,27 @@ class RockSurfaces:
         Number of the surface of each facet, -1 of other facets.
     """
 
-    def __init__(self, planes: FacetPlanes, surfaces: list[tuple[list[int], list[int]]]) -> None:
+    def __init__(self, volume: Volume, surfaces: list[tuple[list[int], list[int]]]) -> None:
         """Take surfaces of a volume, each the vertices about it in order and its facets."""
         self.facets = {facets[0]: facets for _, facets in surfaces}
-        self.owner = np.full(len(planes.size), -1)
+        self.owner = np.full(len(volume.faces), -1)
         for number, facets in self.facets.items():
             self.owner[facets] = number
         self._rings = [ring for ring, _ in surfaces]
-        self._planes = planes
+        self._volume = volume
 
     @classmethod
-    def of_facets(cls, planes: FacetPlanes, facets: list[int]) -> Self:
+    def of_facets(cls, volume: Volume, facets: list[int]) -> Self:
         """Take some facets of a volume, each as a surface."""
-        rings = planes.volume.faces[facets].tolist()
-        return cls(planes, [(ring, [k]) for ring, k in zip(rings, facets, strict=True)])
+        return cls(volume, [(ring, [k]) for ring, k in zip(volume.faces[facets].tolist(), facets, strict=True)])
 
     def polygons(self) -> list[Polygons]:
         """Return the surfaces as polygons, those with equally many corners together."""
-        volume, size, unit = self._planes.volume, self._planes.size, self._planes.unit
-        ways, edges = self._planes.ways, self._planes.edges
+        volume = self._volume
+        normal = volume.normals
+        size = np.linalg.norm(normal, axis=1)
+        unit = normal / np.maximum(size, 1e-30)[:, None]
+        ways, edges = ways_into_rock(volume), MeshEdges.of(volume)
         area = np.bincount(self.owner + 1, size / 2, len(size) + 1)[1:]
         count, first = np.array([len(ring) for ring in self._rings], int), np.array(list(self.facets), int)
         found = []

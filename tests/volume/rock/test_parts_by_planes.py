@@ -14,13 +14,13 @@ from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
-from pipeline.volume.rock.polygons import FacetPlanes, polygons_of
+from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tiles
-from pipeline.volume.shell import build_shell, facets_without_part
+from pipeline.volume.shell import build_shell
 from tests.heights import HEADER
 
 DRIFT = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -101,11 +101,11 @@ def test_a_facet_that_two_parts_cover_in_halves_is_covered(drift):
 
 @pytest.mark.parametrize("kind", ["moved", "cut"])
 def test_rays_block_deep_parts_between_two_drifts_and_none_that_fits(beside, kind):
-    rays, tiles, planes = RaysIntoRock(beside.vertices, beside.faces), Tiles(beside.solid), FacetPlanes(beside)
+    rays, tiles = RaysIntoRock(beside.vertices, beside.faces), Tiles(beside.solid)
     blocked = {}
     for depth in (0.3, 0.08):
         blocked[depth] = 0
-        for polygons in RockSurfaces(planes, polygons_of(planes)).polygons():
+        for polygons in RockSurfaces(beside, polygons_of(beside)).polygons():
             bodies = shaped(polygons, kind, depth)
             for n in np.flatnonzero(rays.blocked(polygons, kind, depth)):
                 blocked[depth] += 1
@@ -205,18 +205,15 @@ def test_no_part_repeats_its_last_corner(tmp_path):
     assert all((part.corners[:-1] != part.corners[-1]).any(axis=1).all() for part in parts)
 
 
-def test_parts_and_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
-    for module in ("shell", "crossings", "enclosure", "rock.faces", "rock.cleared"):
+def test_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
+    for module in ("crossings", "rock.faces", "rock.cleared"):
         monkeypatch.setattr(f"pipeline.volume.{module}._LEAST_SHARE", 5)
-    monkeypatch.setattr("pipeline.volume.shell._LEAST_GROUPS", 5)
-    found, twice = {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
+    parts, found, twice = build_shell(beside), {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
     for cores in (1, 2, 3):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)))
-        parts = build_shell(beside)
         figures = measure_enclosure(beside, parts, 4, np.random.default_rng(0))
         crossing = crossing_facets(twice, np.concatenate([beside.faces, beside.faces + len(twice) // 2]), 1e-6)
-        rows = [(part.corners.tobytes(), part.facets, part.shape, part.depth_m, part.area_m2) for part in parts]
-        found[cores] = (rows, figures, facets_without_part(beside), crossing.tolist())
-    assert len(found[1][0]) >= 20  # four shares at least
-    assert len(found[1][3]) > 20
+        found[cores] = (figures, crossing.tolist())
+    assert len(parts) >= 20  # four shares at least
+    assert len(found[1][1]) > 20
     assert found[1] == found[2] == found[3]

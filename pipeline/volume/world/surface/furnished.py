@@ -10,8 +10,8 @@ import numpy as np
 
 from minexplore.bundle import CELLS, MESHES, TOPOLOGY, is_fitting, mesh_of
 from minexplore.floors.volume_arrays import FloorSpans
-from pipeline.mjcf.furniture import hang_furniture
-from pipeline.mjcf.ways import LEAST_HEIGHT_M, Way
+from pipeline.geometry.polyline import FloorLine
+from pipeline.mjcf.furniture import LEAST_HEIGHT_M, hang_furniture
 from pipeline.params.fittings import FurnitureParams
 from pipeline.store.codecs import Bundle, decode
 from pipeline.volume.union import STEEPEST
@@ -44,7 +44,7 @@ def hang_again(folder: Path, files: Iterable[str]) -> Callable[[FurnitureParams]
     return hang
 
 
-def ways_along(legs: LegNetwork) -> list[Way]:
+def ways_along(legs: LegNetwork) -> list[FloorLine]:
     """Return the drifts between junctions, dead ends, and where they get too steep or too low for furniture."""
     graph: nx.MultiGraph = nx.MultiGraph()
     for number, leg in enumerate(legs.legs):
@@ -63,7 +63,7 @@ def ways_along(legs: LegNetwork) -> list[Way]:
 
 def _follow(
     graph: nx.MultiGraph, legs: LegNetwork, junctions: set[str], ends: set[str], start: str, number: int
-) -> Way:
+) -> FloorLine:
     """Return the drift that begins at a station with a leg, and take its legs out of the graph."""
     floors: list[np.ndarray] = []
     ribs: list[tuple[float, float]] = []
@@ -72,7 +72,7 @@ def _follow(
         leg = legs.legs[following[0]]
         sections, after = leg.lrud_m, leg.end
         if leg.end == at:  # it was surveyed against the way: left and right change sides
-            sections, after = [(right, left, *rest) for left, right, *rest in reversed(leg.lrud_m)], leg.start
+            sections, after = [(right, left, up, down) for left, right, up, down in reversed(leg.lrud_m)], leg.start
         for station, section in zip((at, after), sections, strict=True):
             floors.append(np.array(legs.stations_m[station]) - np.array([0.0, 0.0, section[_DOWN]]))
             ribs.append((section[_LEFT], section[_RIGHT]))
@@ -81,4 +81,4 @@ def _follow(
         following = [] if at in ends else [key for _, _, key in graph.edges(at, keys=True)]
     places, sides = np.array(floors), np.array(ribs)
     new = np.append(True, np.linalg.norm(np.diff(places, axis=0), axis=1) > 1e-9)  # a station that two legs share
-    return Way(places[new], sides[new, 0], sides[new, 1], (start in junctions, at in junctions))
+    return FloorLine(places[new], sides[new, 0], sides[new, 1], (start in junctions, at in junctions))
