@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+_TURNS_M = 1e-6  # between the middles of two steps: the second one goes back
+
 
 def rings_of(polygons: BaseGeometry) -> list[shapely.LinearRing]:
     """Return the rings of a polygon, or of several: of each the exterior first, then its holes."""
@@ -103,6 +105,8 @@ class FloorLine:
         """Return places at even distances along it."""
         chainage, at = resample(self.floor_m, spacing_m)
         ahead = np.gradient(at[:, :2], axis=0) if len(at) > 2 else np.diff(at[:, :2], axis=0).repeat(2, axis=0)
+        turns = np.flatnonzero(np.linalg.norm(ahead, axis=1) < _TURNS_M)  # where the line doubles back
+        ahead[turns] = at[turns, :2] - at[turns - 1, :2]
         ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
         along = arc_length(self.floor_m)
         ribs = [np.interp(chainage, along, side_m) for side_m in (self.left_m, self.right_m)]

@@ -24,6 +24,7 @@ from minexplore.sensing.lidar import Lidar, volume_meshes
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError
 from pipeline.export.extract_volume import read_volume_scene
+from pipeline.geometry.polyline import FloorLine
 from pipeline.proof.rebuilt.fittings import require_furniture
 from pipeline.store.codecs import decode
 from pipeline.volume.world.surface.furnished import hang_again, ways_along
@@ -100,6 +101,12 @@ def test_a_ring_of_legs_is_one_way(tmp_path):
     table = "A,1,0,0,2,2,0,3,0\nA,2,30,0,2,2,1,3,0\nA,3,30,30,2,2,2,3,0\nA,4,0,30,2,2,1,3,0\nA,1,0,0,2,2,0,3,0\n"
     (way,) = ways_along(VolumeWorld(HEADER + table, tmp_path).decoded("topology.json", LegNetwork))
     assert way.length_m == pytest.approx(4 * np.hypot(30, 1), abs=1e-3)
+
+
+def test_a_line_that_doubles_back_has_a_left_side_everywhere():
+    line = np.array([[0.0, 0, 0], [8, 0, 1], [0, 0, 2]])
+    at = FloorLine(line, np.ones(3), np.ones(3)).places(1.0)
+    assert np.linalg.norm(at.left, axis=1) == pytest.approx(1.0)
 
 
 def test_heights_are_over_the_first_floor_below_in_a_cell_or_beside_it():
