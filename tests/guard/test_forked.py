@@ -97,7 +97,7 @@ def test_work_is_this_processs_own_on_one_core_when_it_is_little_and_within_a_sh
 
 def test_a_refusal_of_any_share_comes_with_its_message_and_leaves_no_process(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    parent = os.getpid()
+    parent, others = os.getpid(), set(multiprocessing.active_children())  # of tests before this one
 
     def refuse(first, end):
         if os.getpid() != parent:
@@ -106,5 +106,5 @@ def test_a_refusal_of_any_share_comes_with_its_message_and_leaves_no_process(mon
 
     with pytest.raises(ArtifactError, match=r"^mine\.xml: no rock$"):
         in_shares(refuse, 100)
-    assert not multiprocessing.active_children()
+    assert set(multiprocessing.active_children()) <= others
     assert len(in_shares(lambda first, end: first, 100)) > 1  # and the next work is shared again
