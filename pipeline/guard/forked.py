@@ -1,7 +1,7 @@
 """Work in forked processes beside this one, on what this process holds.
 
-Stage 6 measures so, while it makes the world again, and volumes are built so on all cores: threads would
-wait for the interpreter, and a new process would have to load all that this one holds.
+Stage 6 measures so, while it makes the world again, and volumes are checked so on all cores: threads would wait for the
+interpreter, and a new process would have to load all that this one holds.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Forked(Generic[_T]):
         self.end()
 
     def result(self) -> _T:
-        """Return what the function returns, and warn the user of what it remarked.
+        """Return what the function returns, and pass its warnings on to the user.
 
         Raises
         ------
@@ -99,9 +99,9 @@ def in_shares(work: Callable[[int, int], _T], count: int, least: int = 1) -> lis
     """Return what `work` returns for ranges of numbers that together are 0 to `count`, in order, by all cores.
 
     `work` takes the first number and the one after the last. What it returns for each number must not depend on the
-    range, so that it is the same on any number of cores. It calls nothing of manifold3d, which waits for threads that a
-    forked process has not. A range has at least `least` numbers: fewer are not worth a
-    process. In a process that another one began, and within the work of another share, all is one range.
+    range, so that it is the same on any number of cores. `work` must not call manifold3d, which waits for threads that
+    a forked process does not have. A range has at least `least` numbers: fewer are not worth a process. In a process
+    that another one began, and within the work of another share, all is one range.
 
     Raises
     ------

@@ -8,13 +8,14 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 
-from minexplore.bundle import CELLS, MESHES, TOPOLOGY, is_fitting, mesh_of
+from minexplore.bundle import CELLS, TOPOLOGY
 from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.geometry.polyline import FloorLine
 from pipeline.mjcf.furniture import LEAST_HEIGHT_M, hang_furniture
 from pipeline.params.fittings import FurnitureParams
 from pipeline.store.codecs import Bundle, decode
 from pipeline.volume.union import STEEPEST
+from pipeline.volume.world.surface.show import rock_names
 from pipeline.volume.world.topology import LegNetwork
 
 _LEFT, _RIGHT, _UP, _DOWN = range(4)
@@ -37,8 +38,7 @@ def hang_again(folder: Path, files: Iterable[str]) -> Callable[[FurnitureParams]
     """Return what makes the furniture of a bundle again, whose record lists these files, on its own rock."""
 
     def hang(params: FurnitureParams) -> Bundle:
-        rock = [name for name in sorted(files) if name.startswith(MESHES) and not is_fitting(mesh_of(name))]
-        rough = {name: (folder / name).read_bytes() for name in rock}
+        rough = {name: (folder / name).read_bytes() for name in rock_names(files)}
         return hang_in_volume(params, decode(folder / TOPOLOGY, LegNetwork), rough, decode(folder / CELLS, FloorSpans))
 
     return hang

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from minexplore.bundle import MESHES, is_fitting, mesh_of
+from minexplore.bundle import mesh_of
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
@@ -20,6 +20,7 @@ from pipeline.volume.enclosure import Inside
 from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
 from pipeline.volume.world.surface.narrow import Balls, balls_along, places_along
+from pipeline.volume.world.surface.show import rock_names
 from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLES = 100_000  # of the rock, by area
@@ -34,8 +35,7 @@ _DIGITS = 6
 
 def read_rock(folder: Path, names: Mapping[str, str]) -> dict[str, Mesh]:
     """Return the visible rock of a bundle, whose record lists these files."""
-    rock = [name for name in sorted(names) if name.startswith(MESHES) and not is_fitting(mesh_of(name))]
-    return {mesh_of(name): decode(folder / name, Mesh) for name in rock}
+    return {mesh_of(name): decode(folder / name, Mesh) for name in rock_names(names)}
 
 
 def measure_rock(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -34,6 +34,11 @@ def rock_files(rough: Path, texture: Image) -> Bundle:
     if not chunks:
         return {}
     return {**chunks, ROCK_TEXTURE: encode_texture(texture)}
+
+
+def rock_names(files: Iterable[str]) -> list[str]:
+    """Return the files of a bundle that are visible rock, and no furniture, in their order by name."""
+    return [name for name in sorted(files) if name.startswith(MESHES) and not is_fitting(mesh_of(name))]
 
 
 def chunk_names(files: Bundle) -> list[str]:
