@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from types import ModuleType
@@ -27,10 +28,25 @@ def ray_scene(vertices: np.ndarray, faces: np.ndarray, threads: int = 0) -> Any:
 
 
 def load_open3d() -> Any:
-    """Return Open3D's module, without the libraries that draw."""
-    if "open3d" not in sys.modules and _DRAWING not in sys.modules:
+    """Return Open3D's module, without the libraries that draw, and without threads of its own.
+
+    A forked process waits for ever for threads that this one has, so Open3D begins where it may use one core alone.
+    """
+    loaded = "open3d" in sys.modules
+    if not loaded and _DRAWING not in sys.modules:
         stand_in = ModuleType(_DRAWING)
         for name in _DRAWS:
             setattr(stand_in, name, None)
         sys.modules[_DRAWING] = stand_in
-    return import_module("open3d")
+    if loaded or sys.platform != "linux":
+        return import_module("open3d")
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        open3d = import_module("open3d")
+        scene, tensor = open3d.t.geometry.RaycastingScene(), open3d.core.Tensor
+        scene.add_triangles(tensor(np.eye(3, dtype=np.float32)), tensor(np.array([[0, 1, 2]], np.uint32)))
+        scene.cast_rays(tensor(np.ones((1, 6), np.float32)))
+    finally:
+        os.sched_setaffinity(0, cores)
+    return open3d
