@@ -31,26 +31,30 @@ _sharing = False  # whether this process works at its share
 class Forked(Generic[_T]):
     """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for.
 
-    `with` ends the process.
+    `with` ends the process; so does the loss of the last reference, as nobody can ask for the result then.
     """
 
     def __init__(self, work: Callable[[], _T]) -> None:
-        self._work, self._process = work, None
+        self._work, self._process, self._owner = work, None, os.getpid()
         if sys.platform == "linux":
             context = multiprocessing.get_context("fork")
             self._answer, out = context.Pipe(duplex=False)
-            self._process = context.Process(target=_serve, args=(work, out, os.getpid()), daemon=True)
+            process = context.Process(target=_serve, args=(work, out, os.getpid()), daemon=True)
             with warnings.catch_warnings():
                 warnings.simplefilter(
                     "ignore", DeprecationWarning
                 )  # about threads; none of them holds what `work` needs
-                self._process.start()
+                process.start()
+            self._process = process
             out.close()
 
     def __enter__(self) -> Forked[_T]:
         return self
 
     def __exit__(self, *error: object) -> None:
+        self.end()
+
+    def __del__(self) -> None:
         self.end()
 
     def result(self) -> _T:
@@ -78,8 +82,8 @@ class Forked(Generic[_T]):
         return value
 
     def end(self) -> None:
-        """End the process, whether or not it is done."""
-        if self._process is not None:
+        """End the process, whether or not it is done; a copy of this object in another process leaves it alone."""
+        if self._process is not None and self._owner == os.getpid():
             self._process.kill()
             self._process.join()
             self._answer.close()

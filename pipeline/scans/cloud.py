@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
+from pipeline.geometry.ray_scene import load_open3d
 from pipeline.guard.reading_process import Payload
 from pipeline.scans.cloud_formats import LEAST_POINTS, read_blocks, run_on_cloud
 
@@ -100,16 +101,14 @@ def _read(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
 
 def without_outliers(points: np.ndarray, neighbours: int, ratio: float) -> np.ndarray:
     """Drop points whose mean distance to neighbours exceeds the overall mean by `ratio` standard deviations."""
-    import open3d
-
+    open3d = load_open3d()
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     return points[np.asarray(cloud.remove_statistical_outlier(neighbours, ratio)[1], dtype=int)]
 
 
 def split_surfaces(points: np.ndarray, neighbours: int = 30) -> dict[str, np.ndarray]:
     """Split points (n, 3) by the slope of the rock around them: `wall`, `roof` (above mid-height) and `floor`."""
-    import open3d
-
+    open3d = load_open3d()
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(neighbours))
     steep = np.abs(np.asarray(cloud.normals)[:, 2]) < np.sqrt(0.5)

@@ -64,6 +64,16 @@ def test_with_ends_a_process_whose_result_nobody_asks_for():
     assert time.monotonic() - start < 5
 
 
+def test_a_process_ends_with_the_last_reference_to_it():
+    forked = Forked(lambda: time.sleep(30))
+    process = forked._process
+    other = Forked(forked.end)  # its copy of the first one leaves the process alone
+    other.result()
+    assert process.is_alive()
+    del forked, other
+    assert not process.is_alive()
+
+
 def shares_of(found):
     return [pid for pid, _ in found], [number for _, numbers in found for number in numbers]
 

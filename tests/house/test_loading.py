@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -73,6 +74,14 @@ def test_make_lets_python_keep_what_it_has_compiled():
     command = ["make", "-s", "--eval", probe, "probe"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize("folder", ["pipeline", "stages", "tests"])
+def test_open3d_is_loaded_in_one_place_alone(folder):
+    """Elsewhere it would have threads, for which a forked process waits for ever."""
+    files = [path for path in (ROOT / folder).rglob("*.py") if re.search(r"^ *import open3d", path.read_text(), re.M)]
+    assert not files
+    assert 'import_module("open3d")' in (ROOT / "pipeline/geometry/ray_scene.py").read_text()
 
 
 def test_scenes_for_rays_load_no_web_server():

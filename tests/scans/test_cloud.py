@@ -4,6 +4,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.geometry.ray_scene import load_open3d
 from pipeline.scans import cloud_formats
 from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
 from pipeline.scans.cloud_formats import read_blocks
@@ -38,8 +39,7 @@ def write_las(path, points, scale=0.001):
 
 
 def write_open3d(path, points, **how):
-    import open3d  # takes a second to load, in each worker
-
+    open3d = load_open3d()
     open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)), **how)
 
 
@@ -242,8 +242,7 @@ def test_a_ply_of_which_a_part_would_be_read_is_refused(head, message, tmp_path)
 
 @pytest.mark.parametrize("how", [{}, {"write_ascii": True}, {"compressed": True}])
 def test_a_pcd_with_other_fields_holds_the_points_that_open3d_reads(how, drift, tmp_path):
-    import open3d
-
+    open3d = load_open3d()
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.tile(drift, (2, 1)).round(1)))
     cloud.colors = open3d.utility.Vector3dVector(np.full((len(cloud.points), 3), 0.5))
     cloud.normals = open3d.utility.Vector3dVector(np.tile([0.0, 0.0, 1.0], (len(cloud.points), 1)))

@@ -18,6 +18,7 @@ from minexplore.record.ros_messages import definition_of, message_types
 from minexplore.sensing.lidar import surface_meshes
 from minexplore.sensing.scanners import LABELS, Pose3D
 from minexplore.world import load_world
+from pipeline.geometry.ray_scene import load_open3d
 from tests.forked import run_forked
 from tests.project import ROOT
 
@@ -125,7 +126,7 @@ def test_the_robot_is_at_its_true_place_in_the_map_and_at_the_counted_one_in_odo
 
 
 def test_a_map_that_open3d_makes_of_the_recording_fits_the_world_within_a_decimetre(recorded, small_world):
-    open3d = pytest.importorskip("open3d")
+    open3d = load_open3d()
     times = [time for topic, time, _ in recorded[1] if topic == "/vlp_16/points"]
     transforms = {time: message.transforms for topic, time, message in recorded[1] if topic == "/tf"}
     points = []

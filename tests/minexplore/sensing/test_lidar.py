@@ -4,6 +4,7 @@ import pytest
 from minexplore.sensing.lidar import Lidar, surface_meshes
 from minexplore.sensing.planes import face_planes
 from minexplore.world import load_world
+from pipeline.geometry.ray_scene import load_open3d
 from tests.mines import BuiltMine
 
 
@@ -51,7 +52,7 @@ def test_beams_are_those_of_double_precision_against_every_triangle(meshes):
 
 
 def test_backends_agree_within_a_millimetre_on_a_hundred_thousand_rays(meshes):
-    pytest.importorskip("open3d")
+    load_open3d()  # for the backend, too
     origins, directions = rays(2000, 50)
     one, two = (Lidar(meshes, 10.0, backend).cast(origins, directions) for backend in ("embree", "open3d"))
     assert np.abs(one - two).max() < 1e-3
