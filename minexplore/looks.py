@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 EXTENT_M = 10.0  # of every world; MuJoCo states the haze in multiples of it
 PLAIN = "plain"
 NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
@@ -67,6 +69,12 @@ LOOKS = {
 def look_of(record: Mapping[str, Any]) -> Look:
     """Return the look that a world's record states."""
     return LOOKS[record["look"]]
+
+
+def floor_texture(places_m: np.ndarray) -> np.ndarray:
+    """Return the texture coordinates (n, 2) of places (n, 3) m, mine frame, on a volume's floor."""
+    found: np.ndarray = places_m[:, :2] * TEXTURE_PER_M
+    return found
 
 
 def cover_rgba(zone_rgba: Sequence[float]) -> list[float]:

@@ -23,13 +23,13 @@ from pipeline.store.verify import verify_world
 WORLDS = ARTIFACTS / "worlds"
 DEFAULT = "default"
 _NAME = r"[A-Za-z0-9_-]{1,64}"
-_COLUMNS = [
-    ("area m2", "areas.tunnel_m2", ",.0f"),
-    ("islands", "areas.islands", "d"),
-    ("IoU", "iou.free_space_vs_cleaned", ".4f"),
-    ("texture", "texture.published.overall", ".3f"),
-    ("parts", "collision.parts", "d"),
-    ("certificate", "certificate.holds", "d"),
+_COLUMNS: list[tuple[str, tuple[str, ...], str]] = [  # title, the figure of a level mine and of a volume, format
+    ("drifts m", ("topology.drift_m", "survey.built_m"), ",.0f"),
+    ("floor m2", ("areas.tunnel_m2", "reach.floor_m2"), ",.0f"),
+    ("IoU", ("iou.free_space_vs_cleaned", "solid.iou"), ".4f"),
+    ("texture", ("texture.published.overall",), ".3f"),
+    ("parts", ("collision.parts", "volume.parts"), ",d"),
+    ("certificate", ("certificate.holds",), "d"),
 ]
 
 
@@ -69,9 +69,8 @@ def read_figures(name: str) -> dict[str, Any]:
 def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
     params = read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams)
-    if is_volume_world(world_folder(name)):
-        return params.volume.limits
-    return applying_limits(params, read_figures(name))
+    figures = read_figures(name)
+    return params.volume.applying(figures) if is_volume_world(world_folder(name)) else applying_limits(params, figures)
 
 
 def is_volume_world(folder: Path) -> bool:
@@ -97,12 +96,17 @@ def list_worlds() -> str:
     for name in world_names():
         try:
             figures = read_figures(name)
-            cells = [format(figures[key], form) if key in figures else "-" for _, key, form in _COLUMNS]
+            cells = [_cell(figures, keys, form) for _, keys, form in _COLUMNS]
             digest = verify_world(world_folder(name) / "realism" / "world")[:12]
         except (ArtifactError, ValueError, TypeError):  # no figures, or one that is no number
             cells, digest = ["-"] * len(_COLUMNS), "unfinished"
         rows.append([name, *cells, digest, env_id(name)])
     return _table(rows)
+
+
+def _cell(figures: dict[str, Any], keys: tuple[str, ...], form: str) -> str:
+    found = [figures[key] for key in keys if key in figures]
+    return format(found[0], form) if found else "-"
 
 
 def show_world(name: str) -> str:

@@ -65,6 +65,10 @@ def validate_world(
         found = validate_volume(params.volume, opened, network, solid, floors)
         timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
         pictures = _NOTHING_ELSE
+        if opened.rock:
+            from pipeline.volume.world.surface.views import draw_volume_views
+
+            pictures = pictures | {"views": draw_volume_views(world, opened.record, opened.legs)}
         if found.scan is not None:
             from pipeline.report.figures.deviation import draw_deviation
 
@@ -164,9 +168,7 @@ def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
     timings, figures = flatten(outputs["timings"]), flatten(outputs["metrics"])
     if "volume.free_m3" in figures:  # of a volume
-        from pipeline.volume.world.proof.certificate import applying_limits as limits_of_volume
-
-        require_limits(figures, limits_of_volume(params.volume, outputs["metrics"]))
+        require_limits(figures, params.volume.applying(figures))
         return
     limits = applying_limits(params, figures)
     if params.overlay != "none" and not is_rock_judged(params, figures):

@@ -25,6 +25,7 @@ from minexplore.bundle import (
     rock_geom,
 )
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
+from minexplore.looks import floor_texture
 from minexplore.schema.readers.xml import walk_xml
 from minexplore.tiles import group_by_tile, tiles_at
 from minexplore.world import World
@@ -117,4 +118,5 @@ def _add_mesh(spec: mujoco.MjSpec, name: str, facets: VolumeFacets, some: np.nda
     else:
         normals = np.repeat(normals, 3, axis=0)
     mesh = spec.add_mesh(name=name, uservert=corners.ravel().tolist(), usernormal=normals.ravel().tolist())
+    mesh.usertexcoord = floor_texture(corners).ravel().tolist()
     mesh.userface, mesh.inertia = faces.ravel().tolist(), mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL

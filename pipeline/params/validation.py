@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -116,6 +117,14 @@ class VolumeProofParams(Params):
     @classmethod
     def _join_groups(cls, value: Any) -> Any:
         return _flatten(value) if isinstance(value, dict) else value
+
+    def applying(self, measured: Iterable[str]) -> dict[str, Limit]:
+        """Return the limits on figures of groups that are measured, given figures or groups by name.
+
+        Not all are: bodies may not be thrown, and a survey of stations is no solid.
+        """
+        groups = {name.partition(".")[0] for name in measured}
+        return {name: limit for name, limit in self.limits.items() if name.partition(".")[0] in groups}
 
 
 class ValidationParams(MadeBy):

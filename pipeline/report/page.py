@@ -39,7 +39,7 @@ _GLANCE = [
         "validation/deviation.png",
         "Points of the scan against the world: red in the rock, blue in the free space, yellow where nobody saw it.",
     ),
-    ("validation/views.png", "Views of a robot: along the longest drift, and at the junction where most drifts meet."),
+    ("validation/views.png", "Views of a robot: along a drift, and at the junction where most drifts meet."),
 ]
 _TEXTURE = [
     ("validation/texture.png", "The six texture axes of the rock, world against real rock."),

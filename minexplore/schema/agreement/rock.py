@@ -19,6 +19,7 @@ from minexplore.bundle import (
     is_rock,
     rock_geom,
 )
+from minexplore.looks import cover_rgba
 from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of, vertices_of
 from minexplore.schema.readers.xml import Node
 
@@ -96,7 +97,8 @@ def check_zones(at: ModelElements, record: Mapping[str, Any]) -> None:
         if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:
             raise BundleError(f"{RECORD}: zones: {zone['name']!r} leaves a gap, or differs from the rock's box")
         ground = at.of_assets["material", ground_material(zone["name"])]
-        expect(ground, "rgba", numbers_of(ground, "rgba", "1 1 1 1"), zone["rgba"])
+        seen = cover_rgba(zone["rgba"]) if "texture" in ground.attributes else zone["rgba"]
+        expect(ground, "rgba", numbers_of(ground, "rgba", "1 1 1 1"), seen)
     if zones[-1]["east_m"] != east:
         last = f"zones[{len(zones) - 1}].east_m = {zones[-1]['east_m']}"
         raise BundleError(f"{RECORD}: {last}: want {east}, as the rock's box")

@@ -88,19 +88,19 @@ def unit_vector(count: int) -> Rule:
     return Rule(accepts, f"{count} numbers of length 1")
 
 
-def points(least: int, most: int, reach: float) -> Rule:
-    """Accept the coordinates of several points, three a point."""
+def points(least: int, most: int, reach: float, axes: int = 3) -> Rule:
+    """Accept the coordinates of several points, so many a point."""
 
     def accepts(text: str) -> bool:
         found = numbers_in(text)
         return (
             found is not None
-            and len(found) % 3 == 0
-            and least <= len(found) // 3 <= most
+            and len(found) % axes == 0
+            and least <= len(found) // axes <= most
             and -reach <= min(found) <= max(found) <= reach
         )
 
-    return Rule(accepts, f"{least} to {most} points of three coordinates up to {reach:g} m")
+    return Rule(accepts, f"{least} to {most} points of {axes} coordinates up to {reach:g} m")
 
 
 # --- values of JSON ---------------------------------------------------------------------------------------------------

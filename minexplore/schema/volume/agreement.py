@@ -20,7 +20,7 @@ from minexplore.bundle import (
     spot_light,
 )
 from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeArrays
-from minexplore.looks import look_of
+from minexplore.looks import floor_texture, look_of
 from minexplore.schema.agreement.comparison import ModelElements, expect, expect_names, numbers_of, vertices_of
 from minexplore.schema.agreement.rock import check_zones
 from minexplore.schema.readers.xml import Node
@@ -79,7 +79,9 @@ def _check_parts(at: ModelElements, record: Mapping[str, Any], parts: Parts) -> 
     solid = [node.name for node in at.assets if node.tag == "mesh" and "file" not in node.attributes]
     expect_names("mesh", solid, wanted, PARTS)
     geoms = [at.of_mine["geom", name] for name in wanted]
-    _check_shapes(geoms, [at.of_assets["mesh", name] for name in wanted], parts)
+    meshes = [at.of_assets["mesh", name] for name in wanted]
+    _check_shapes(geoms, meshes, parts)
+    _check_texture(meshes, parts)
     rock = [record["rock_friction"], *_ROLLING]
     expect(at.rock_class, "friction", numbers_of(at.rock_class, "friction"), rock)
     for geom, label, k in zip(geoms, parts.label.tolist(), zone.tolist(), strict=True):
@@ -115,6 +117,16 @@ def _check_shapes(geoms: list[Node], meshes: list[Node], parts: Parts) -> None:
     if off.max() > _EQUAL_M:
         k = int(np.searchsorted(parts.first, off.argmax(), side="right")) - 1
         raise BundleError(f"{MODEL}: {meshes[k].path}@vertex: {off.max():g} m beside its part of {PARTS}")
+
+
+def _check_texture(meshes: list[Node], parts: Parts) -> None:
+    """Compare the texture of floors, which only worlds with visible rock have, with the corners of their parts."""
+    for number, mesh in enumerate(meshes):
+        if "texcoord" in mesh.attributes:
+            wanted = floor_texture(parts[number]).ravel()
+            found = np.array(numbers_of(mesh, "texcoord"))
+            if found.shape != wanted.shape or np.abs(found - wanted).max() > _EQUAL_M:
+                raise BundleError(f"{MODEL}: {mesh.path}@texcoord: want those of its part's corners in {PARTS}")
 
 
 def _expect_text(node: Node, attribute: str, wanted: str) -> None:

@@ -22,7 +22,6 @@ from minexplore.schema.sizes import MOST_VOLUME_PARTS
 from minexplore.schema.volume.arrays import MOST_OF_PART
 
 FLOOR_NAMES = rf"{floor_geom(ZONE_NAME)}_\d{{5,6}}"
-PART_NAMES = rf"(?:{FLOOR_NAMES}|{ROCK_NAMES})"
 _PLACE = required(numbers(3, -REACH_M, REACH_M))
 _FRICTION = required(numbers(3, 0, 2))
 _DARK = {"specular": constant(0), "shininess": constant(0)}
@@ -70,15 +69,18 @@ _ASSETS = Element(
             name=ground_material(ZONE_NAME),
             most=MOST_ZONES,
         ),
-        Element(
-            "mesh",
-            {
-                **named(PART_NAMES),
-                "vertex": required(points(4, MOST_OF_PART, REACH_M)),
-                "inertia": required(exactly("shell")),
-            },
-            name=PART_NAMES,
-            most=MOST_VOLUME_PARTS,
+        *(
+            Element(
+                "mesh",
+                {
+                    **named(names),
+                    "vertex": required(points(4, MOST_OF_PART, REACH_M)),
+                    "inertia": required(exactly("shell")),
+                },
+                name=names,
+                most=MOST_VOLUME_PARTS,
+            )
+            for names in (ROCK_NAMES, FLOOR_NAMES)
         ),
     ),
 )

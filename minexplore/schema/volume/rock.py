@@ -18,6 +18,7 @@ from minexplore.bundle import (
     SURFACE_BODY,
     SURFACE_CLASS,
     BundleError,
+    ground_material,
     has_visible_rock,
     is_fitting,
     mesh_file,
@@ -30,12 +31,13 @@ from minexplore.schema.agreement.views import check_look
 from minexplore.schema.attributes import Element, constant, named, required
 from minexplore.schema.fittings import BODY, FURNITURE_MESH, MATERIALS, MESH, check_fittings
 from minexplore.schema.meshes import check_meshes
-from minexplore.schema.model import ROUGH_MESH, VISIBLE_MESH, WORLD
+from minexplore.schema.model import REACH_M, ROUGH_MESH, VISIBLE_MESH, WORLD, ZONE_NAME
 from minexplore.schema.readers.png import PALETTE, RGB, check_png, inflate_png
-from minexplore.schema.readers.rules import exactly, matching
+from minexplore.schema.readers.rules import exactly, matching, points
 from minexplore.schema.readers.xml import Node
 from minexplore.schema.sizes import MOST_PIXELS
-from minexplore.schema.volume.model import VOLUME_WORLD
+from minexplore.schema.volume.arrays import MOST_OF_PART
+from minexplore.schema.volume.model import FLOOR_NAMES, VOLUME_WORLD
 
 _BEYOND_M = 1.0  # that visible rock reaches beyond the free space, at most
 _MESH_FILE = re.compile(rf"{MESHES}(?:{ROUGH_MESH}|{FURNITURE_MESH})\.msh", re.ASCII)
@@ -52,10 +54,15 @@ def _with(element: Element, *children: Element) -> Element:
     return dataclasses.replace(element, children=(*kept, *children))
 
 
+def _more(element: Element, attributes: Mapping[str, Any]) -> Element:
+    """Return an element with other attributes, which replace those of their name."""
+    return dataclasses.replace(element, attributes={**element.attributes, **attributes})
+
+
 def _rough(element: Element, attributes: Mapping[str, Any]) -> Element:
     """Return an element of visible meshes with the names of a rough surface alone."""
     name = element.name.replace(VISIBLE_MESH, ROUGH_MESH)
-    return dataclasses.replace(element, name=name, least=1, attributes={**element.attributes, **attributes})
+    return dataclasses.replace(_more(element, attributes), name=name, least=1)
 
 
 def _with_rock() -> Element:
@@ -70,6 +77,10 @@ def _with_rock() -> Element:
     )
     seen = [_child(assets, "texture", "rock"), _child(assets, "material", "rock")]
     seen += [_child(assets, "material", CUT_MATERIAL), mesh, *MATERIALS, MESH]
+    floor = _child(_child(VOLUME_WORLD, "asset"), "mesh", FLOOR_NAMES)
+    seen += [_more(floor, {"texcoord": required(points(4, MOST_OF_PART, REACH_M, 2))})]
+    ground = _child(_child(VOLUME_WORLD, "asset"), "material", ground_material(ZONE_NAME))
+    seen += [_more(ground, {"texture": required(exactly("rock")), "emission": constant(0)})]
     own = _child(_child(VOLUME_WORLD, "worldbody"), "body", MINE_BODY)
     surface = _child(_child(_child(WORLD, "worldbody"), "body", MINE_BODY), "body", SURFACE_BODY)
     geom = _rough(
@@ -78,7 +89,7 @@ def _with_rock() -> Element:
     )
     light = next(child for child in own.children if child.tag == "light")
     as_seen = {"castshadow": required(exactly("false")), "attenuation": constant(1, 0, 0.004), "exponent": constant(8)}
-    light = dataclasses.replace(light, attributes={**light.attributes, **as_seen})
+    light = _more(light, as_seen)
     return _with(
         VOLUME_WORLD,
         _child(WORLD, "visual"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cv2
+import mujoco
 import numpy as np
 
 from minexplore.bundle import GeomGroup
@@ -12,6 +13,7 @@ from pipeline.types import DriftNetwork, Image
 
 _EYE_M, _AHEAD_M, _BACK_M = 1.0, 12.0, 6.0
 _SIZE = (900, 600)
+View = tuple[np.ndarray, np.ndarray]  # an eye (3,) and the place (3,) that it looks at, m
 
 
 def draw_views(world: OpenedBundle, network: DriftNetwork) -> Image:
@@ -25,7 +27,12 @@ def draw_views(world: OpenedBundle, network: DriftNetwork) -> Image:
         arriving = max(legs, key=lambda leg: leg.length_m)
         stations = arriving.stations_m if arriving.end == junctions[0] else arriving.stations_m[::-1]
         seen.append(_view(world, stations, _back_from_end(stations)))
-    return cv2.hconcat(render_from(world.model, seen, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)))
+    return draw_eyes(world.model, seen)
+
+
+def draw_eyes(model: mujoco.MjModel, views: list[View]) -> Image:
+    """Return views, world frame, side by side (600, 900 each, 3) uint8, BGR."""
+    return cv2.hconcat(render_from(model, views, 70.0, _SIZE, (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)))
 
 
 def _back_from_end(stations: list[tuple[float, float]]) -> int:
@@ -33,8 +40,8 @@ def _back_from_end(stations: list[tuple[float, float]]) -> int:
     return int(np.flatnonzero(far)[-1]) if far.any() else 0
 
 
-def _view(world: OpenedBundle, stations: list[tuple[float, float]], at: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the eye (3,) and the place (3,) that it looks at, m, world frame."""
+def _view(world: OpenedBundle, stations: list[tuple[float, float]], at: int) -> View:
+    """Return the view from a station to the first one 12 m ahead, world frame."""
     line = np.array(stations)
     ahead = np.flatnonzero(np.linalg.norm(line - line[at], axis=1) >= _AHEAD_M)
     target = line[ahead[ahead > at][0]] if (ahead > at).any() else line[-1]

@@ -22,7 +22,7 @@ from minexplore.bundle import (
     spot_light,
 )
 from minexplore.floors.volume_arrays import FacetLabel, Parts
-from minexplore.looks import EXTENT_M, LOOKS
+from minexplore.looks import EXTENT_M, LOOKS, floor_texture
 from pipeline.mjcf.scene import SpotLight, ZoneStrip
 from pipeline.volume.world.surface.show import show_rock
 
@@ -123,9 +123,11 @@ def _parts(scene: VolumeScene) -> Iterator[tuple[ElementTree.Element, ElementTre
         middle = ((corners.min(axis=0) + corners.max(axis=0)) / 2).round(4)
         vertices = _text((corners - middle).round(_DIGITS).ravel())
         geom = {"name": name, "type": "mesh", "mesh": name, "pos": _text(middle)}
+        mesh = {"name": name, "vertex": vertices, "inertia": "shell"}
         label = FacetLabel(int(parts.label[number]))
         if label is FacetLabel.FLOOR:
             zone = scene.zones[zones[number]]
+            mesh |= {"texcoord": _text(floor_texture(corners).round(_DIGITS).ravel())} if scene.rock else {}
             geom |= {
                 "material": ground_material(zone.name),
                 "priority": "1",
@@ -134,10 +136,7 @@ def _parts(scene: VolumeScene) -> Iterator[tuple[ElementTree.Element, ElementTre
             }
         else:
             geom |= {"class": ROCK_CLASS, "group": str(_GROUPS[label].value)}
-        yield (
-            ElementTree.Element("mesh", name=name, vertex=vertices, inertia="shell"),
-            ElementTree.Element("geom", geom),
-        )
+        yield ElementTree.Element("mesh", mesh), ElementTree.Element("geom", geom)
 
 
 def _cameras(scene: VolumeScene) -> Iterator[ElementTree.Element]:

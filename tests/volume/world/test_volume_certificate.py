@@ -12,7 +12,6 @@ from pipeline.export.scene import box_corners
 from pipeline.proof.certificate import certify
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
-from pipeline.volume.world.proof.certificate import applying_limits
 from pipeline.volume.world.proof.compiled import compare_model
 from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
 
@@ -53,7 +52,7 @@ def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_i
 
 
 def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_lacks_does_not_hold(ramp, opened):
-    limits = applying_limits(proof(), {"survey": {}, "enclosure": {}})
+    limits = proof().applying(["survey", "enclosure"])
     assert {name.partition(".")[0] for name in limits} == {"survey", "enclosure"}
     quiet = validated(opened, ramp.legs)
     assert not {"robots.escapes", "balls.escapes", "standing.rest_mm"} & set(quiet.certificate.clauses)
@@ -61,7 +60,7 @@ def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_
 
 
 def test_a_certificate_for_which_no_ball_was_pushed_does_not_hold():
-    limits = applying_limits(proof(), {"balls": {}})
+    limits = proof().applying(["balls.throws"])
     held = [certify("", {"balls.throws": throws, "balls.escapes": 0}, limits).holds for throws in (0, 1)]
     assert held == [False, True]
 

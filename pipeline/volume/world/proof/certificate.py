@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from minexplore.bundle import CELLS, MODEL, PARTS, RECORD, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
-from pipeline.params.validation import Limit, VolumeProofParams
+from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.files import describe_field
@@ -156,7 +155,7 @@ def validate_volume(
         **_drives(params, world, fronts.parts, reach),
     }
     figures = flatten(metrics)
-    certificate = certify(world.record.world_sha256, figures, applying_limits(params, metrics))
+    certificate = certify(world.record.world_sha256, figures, params.applying(metrics))
     certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
     return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate, scan, rays)
 
@@ -191,11 +190,6 @@ def _drawn(params: VolumeProofParams, volume: Volume, floors: FloorMesh, shafts:
         "median_mm": round(_MM * found.median_m, 6),
         "step_mm": round(_MM * found.step_m, 6),
     }
-
-
-def applying_limits(params: VolumeProofParams, metrics: Mapping[str, Any]) -> dict[str, Limit]:
-    """Return the limits on the groups of metrics that are measured: bodies may not be thrown."""
-    return {name: limit for name, limit in params.limits.items() if name.partition(".")[0] in metrics}
 
 
 def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:

@@ -18,11 +18,12 @@ from minexplore.bundle import (
     fitting_geom,
     fitting_material,
     is_fitting,
+    is_ground,
     mesh_file,
     mesh_of,
     surface_geom,
 )
-from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, FURNITURE_LOOKS, LOOKS, PLAIN, Look
+from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, FURNITURE_LOOKS, LOOKS, PLAIN, Look, cover_rgba
 from pipeline.store.codecs import Bundle
 from pipeline.store.palette_png import encode_texture
 from pipeline.types import Image
@@ -87,9 +88,13 @@ def _show_fittings(root: ElementTree.Element, names: Sequence[str]) -> None:
 
 
 def _dress(root: ElementTree.Element, look: Look) -> None:
-    """Give a model the haze of a look, its rock the sheen, and its lights the fading of those in level mines."""
+    """Give a model the haze of a look, its rock the sheen, its floors the texture, its lights their fading."""
     rock = _only(root, "asset/material[@name='rock']")
     del rock.attrib["rgba"]
+    for ground in _only(root, "asset").iter("material"):
+        if is_ground(ground.attrib["name"]):
+            shown = cover_rgba([float(value) for value in ground.attrib["rgba"].split()])
+            ground.attrib.update(texture="rock", rgba=_text(shown), emission="0")
     rock.attrib.update(texture="rock", specular=f"{look.specular:g}", shininess=f"{look.shininess:g}")
     for light in root.iter("light"):
         light.attrib.update(castshadow="false", attenuation="1 0 0.004", exponent="8")

@@ -2,14 +2,17 @@
 
 import dataclasses
 import json
+import re
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from minexplore.bundle import ROCK_TEXTURE, BundleError, surface_geom, world_sha256
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.bundle import ROCK_TEXTURE, BundleError, ground_material, is_floor, surface_geom, world_sha256
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
+from minexplore.looks import cover_rgba
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import Lidar, facet_meshes, volume_meshes
 from minexplore.world import load_world
@@ -17,17 +20,19 @@ from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
 from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.proof.certificate import open_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.surface.room import room_about
+from pipeline.volume.world.surface.views import draw_volume_views
 from pipeline.volume.world.topology import LegNetwork
 from stages.surface import model_surface
 from tests.composed import compose
 from tests.heights import HEADER
 from tests.volume_worlds import WITH_ROCK as CONFIG
 from tests.volume_worlds import VolumeWorld, with_rock
-from tests.volumes import BOX
+from tests.volumes import BOX, TEE
 
 # Two drifts 4 m wide with 0.3 m of rock between them; a crosscut joins their ends.
 THIN = HEADER + "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\nA,3,20,4.3,2,2,0,3,0\nA,4,0,4.3,2,2,0,3,0\n"
@@ -194,9 +199,38 @@ def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(files, 
     assert "want one geom of each" in refusal(**{"mine.xml": model.replace(line + "\n", "").encode()})
     assert "contype" in refusal(**{"mine.xml": model.replace('contype="0"', 'contype="1"').encode()})
     assert "fogend" in refusal(**{"mine.xml": model.replace('fogend="9"', 'fogend="7"').encode()})
+    no_texture, other_texture = (re.sub(r' texcoord="[^ ]* ', new, model, count=1) for new in (' x="', ' texcoord="7 '))
+    assert "mesh[floor_" in refusal(**{"mine.xml": no_texture.encode()})
+    assert "want those of its part's corners" in refusal(**{"mine.xml": other_texture.encode()})
+    bare = re.sub(r'(<material name="ground_[^>]*) texture="rock"', r"\1", model)
+    assert "material[ground_" in refusal(**{"mine.xml": bare.encode()})
     record = files["world.json"].decode().replace('"overlay":"rough"', '"overlay":"none"')
     record = record.replace('"overlay": "rough"', '"overlay": "none"')
     assert "overlay = 'none'" in refusal(**{"world.json": record.encode()})
+
+
+def test_floors_have_the_texture_of_their_places_and_the_colour_of_their_zone(box, files):
+    model, parts = mujoco.MjSpec.from_string(files["mine.xml"].decode()), check_world(box / "rocky").volume.parts
+    floor = next(mesh for mesh in model.meshes if is_floor(mesh.name))
+    number = int(np.flatnonzero(parts.label == FacetLabel.FLOOR)[0])
+    assert np.reshape(floor.usertexcoord, (-1, 2)) == pytest.approx(0.4 * parts[number][:, :2], abs=1e-6)
+    zone = json.loads(files["world.json"])["zones"][0]
+    ground = model.material(ground_material(zone["name"]))
+    assert list(ground.rgba) == pytest.approx(cover_rgba(zone["rgba"]))
+    assert ground.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] == "rock"
+
+
+def test_a_robot_sees_rock_where_it_starts_and_at_the_junction(tmp_path):
+    rocky = with_rock(TEE, tmp_path) / "rocky"
+    opened = open_volume(rocky)
+    views = draw_volume_views(rocky, opened.record, opened.legs)
+    assert views.shape == (600, 1800, 3)
+    assert all(half.std() > 5 for half in np.hsplit(views, 2))
+    assert draw_volume_views(rocky, opened.record, dataclasses.replace(opened.legs, junctions=[])).shape == (
+        600,
+        900,
+        3,
+    )
 
 
 def test_a_light_preset_gives_a_volume_no_visible_rock(box):
