@@ -201,6 +201,10 @@ def test_a_random_survey_is_clean(kind, seed):
     assert beyond(judge(kind, seed)) == {}
 
 
+def test_a_facet_that_booleans_of_all_parts_at_once_leave_by_rounding_is_not_missing():
+    assert beyond(judge("cave", 144)) == {}
+
+
 def test_pockets_and_rock_that_floats_go_and_the_facets_that_stay_keep_their_numbers():
     cube = manifold3d.Manifold.cube((1.0, 1.0, 1.0), True)
     large, tall, small = (
