@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import shapely
+import trimesh
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
@@ -22,6 +23,17 @@ def test_the_mine_is_centred_on_the_origin_where_the_lights_point(drawn):
     assert {WALLS, ROOF} < set(drawn.geometry)
     assert np.abs(drawn.bounds.mean(axis=0)[[0, 2]]).max() < 0.5  # browsers have y up
     assert drawn.extents[0] > 80
+
+
+def test_the_camera_sees_the_whole_mine_in_a_frame_twice_as_wide_as_high(drawn):
+    corners = trimesh.bounds.corners(drawn.bounds)
+    seen = trimesh.transform_points(corners, np.linalg.inv(drawn.camera_transform))
+    assert (seen[:, 2] < 0).all()  # a camera looks along -z
+    up = np.tan(np.radians(drawn.camera.fov[1] / 2))
+    assert (np.abs(seen[:, 1] / seen[:, 2]) < up).all()
+    assert (np.abs(seen[:, 0] / seen[:, 2]) < 2 * up).all()
+    middle = trimesh.transform_points([[0, 0, 0]], np.linalg.inv(drawn.camera_transform))[0]
+    assert middle[:2] == pytest.approx([0, 0], abs=1e-6)  # the browser's controls turn about it
 
 
 def test_rock_has_no_more_faces_than_the_page_may_hold_even_where_its_borders_alone_have_more(drawn, tee, monkeypatch):

@@ -24,6 +24,7 @@ MOST_FACES = {WALLS: 180_000, ROOF: 120_000}  # 24 bytes of the page each
 _ROCK_RGB = (150, 139, 127)
 _LOW_RGB, _HIGH_RGB, _BANDS = (40, 70, 150), (235, 205, 90), 12  # of a floor by elevation
 _ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
+_FIELD_DEG, _MARGIN = (70.0, 40.0), 1.05  # the page's frame is twice as wide as high
 _EYE_M = 1.3  # of the headlamp above the floor
 _CONTROLS = """<style>
 #ways { position: absolute; left: 8px; top: 8px; font: 13px sans-serif; color: #888; }
@@ -78,8 +79,11 @@ def look_at(
     """Move a scene's middle to the origin, turn its heights along y, and look at it from above."""
     scene.apply_translation([-(west + east) / 2, -(south + north) / 2, -(low + high) / 2])
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))  # browsers have y up
-    short, long = sorted((east - west, north - south))
-    scene.set_camera(angles=(-_DOWN, _ASIDE, 0.0), distance=max(0.75 * long, 1.5 * short), fov=(55, 40))
+    turned = trimesh.transformations.euler_matrix(-_DOWN, _ASIDE, 0.0)
+    corners = trimesh.bounds.corners(scene.bounds)  # the browser's camera turns about the origin
+    seen = trimesh.scene.cameras.look_at(corners, _FIELD_DEG, turned, center=np.zeros(3), pad=_MARGIN)
+    scene.camera.fov = _FIELD_DEG
+    scene.camera_transform = seen
 
 
 def add_bands(scene: trimesh.Scene, places: np.ndarray) -> None:
