@@ -10,7 +10,7 @@ from typing import Any
 from minexplore.bundle import RECORD, VOLUME
 from pipeline.errors import ArtifactError
 from pipeline.guard.reading_process import one_line
-from pipeline.metrics.limits import flatten, format_limit
+from pipeline.metrics.limits import flatten, format_limit, is_time
 from pipeline.mjcf.bundle import read_record
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
@@ -121,7 +121,7 @@ def show_world(name: str) -> str:
                 key,
                 f"{value:.6g}" if isinstance(value, int | float) else NO_FIGURE if key in figures else "-",
                 format_limit(limit),
-                "" if holds else "FAILS",
+                "" if holds else "slow here" if is_time(key) else "FAILS",
             ]
         )
     return _table(rows)

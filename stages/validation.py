@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
-from pipeline.metrics.limits import breaches, flatten, require_limits
+from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
@@ -176,7 +176,7 @@ def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
         print(
             f"validation: {drift_m:g} m of drift are too few to judge texture and relief of the rock by ({draw_m:g} m)"
         )
-    timed = {name: limit for name, limit in limits.items() if name in timings and name.endswith("_s")}
+    timed = {name: limit for name, limit in limits.items() if name in timings and is_time(name)}
     for line in breaches(timings, timed):
         print(
             f"validation: {line}, on this machine at its present load (`python -m benchmarks bench-pipeline` "

@@ -17,6 +17,11 @@ def flatten(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
+def is_time(name: str) -> bool:
+    """Return whether a metric is a time, which depends on the machine and its load: it never fails a world."""
+    return name.endswith("_s")
+
+
 def breaches(metrics: Mapping[str, Any], limits: Mapping[str, Limit]) -> list[str]:
     """Return one line for each metric that breaches its limit: name, value, limit, and where that is known, the place.
 

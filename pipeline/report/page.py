@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from pydantic import TypeAdapter
 
 from minexplore import __version__
-from pipeline.metrics.limits import format_limit
+from pipeline.metrics.limits import format_limit, is_time
 from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.report.figures.mine import draw_mine, to_svg
@@ -51,7 +51,7 @@ _TEXTURE = [
 
 @dataclass(frozen=True)
 class _Figure:
-    """One measured figure with its limit; `holds` is None if it has no limit."""
+    """One measured figure with its limit; `holds` is None if it has no limit, or is a time."""
 
     name: str
     value: str
@@ -173,8 +173,9 @@ def _figures(metrics: dict[str, Any], limits: dict[str, Limit]) -> dict[str, lis
         shown = f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
         shown = NO_FIGURE if value is None else shown
         shown += flat_walls_note(metrics, key)
-        holds = None if limit is None else isinstance(value, int | float) and limit.holds(value)
-        groups.setdefault(group, []).append(_Figure(rest, shown, format_limit(limit) if limit else "", holds))
+        stated = "" if limit is None else format_limit(limit) + (", depends on the machine" if is_time(key) else "")
+        holds = None if limit is None or is_time(key) else isinstance(value, int | float) and limit.holds(value)
+        groups.setdefault(group, []).append(_Figure(rest, shown, stated, holds))
     return groups
 
 

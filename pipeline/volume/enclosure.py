@@ -83,8 +83,8 @@ class _Box:
 def _measure_box(tile: Tile, source: int, parts: PartCorners, outward: np.ndarray) -> _Box:
     """Take all parts from the free space in a box, moved into it by what they may be behind the planes of facets.
 
-    All at once they may leave a facet whole that one of them covers, by rounding. So if anything is left, they are taken
-    one after another as well: what no part covers is left both ways.
+    All at once they may leave a facet whole that one of them covers, by rounding. So if anything is left, they are
+    taken one after another as well: what no part covers is left both ways.
     """
     low, high = parts.boxes()
     near = np.flatnonzero(((low < tile.high + ON_PLANE_M) & (high > tile.low - ON_PLANE_M)).all(axis=1)).tolist()
