@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
+from minexplore.bundle import GeomGroup
 from minexplore.pictures.shown import shown_spec
 from minexplore.world import load_world
 from pipeline.report.figures.views import View, draw_eyes
 from pipeline.types import Image
 from pipeline.volume.world.record import VolumeRecord
-from pipeline.volume.world.topology import LegNetwork, heading_at
+from pipeline.volume.world.topology import LegNetwork
 
 _EYE_M, _EYE_SHARE = 1.0, 0.45  # over the floor, at most so much of the height
-_AHEAD_M, _BACK_M = 12.0, 6.0
+_BACK_M, _WAYS = 6.0, 32
 
 
 def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork) -> Image:
@@ -27,17 +28,23 @@ def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork) -> I
         If the bundle is not allowed, or MuJoCo refuses it.
     """
     world = load_world(folder)
-    views = [_from_start(record, legs), *_at_junction(legs)]
-    T = world.T_world_mine
-    seen = [((T @ [*eye, 1.0])[:3], (T @ [*towards, 1.0])[:3]) for eye, towards in views]
-    return draw_eyes(world.compile(shown_spec(world)), seen)
+    model, T = world.compile(shown_spec(world)), world.T_world_mine
+    start = (T @ [*record.spawn.anchor_m, 1.0])[:3] + [0.0, 0.0, _EYE_M]  # noqa: RUF005
+    at_junction = [((T @ [*eye, 1.0])[:3], (T @ [*towards, 1.0])[:3]) for eye, towards in _at_junction(legs)]
+    return draw_eyes(model, [(start, _farthest(model, start)), *at_junction])
 
 
-def _from_start(record: VolumeRecord, legs: LegNetwork) -> View:
-    """Return the view along the leg on which robots start, m, mine frame."""
-    heading = heading_at(legs, record.spawn.anchor_m)
-    eye = record.spawn.anchor_m + np.array([0.0, 0.0, _EYE_M])
-    return eye, eye + _AHEAD_M * np.array([math.cos(heading), math.sin(heading), 0.0])
+def _farthest(model: mujoco.MjModel, eye: np.ndarray) -> np.ndarray:
+    """Return the place (3,) m, world frame, that an eye sees farthest away at its own height."""
+    data, geom = mujoco.MjData(model), np.zeros(1, np.int32)
+    mujoco.mj_kinematics(model, data)
+    shown = np.zeros(mujoco.mjNGROUP, np.uint8)
+    shown[GeomGroup.ROUGH_SURFACE] = 1
+    angle = np.linspace(0, 2 * np.pi, _WAYS, endpoint=False)
+    ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_WAYS)])
+    away = [mujoco.mj_ray(model, data, eye, way, shown, 1, -1, geom) for way in ways]  # -1: beyond a floor that falls
+    found: np.ndarray = eye + ways[int(np.argmax(away))]
+    return found
 
 
 def _at_junction(legs: LegNetwork) -> list[View]:
