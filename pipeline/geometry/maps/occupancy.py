@@ -130,9 +130,11 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
             x, y = centres[near][best]
             centre = (float(entrance_m[0]), float(entrance_m[1]))
             return Spawn((float(x), float(y)), float(clearance[near][best]), centre, radius_m, clearance_m)
+    roomiest = float(grid.clearance_m.max(initial=0.0))
     raise GeometryError(
         f"spawn: within {radius_m:g} m of the entrance ({entrance_m[0]:.1f}, {entrance_m[1]:.1f}) nothing is "
-        f"{clearance_m:g} m from rock; move survey.entrance_m"
+        f"{clearance_m:g} m from rock, in all of the mine at most {roomiest:.2f} m; --start (survey.entrance_m) moves "
+        "the entrance, compile3d.spawn.clearance_m states less, --half-width widens drifts of lines"
     )
 
 

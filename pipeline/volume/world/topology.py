@@ -141,9 +141,10 @@ def start_of(
         if found is not None:
             return _start(cells, found, place, radius_m, clearance_m)
     if not roomy.any():
+        roomiest = float(cells.clearance_m[cells.storey >= 0].max(initial=0.0))
         raise GeometryError(
-            f"no floor is {clearance_m:g} m from rock with a robot's height over it, where robots start; "
-            "compile3d.spawn.clearance_m and compile3d.volume.robot_height_m state less"
+            f"no floor is {clearance_m:g} m from rock with a robot's height over it, where robots start: the roomiest "
+            f"is {roomiest:.2f} m; compile3d.spawn.clearance_m and compile3d.volume.robot_height_m state less"
         )
     found = int(np.flatnonzero(floor == 0)[0])
     return _start(cells, found, cells.places_m[found].tolist(), radius_m, clearance_m)
