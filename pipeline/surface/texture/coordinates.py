@@ -58,7 +58,7 @@ def relax_texture(
 
 
 def _gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return normals (m, 3), areas (m,) m2, and the gradients (m, 3, 3) 1/m of what is 1 at a corner, 0 at the others."""
+    """Return faces' normals (m, 3), areas (m,) m2, and gradients (m, 3, 3) 1/m of what is 1 at one corner, else 0."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double = np.maximum(np.linalg.norm(cross, axis=1), _SLIVER_M2)
     normal = cross / double[:, None]
