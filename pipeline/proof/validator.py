@@ -99,6 +99,7 @@ class Validator:
         self._measure_solid()
         _require_survey(self.bundle, self.world, self.survey)
         _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
+        give_back()
         require_rock(self.bundle, self.world.record, self.free_space.polygon, grid, self.params)
 
     def _measure_solid(self) -> None:
