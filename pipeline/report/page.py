@@ -179,8 +179,8 @@ def _figures(metrics: dict[str, Any], limits: dict[str, Limit]) -> dict[str, lis
 
 
 def _pictures(root: Path, pictures: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
-    """Return (data URL, caption, full-size file) of each picture that was drawn."""
-    read = [(_read(root, file, Image), file, caption) for file, caption in pictures]
+    """Return (data URL, caption, full-size file) of each picture that was drawn; one is in memory at a time."""
+    read = ((_read(root, file, Image), file, caption) for file, caption in pictures)
     return [(_embedded(p), caption, f"../{file}") for p, file, caption in read if not np.array_equal(p, NO_PICTURE)]
 
 
