@@ -31,8 +31,7 @@ from minexplore.bundle import (
 from minexplore.schema.files import read_bounded
 from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.compiled import text_of
-from pipeline.mjcf.loading import read_spec
+from pipeline.mjcf.loading import read_spec, text_of
 from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.visible import Visible, compile_visible, compile_with
 from pipeline.mjcf.world import build_spec
