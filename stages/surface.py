@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import VOLUME
 from pipeline.geometry.ray_scene import load_open3d
 from pipeline.guard.forked import Forked
+from pipeline.memory import give_back
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
@@ -66,6 +67,7 @@ def model_surface(
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
         smooth, texture = plain.result()
+    give_back()  # of the lattice's displacement
 
     def evidence() -> dict[str, Any]:
         reported = report_roughness(params, sources, relief, rough)

@@ -101,12 +101,14 @@ def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
 
 
 def _pictures(params: ValidationParams, validator: Validator) -> dict[str, Image]:
-    """Return what is drawn of the model; the mask comes first, after which the model is drawn without antialiasing."""
+    """Return what is drawn of the world."""
     pictures = {"agreement": draw_agreement(validator.cleaned, validator.world_free), "views": NO_PICTURE}
     if params.overlay != "none":
         from pipeline.report.figures.views import draw_views
 
-        pictures["views"] = draw_views(validator.world, validator.network)
+        pictures["views"] = draw_views(
+            validator.bundle, validator.world, validator.free_space.polygon, validator.network
+        )
     return pictures
 
 

@@ -21,8 +21,9 @@ from pipeline.compose import compose
 from pipeline.metrics.rock.published import REAL_SWEEP
 from pipeline.metrics.rock.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.rock.texture import AXES, published_score, strict_score
-from pipeline.mjcf.bundle import smooth_triangles
+from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.render import render_from
+from pipeline.mjcf.visible import compile_visible, smooth_triangles
 from pipeline.params.config import Config
 from pipeline.params.reading.composed import root_overrides
 from pipeline.proof.surface import relief_of, split_long
@@ -120,10 +121,10 @@ def build_witness(name: str, free: Polygon, network: DriftNetwork, height_m: flo
     params = compose([*root_overrides(), "rock=andesite"])
     texture = params.validation.texture
     if name == "flat":  # as stage 6 measures it
-        model = mujoco.MjModel.from_xml_path(str(WORLD / MODEL))
-        walls, roof = (split_long(smooth_triangles(model, piece)) for piece in (WALLS, ROOFS))
+        visible = compile_visible(read_spec(WORLD / MODEL), WORLD / MODEL)
+        walls, roof = (split_long(smooth_triangles(visible, piece)) for piece in (WALLS, ROOFS))
         relief = relief_of(walls, roof, free, network, texture.stretches)
-        return figures_of(measure_flat_texture(model, free, network, texture), relief, params)
+        return figures_of(measure_flat_texture(visible, free, network, texture), relief, params)
     lattice = lay_rough_lattice(params.surface, free, network, height_m)
     noise = np.random.default_rng(1).normal(0, _NOISE_M, len(lattice.vertices))
     vertices = displaced(lattice, noise)

@@ -28,6 +28,7 @@ from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, open_bundle
+from pipeline.mjcf.loading import load_model
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import certify, measure_containment
 from pipeline.proof.rebuilt.built import require_built
@@ -89,8 +90,8 @@ def _outcome(good: Path, folder: Path, files: Files, changed: Files, params: Val
         return CAUGHT, str(error).replace(str(folder), "w")
     except Exception as error:  # the fault that this benchmark looks for
         return CRASHED, f"{type(error).__name__}: {error}"
-    before = open_bundle(good)
-    differs = model_difference(before.model, world.model, _SAME) or rays_differ(before, world)
+    models = [load_model(bundle / MODEL) for bundle in (good, folder)]
+    differs = model_difference(*models, _SAME) or rays_differ(*models, world.record.spawn.anchor_m)
     if differs is None:
         return HARMLESS, "equal model, equal rays"
     names = {name for name in {*files, *changed} if files.get(name) != changed.get(name)} - {"world.json"}
@@ -138,12 +139,12 @@ def _drive(folder: Path) -> None:
         raise RuntimeError(f"a warning of MuJoCo: {warnings[0]}")
 
 
-def rays_differ(before: OpenedBundle, after: OpenedBundle) -> str | None:
+def rays_differ(before: mujoco.MjModel, after: mujoco.MjModel, anchor_m: tuple[float, float]) -> str | None:
     """Return how level rays from inside differ between two worlds, at four heights, or None."""
-    free = np.array(before.record.spawn.anchor_m) + np.array([[0.0, 0.0], [0.3, -0.2], [-0.4, 0.3]])
+    free = np.array(anchor_m) + np.array([[0.0, 0.0], [0.3, -0.2], [-0.4, 0.3]])
     bearings = np.tile(np.linspace(0, 2 * np.pi, _BEARINGS, endpoint=False), (len(free), 1))
     for group in (GeomGroup.COLLISION, GeomGroup.ROUGH_SURFACE, GeomGroup.SMOOTH_SURFACE):
-        casters = [RayCaster(geom_triangles(world.model, group)) for world in (before, after)]
+        casters = [RayCaster(geom_triangles(model, group)) for model in (before, after)]
         for height in _HEIGHTS_M:
             one, two = (caster.fan(free, bearings, height) for caster in casters)
             apart = np.abs(np.where(np.isfinite(one), one, 0.0) - np.where(np.isfinite(two), two, 0.0))

@@ -1,4 +1,4 @@
-"""Draw a test plan with rough walls at 10 px/m: about 2.5 km of drifts 2.5 to 3.5 m wide, or rooms and pillars.
+"""Draw a test plan with rough walls, 10 px/m: about 2.5 km of drifts 2.5 to 3.5 m wide, or rooms and pillars.
 
 `--style room_and_pillar` draws about 4.8 km of rooms 5 to 6 m wide round some 120 pillars.
 """
@@ -53,12 +53,13 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--style", choices=list(_SHAPES), default="drift_and_crosscut")
     parser.add_argument("--side", type=float, help="side of the mine, m")
+    parser.add_argument("--px-per-m", type=float, default=PX_PER_M, help="scale; a plan has at most 64 million pixels")
     parser.add_argument("--turn", type=float, default=0.0, help="turn of the mine on the paper, deg")
     parser.add_argument("--rms", type=float, default=ROUGH["rms_m"], help="standard deviation of the walls, m")
     parser.add_argument("--sharp", action="store_true", help="black and white pixels only")
     given = parser.parse_args()
     workings = rotate(rough_mine(given.seed, given.side, given.rms, given.style), given.turn, origin=(0, 0))
-    cv2.imwrite(str(given.out), draw_picture(workings, frame_of(workings), 0, not given.sharp, None))
+    cv2.imwrite(str(given.out), draw_picture(workings, frame_of(workings, given.px_per_m), 0, not given.sharp, None))
     return 0
 
 

@@ -17,6 +17,7 @@ from minexplore.bundle import (
     FRAMES,
     FREE_SPACE,
     GEOM_GROUPS,
+    MODEL,
     NAV2_MAP,
     NAV2_PICTURE,
     NO_OVERLAY,
@@ -34,6 +35,7 @@ from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
 from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.visible import compile_visible, compile_with, in_sight
 from pipeline.params.realism import RealismParams
 from pipeline.store.codecs import Bundle, Meshes, encode
 from pipeline.store.palette_png import encode_texture
@@ -106,9 +108,12 @@ def assemble_world(
         is_rough=params.rough_floor,
     )
     give_back()  # of the fittings' making: compiling is what takes most
-    files, model = compile_bundle(scene)
-    give_back()
-    if model is not None:
+    files, spec = compile_bundle(scene)
+    if spec is not None:
+        visible = compile_visible(spec, Path(MODEL))
+        seen = in_sight(visible, free_space.polygon, [np.array(scene.anchor_m)])
+        model = compile_with(spec, Path(MODEL), seen)
+        give_back()
         files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)

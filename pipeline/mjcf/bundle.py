@@ -26,16 +26,14 @@ from minexplore.bundle import (
     BundleError,
     is_volume,
     line_of,
-    smooth_mesh,
-    surface_geom,
     world_sha256,
 )
 from minexplore.schema.files import read_bounded
 from minexplore.schema.readers.json_text import read_json
 from pipeline.errors import ArtifactError
-from pipeline.mjcf.compiled import text_of
-from pipeline.mjcf.loading import compile_spec, load_model
+from pipeline.mjcf.loading import read_spec, text_of
 from pipeline.mjcf.scene import MineScene, ZoneStrip
+from pipeline.mjcf.visible import Visible, compile_visible, compile_with
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
 from pipeline.params.refusals import in_own_words
@@ -91,18 +89,22 @@ class WorldRecord:
 
 @dataclass(frozen=True)
 class OpenedBundle:
-    """A bundle that was read back: record, compiled model, number of MuJoCo's warnings, and size in bytes."""
+    """A bundle that was read back: record, compiled model, visible meshes, MuJoCo's warnings, and size in bytes.
+
+    The visible meshes of `model` are hidden tetrahedra: `visible` has them, and `load_model` compiles them all.
+    """
 
     record: WorldRecord
     model: mujoco.MjModel
+    visible: Visible
     warnings: int
     bytes: int
 
 
-def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjModel | None]:
-    """Return `mine.xml` and the meshes and textures that it names, after a check that MuJoCo compiles them.
+def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjSpec | None]:
+    """Return `mine.xml` and the meshes and textures that it names.
 
-    With visible rock, the compiled model is returned for pictures.
+    With visible rock, the specification that the text and the files give is returned for pictures.
 
     Raises
     ------
@@ -112,9 +114,7 @@ def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjModel |
     spec = build_spec(scene)
     assets = {name: bytes(data) for name, data in spec.assets.items()}
     text = text_of(spec, Path(MODEL))
-    del spec
-    model = compile_spec(mujoco.MjSpec.from_string(text, assets=assets), Path(MODEL)) if assets else None
-    return {MODEL: text.encode(), **assets}, model
+    return {MODEL: text.encode(), **assets}, mujoco.MjSpec.from_string(text, assets=assets) if assets else None
 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord, made_by: MadeBy) -> dict[str, bytes]:
@@ -201,7 +201,9 @@ def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:
     warnings: list[str] = []
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        model = load_model(folder / MODEL)
+        spec = read_spec(folder / MODEL)
+        visible = compile_visible(spec, folder / MODEL)
+        model = compile_with(spec, folder / MODEL)
         mujoco.mj_forward(model, mujoco.MjData(model))
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not load it: {line_of(error)}") from error
@@ -210,36 +212,13 @@ def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, MINE_BODY) < 0:
         raise ArtifactError(f"{folder / MODEL}: no body of the name {MINE_BODY}, which carries the mine frame")
     size = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
-    return OpenedBundle(record, model, len(warnings), size)
-
-
-def visible_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
-    """Return the visible triangles (n, 3, 3), m, mine frame, of a piece (walls or roof) of a compiled world.
-
-    They belong to the rough surface, or to the smooth surface if the world has no rough one.
-    """
-    rough = _triangles_of_geoms(model, surface_geom(piece))
-    return rough if len(rough) else smooth_triangles(model, piece)
-
-
-def smooth_triangles(model: mujoco.MjModel, piece: str) -> np.ndarray:
-    """Return the triangles (n, 3, 3), m, mine frame, of a piece of the smooth surface of a compiled world."""
-    return _triangles_of_geoms(model, surface_geom(smooth_mesh(piece)))
-
-
-def _triangles_of_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
-    geoms = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(prefix)]
-    return _triangles(model, geoms)
+    return OpenedBundle(record, model, visible, len(warnings), size)
 
 
 def geom_triangles(model: mujoco.MjModel, group: int) -> np.ndarray:
     """Return the triangles (n, 3, 3), m, mine frame, of all mesh geoms of a group of a compiled world."""
-    return _triangles(model, _mesh_geoms(model, group))
-
-
-def _triangles(model: mujoco.MjModel, geoms: list[int]) -> np.ndarray:
     triangles = [np.zeros((0, 3, 3))]
-    for geom in geoms:
+    for geom in _mesh_geoms(model, group):
         mesh = model.geom_dataid[geom]
         first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
         triangles.append(_mesh_vertices(model, geom)[model.mesh_face[first : first + count]])

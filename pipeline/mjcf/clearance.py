@@ -12,6 +12,7 @@ from minexplore.bundle import MODEL
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.mjcf.bundle import placed_parts
 from pipeline.mjcf.loading import compile_spec, read_spec
+from pipeline.mjcf.visible import leave_out
 
 _PROBE_M = 0.01
 _AT_ONCE = 1_000_000  # places that are searched
@@ -55,14 +56,10 @@ def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np
 
 
 def _keep_group(spec: mujoco.MjSpec, group: int) -> None:
-    """Make all other geoms small spheres, and remove the files that only they use: most meshes are visible rock.
-
-    Geoms and small meshes stay, since MuJoCo takes longer to remove one the more there are.
-    """
+    """Make all other geoms small spheres, and leave out the files that only they use: most meshes are visible rock."""
     for geom in spec.geoms:
         if geom.group != group:
             geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [_PROBE_M, 0, 0]
             geom.meshname = geom.hfieldname = ""
     used = {geom.meshname for geom in spec.geoms}
-    for mesh in [mesh for mesh in spec.meshes if mesh.file and mesh.name not in used]:
-        spec.delete(mesh)
+    leave_out(mesh for mesh in spec.meshes if mesh.file and mesh.name not in used)

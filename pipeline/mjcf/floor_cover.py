@@ -24,6 +24,7 @@ _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall
 _TILE_M = 20.0
 _STATION_M = 0.1  # between the points of a wall or a leg that distances are measured from
 _MOST_POINTS = 16_000_000  # of the grid over the box; the embedded mine has 13 million
+_MOST_ON_FLOOR = 2_000_000  # of them; 700 bytes each while the floor is simplified; the embedded mine has 1.2 million
 _LOWEST_M = 0.006  # above the flat floor, so that the two do not flicker
 _LAKE_M = 0.012  # by which the floor of a flooded zone lies lower: about half of it is then under water
 _DAM_M, _DAM_HEIGHT_M = 1.0, 0.004  # water ends so far within its zone, at muck so far above it
@@ -104,9 +105,10 @@ def _simplified(params: FloorParams, corner: np.ndarray, cells: np.ndarray) -> t
 
 
 def _widened(params: FloorParams, free: Polygon) -> FloorParams:
-    """Widen the spacing until the grid over the workings' box has at most `_MOST_POINTS`, and print it."""
+    """Widen the spacing until the grid has at most so many points over the workings' box and on the floor; print it."""
     west, south, east, north = free.bounds
-    least_m = math.sqrt((east - west + 2 * _BEYOND_M) * (north - south + 2 * _BEYOND_M) / _MOST_POINTS)
+    box_m2, floor_m2 = (east - west + 2 * _BEYOND_M) * (north - south + 2 * _BEYOND_M), free.buffer(_BEYOND_M).area
+    least_m = math.sqrt(max(box_m2 / _MOST_POINTS, floor_m2 / _MOST_ON_FLOOR))
     if least_m <= params.spacing_m:
         return params
     warn_user(f"realism: points of the visible floor are {least_m:.2f} m apart instead of {params.spacing_m:g} m")

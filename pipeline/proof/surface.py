@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
@@ -14,7 +13,7 @@ from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.rock.relief import Relief, measure_relief
 from pipeline.metrics.rock.sampling import faces_near, sample_triangles
-from pipeline.mjcf.bundle import visible_triangles
+from pipeline.mjcf.visible import Visible, visible_triangles
 from pipeline.types import DriftNetwork
 
 _BAND_M = 0.05  # half height of the band of wall around a height
@@ -33,7 +32,7 @@ class WallBands:
 
 
 def report_walls(
-    model: mujoco.MjModel,
+    visible: Visible,
     free: Polygon,
     network: DriftNetwork,
     height_m: float,
@@ -44,7 +43,7 @@ def report_walls(
 
     These are `lines`, by default the outline's boundary.
     """
-    walls = visible_triangles(model, WALLS)
+    walls = visible_triangles(visible, WALLS)
     return WallBands(*(_gaps_at(walls, free, network, height, seed, lines) for height in (height_m, _FOOT_M)))
 
 
@@ -69,14 +68,14 @@ def walls_metrics(walls: WallBands) -> dict[str, Any]:
 
 
 def report_relief(
-    model: mujoco.MjModel,
+    visible: Visible,
     free: Polygon,
     network: DriftNetwork,
     stretches: int,
     lines: BaseGeometry | None = None,
 ) -> Relief:
-    """Measure the shape of the visible walls of a compiled world along `lines`, by default the outline's boundary."""
-    walls, roof = (visible_triangles(model, piece) for piece in (WALLS, ROOF))
+    """Measure the shape of the visible walls of a world along `lines`, by default the outline's boundary."""
+    walls, roof = (visible_triangles(visible, piece) for piece in (WALLS, ROOF))
     return relief_of(walls, roof, free, network, stretches, lines)
 
 

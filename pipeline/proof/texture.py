@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy.spatial import cKDTree
 from shapely import Polygon
@@ -33,7 +32,7 @@ from pipeline.metrics.rock.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
-from pipeline.mjcf.bundle import smooth_triangles, visible_triangles
+from pipeline.mjcf.visible import Visible, smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.surface import between, split_long, stretch_centres
 from pipeline.types import DriftNetwork
@@ -105,14 +104,14 @@ class MeasuredTexture:
 
 
 def report_texture(
-    model: mujoco.MjModel,
+    visible: Visible,
     free: Polygon,
     network: DriftNetwork,
     params: TextureReportParams,
 ) -> TextureReport:
-    """Measure the visible rock of a compiled world on the paper's six axes, and the smooth surface for comparison."""
-    rock = measure_texture(visible_triangles(model, WALLS), visible_triangles(model, ROOF), free, network, params)
-    flat = measure_flat_texture(model, free, network, params)
+    """Measure the visible rock of a world on the paper's six axes, and the smooth surface for comparison."""
+    rock = measure_texture(visible_triangles(visible, WALLS), visible_triangles(visible, ROOF), free, network, params)
+    flat = measure_flat_texture(visible, free, network, params)
     return repeatable(
         TextureReport(
             rock.as_paper,
@@ -133,13 +132,13 @@ def report_texture(
 
 
 def measure_flat_texture(
-    model: mujoco.MjModel,
+    visible: Visible,
     free: Polygon,
     network: DriftNetwork,
     params: TextureReportParams,
 ) -> MeasuredTexture:
-    """Measure the smooth surface of a compiled world at the same density, in one draw of a quarter of the stretches."""
-    walls, roof = (smooth_triangles(model, piece) for piece in (WALLS, ROOF))
+    """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches."""
+    walls, roof = (smooth_triangles(visible, piece) for piece in (WALLS, ROOF))
     return measure_texture(walls, roof, free, network, _quarter(params))
 
 

@@ -99,6 +99,7 @@ class Validator:
         self._measure_solid()
         _require_survey(self.bundle, self.world, self.survey)
         _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
+        give_back()
         require_rock(self.bundle, self.world.record, self.free_space.polygon, grid, self.params)
 
     def _measure_solid(self) -> None:
@@ -148,12 +149,12 @@ class Validator:
     @functools.cached_property
     def texture(self) -> TextureReport:
         """Return the texture report."""
-        return report_texture(self.world.model, self.free_space.polygon, self.network, self.params.texture)
+        return report_texture(self.world.visible, self.free_space.polygon, self.network, self.params.texture)
 
     @functools.cached_property
     def relief(self) -> Relief:
         """Return the shape of the visible walls."""
-        return report_relief(self.world.model, self.free_space.polygon, self.network, self.params.texture.stretches)
+        return report_relief(self.world.visible, self.free_space.polygon, self.network, self.params.texture.stretches)
 
     @functools.cached_property
     def containment(self) -> dict[str, Any]:
@@ -164,7 +165,7 @@ class Validator:
     def walls(self) -> WallBands:
         """Return the distances between visible walls and collision walls."""
         height, seed = self.params.robot_height_m, self.params.texture.seed
-        return report_walls(self.world.model, self.free_space.polygon, self.network, height, seed)
+        return report_walls(self.world.visible, self.free_space.polygon, self.network, height, seed)
 
     @property
     def certificate(self) -> Certificate:

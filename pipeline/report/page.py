@@ -181,8 +181,14 @@ def _figures(metrics: dict[str, Any], limits: dict[str, Limit]) -> dict[str, lis
 
 def _pictures(root: Path, pictures: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
     """Return (data URL, caption, full-size file) of each picture that was drawn."""
-    read = [(_read(root, file, Image), file, caption) for file, caption in pictures]
-    return [(_embedded(p), caption, f"../{file}") for p, file, caption in read if not np.array_equal(p, NO_PICTURE)]
+    urls = ((_url(root / file), file, caption) for file, caption in pictures)
+    return [(url, caption, f"../{file}") for url, file, caption in urls if url]
+
+
+def _url(file: Path) -> str:
+    """Return the data URL of a picture, or nothing if none was drawn; of a large plan it takes 150 MB to read one."""
+    picture = decode(file, Image)
+    return "" if np.array_equal(picture, NO_PICTURE) else _embedded(picture)
 
 
 def _embedded(picture: np.ndarray) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 from minexplore import bundle
@@ -59,6 +57,7 @@ def cut_chunks(
             whole = _chunk(rough, mesh.vertices, shaded, of_piece, piece, along, texture_m, offset)
             axes = texture_axes(rough, of_piece, piece)
             laid_m = whole.texcoords[whole.faces] * texture_m
+            del whole
             offset = relax_texture(mesh.vertices, mesh.faces[of_piece], laid_m, axes, tether_m) / texture_m
         in_tile = _merge_single_faces(tile[of_piece], centre[of_piece])
         order = np.lexsort(in_tile.T[::-1])
@@ -69,9 +68,7 @@ def cut_chunks(
             chunks[name] = _chunk(rough, mesh.vertices, shaded, of_piece[part], piece, along, texture_m, offset)
         return chunks
 
-    with ThreadPoolExecutor(2) as pool:
-        walls, roof = pool.map(cut, (WALL, ROOF))
-    return walls | roof
+    return cut(WALL) | cut(ROOF)
 
 
 def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:

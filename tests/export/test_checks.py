@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from minexplore.bundle import GeomGroup
+from minexplore.bundle import MODEL, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.export.checks.clauses import OF_PHYSICS, certify_parts
 from pipeline.export.checks.pieces import PART_GROUPS, match_labels, pieces_of_model
@@ -15,6 +15,7 @@ from pipeline.export.checks.prove import prove
 from pipeline.export.checks.rays import RAYS, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.labels import group_of
 from pipeline.export.scene import box_corners, hull_triangles, placed_part
+from pipeline.mjcf.loading import load_model
 from pipeline.proof.rebuilt.remake import read_free_space
 
 
@@ -48,7 +49,7 @@ def rays_at(world, groups):
     """Return the test of rays at the geoms of some groups."""
     T, free = np.array(world.opened.record.T_world_mine), read_free_space(world.bundle).polygon
     draw = starts_in_plan(free)
-    return RayTest(draw, cast_at_model(world.opened.model, T, groups))
+    return RayTest(draw, cast_at_model(load_model(world.bundle / MODEL), T, groups))
 
 
 @pytest.mark.parametrize(("shift_m", "alike"), [(0.0, True), (1e-6, True), (0.003, False)])
@@ -71,7 +72,7 @@ def test_labels_find_a_piece_that_is_lost_renamed_or_changed_in_size(world):
     zones = [zone.name for zone in world.opened.record.zones]
 
     def failing(**fields: object) -> list[str]:
-        matches = match_labels(pieces_of_model(world.opened.model, zones), replace(world.read, **fields))
+        matches = match_labels(pieces_of_model(load_model(world.bundle / MODEL), zones), replace(world.read, **fields))
         return [label for label, match in matches.items() if not match.holds]
 
     parts, surfaces = world.scene.parts, world.scene.surfaces

@@ -14,6 +14,7 @@ from minexplore.bundle import (
     FITTINGS_BODY,
     FURNITURE,
     LINES_ABOVE_M,
+    MODEL,
     BundleError,
     TriangleMesh,
     decode_msh,
@@ -34,6 +35,7 @@ from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import _merged, hang_furniture, on_level, over_level, ways_of
+from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
@@ -508,7 +510,7 @@ def test_a_step_of_a_fitted_world_finds_no_contact_with_fittings(fitted: BuiltMi
 
 
 def test_water_is_drawn_wherever_its_zone_is(fitted: BuiltMine):
-    model = open_bundle(fitted.bundle).model
+    model = load_model(fitted.bundle / MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import BundleError, GeomGroup, is_shade, shade_geom
+from minexplore.bundle import MODEL, BundleError, GeomGroup, is_shade, shade_geom
 from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, cover_rgba
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.pictures.atmosphere import add_headlamp, add_sky, has_haze, let_light_pass
@@ -16,6 +16,7 @@ from minexplore.schema import check_files, hash_files, read_folder
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
 from pipeline.mjcf.bundle import open_bundle
+from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.built import require_built
@@ -110,7 +111,7 @@ def test_haze_or_a_cut_material_without_a_look_is_refused(plain: BuiltMine):
 
 
 def test_haze_dims_what_is_far_and_leaves_what_is_near(wet: BuiltMine):
-    model = open_bundle(wet.bundle).model
+    model = load_model(wet.bundle / MODEL)
     assert has_haze(model)
     seen = (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
     model.vis.rgba.fog[:] = [0, 1, 0, 1]  # green, which no rock is
@@ -140,7 +141,7 @@ def test_a_robot_carries_a_lamp_that_casts_shadows_in_a_world_with_a_look_only()
 
 
 def test_geoms_beyond_the_haze_are_hidden_while_a_frame_is_drawn(wet: BuiltMine):
-    model = open_bundle(wet.bundle).model
+    model = load_model(wet.bundle / MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     before = model.geom_group.copy()

@@ -12,11 +12,12 @@ import shapely
 from benchmarks.faults.injection import edit_record, seal
 from benchmarks.faults.random_faults import random_mutant
 from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, judge, prove
-from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
+from minexplore.bundle import MODEL, TriangleMesh, decode_msh, encode_msh
 from minexplore.schema import read_folder
 from pipeline.errors import ArtifactError, MineError
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.mjcf.bundle import obstacles, open_bundle
+from pipeline.mjcf.loading import load_model
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.store.verify import verify_certificate
 from tests.composed import compose
@@ -67,7 +68,7 @@ def test_the_same_seed_gives_the_same_mutant_and_another_seed_another(small):
 
 
 def test_two_models_differ_in_the_first_field_that_differs(small):
-    one, two = open_bundle(small).model, open_bundle(small).model
+    one, two = (load_model(small / MODEL) for _ in range(2))
     assert model_difference(one, two) is None
     two.geom_friction[1, 0] = 0.3
     assert model_difference(one, two) == "geom rock_0001: geom_friction[1, 0] = 1.0, want 0.3"

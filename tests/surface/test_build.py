@@ -3,18 +3,19 @@
 import dataclasses
 import json
 
-import mujoco
 import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
+from minexplore.bundle import MODEL, ROOF, WALLS, GeomGroup, smooth_mesh, surface_geom
 from pipeline.errors import ArtifactError, GeometryError, InputError, ParamsError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.rock.profile import line_roughness
 from pipeline.metrics.rock.relief import cut_walls, line_factor
 from pipeline.metrics.rock.roughness import SurfaceRoughness
-from pipeline.mjcf.bundle import open_bundle, visible_triangles
+from pipeline.mjcf.bundle import open_bundle
+from pipeline.mjcf.loading import load_model
+from pipeline.mjcf.visible import visible_triangles
 from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.surface import report_walls
 from pipeline.proof.texture import draws_of_places, report_texture, texture_metrics
@@ -139,8 +140,8 @@ def test_the_texture_is_whole_where_a_ring_of_a_coarse_mesh_closes(tmp_path):
     require_built(mine.bundle, open_bundle(mine.bundle).record, config.validation)
 
 
-def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_collides(opened):
-    model = opened.model
+def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_collides(tee):
+    model = load_model(tee.bundle / MODEL)
     for geom in range(model.ngeom):
         name = model.geom(geom).name
         if name.startswith(surface_geom("")):
@@ -152,33 +153,28 @@ def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_coll
 
 
 def test_a_world_without_walls_to_see_is_refused(tee, config):
-    bare = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
     with pytest.raises(ArtifactError, match=r"mine\.xml: no visible walls or no roof"):
-        report_texture(bare, tee.free_space.polygon, tee.network, config.validation.texture)
+        report_texture({}, tee.free_space.polygon, tee.network, config.validation.texture)
 
 
 def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opened, tee, config):
     params = config.validation.texture.model_copy(update={"points_per_m2": 600.0})
     polygon, network = tee.free_space.polygon, tee.network
-    report = report_texture(opened.model, polygon, network, params)
+    report = report_texture(opened.visible, polygon, network, params)
     assert report.strict.overall > 0.45  # of the T, whose own width bounds its relief: 0.511; flat walls: 0.00001
-    model = opened.model
-    before = model.mesh_vert.copy()
-    chunks = [i for i in range(model.nmesh) if model.mesh(i).name.startswith((WALLS, ROOF))]
-    try:
-        for chunk in chunks:  # only a measurement of the model can notice this
-            first = model.mesh_vertadr[chunk]
-            model.mesh_vert[first : first + model.mesh_vertnum[chunk]] *= 0.5
-        shrunk = report_texture(model, polygon, network, params.model_copy(update={"points_per_m2": 300.0}))
-    finally:
-        model.mesh_vert[:] = before
+    rough = tuple(map(surface_geom, (WALLS, ROOF)))
+    half = {
+        name: dataclasses.replace(mesh, corners=0.5 * mesh.corners) if name.startswith(rough) else mesh
+        for name, mesh in opened.visible.items()
+    }
+    shrunk = report_texture(half, polygon, network, params.model_copy(update={"points_per_m2": 300.0}))
     assert shrunk.strict_axes["bump_rq_m"] != pytest.approx(report.strict_axes["bump_rq_m"], rel=0.05)
     assert report.draws == 1  # the workings are shorter than two sets of eight stretches
     assert report.strict_spread is None
     metrics = texture_metrics(report)
     assert metrics["spread"] == {"published": None, "strict": None}
     assert metrics["strict"]["overall"] == pytest.approx(report.strict.overall, abs=1e-4)
-    walls = report_walls(opened.model, polygon, network, 0.5, 0)
+    walls = report_walls(opened.visible, polygon, network, 0.5, 0)
     assert walls.at_foot.gap_median_m > 2 * walls.at_height.gap_median_m  # blocks lean out of the wall's foot
     gaps = walls.at_height
     assert 0.03 < gaps.gap_median_m < 0.15
@@ -187,7 +183,7 @@ def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opene
 
 
 def test_the_models_triangles_are_the_files_triangles(opened, tee):
-    roof = visible_triangles(opened.model, ROOF)
+    roof = visible_triangles(opened.visible, ROOF)
     files = sorted((tee.bundle / "meshes").glob(f"{ROOF}_*.msh"))
     written = np.concatenate([(m := decode(f, None)).vertices[m.faces] for f in files])
     assert len(roof) == len(written)

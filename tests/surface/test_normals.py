@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from minexplore.bundle import ROOF, WALLS
-from pipeline.mjcf.bundle import open_bundle
+from minexplore.bundle import MODEL, ROOF, WALLS
+from pipeline.mjcf.loading import load_model
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.normals import shade_mesh
 from pipeline.types import Mesh
@@ -95,7 +95,7 @@ def test_chunks_of_a_built_world_meet_with_equal_normals(shaded):
 
 
 def test_the_compiled_model_keeps_the_normals_that_were_written(shaded):
-    model = open_bundle(shaded.bundle).model
+    model = load_model(shaded.bundle / MODEL)
     for path in sorted((shaded.bundle / "meshes").glob("walls_*.msh")):
         written = decode(path, Mesh).normals
         mesh = model.mesh(path.stem)

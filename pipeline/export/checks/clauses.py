@@ -14,7 +14,7 @@ from minexplore.rotations import quaternion
 from pipeline.export.labels import group_of
 from pipeline.export.scene import ConvexPart, ReadScene, hull_of
 from pipeline.mjcf.bundle import OpenedBundle
-from pipeline.mjcf.compiled import compile_world
+from pipeline.mjcf.loading import compile_world
 from pipeline.params.validation import CertificateParams, ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.rebuilt.remake import read_free_space

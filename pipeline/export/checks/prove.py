@@ -6,14 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup, is_shade
+from minexplore.bundle import MODEL, GeomGroup, is_shade
 from pipeline.export.checks.clauses import OF_PHYSICS, certify_parts
 from pipeline.export.checks.pieces import PART_GROUPS, LabelMatch, match_labels, pieces_of_model
 from pipeline.export.checks.rays import RayMatch, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.scene import ExportScene, ReadScene, hull_triangles
-from pipeline.mjcf.bundle import OpenedBundle
+from pipeline.mjcf.bundle import OpenedBundle, WorldRecord
+from pipeline.mjcf.loading import load_model
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.rebuilt.remake import read_free_space
@@ -78,7 +80,7 @@ def prove(bundle: Path, opened: OpenedBundle, scene: ExportScene, read: ReadScen
     ----------
     bundle : Path
     opened : OpenedBundle
-        The bundle, opened. The geoms of its model that only MuJoCo's renderer needs are hidden.
+        The bundle, opened.
     scene : ExportScene
         What was written; its frictions and lights are compared.
     read : ReadScene
@@ -86,23 +88,23 @@ def prove(bundle: Path, opened: OpenedBundle, scene: ExportScene, read: ReadScen
         The validator's own, with what the bundle claims.
     """
     zones = [zone.name for zone in opened.record.zones]
-    rays = _cast(bundle, opened, read)
-    labels = match_labels(pieces_of_model(opened.model, zones), read)
+    model = load_model(bundle / MODEL)
+    rays = _cast(bundle, model, opened.record, read)
+    labels = match_labels(pieces_of_model(model, zones), read)
     certificate = certify_parts(bundle, opened, read, params)
     unmeasured = [name for name in params.certificate.limits if name in OF_PHYSICS]
     lights = None if read.lights is None else Count(len(scene.lights), read.lights)
     return Proof(rays, labels, certificate, unmeasured, same_frictions(scene, read), lights)
 
 
-def _cast(bundle: Path, opened: OpenedBundle, read: ReadScene) -> dict[str, RayMatch]:
-    model = opened.model
+def _cast(bundle: Path, model: mujoco.MjModel, record: WorldRecord, read: ReadScene) -> dict[str, RayMatch]:
     for geom in range(model.ngeom):
         if is_shade(model.geom(geom).name):
             model.geom_group[geom] = _HIDDEN
-    draw, T = starts_in_plan(read_free_space(bundle).polygon), np.array(opened.record.T_world_mine)
+    draw, T = starts_in_plan(read_free_space(bundle).polygon), np.array(record.T_world_mine)
     touched = np.concatenate([np.zeros((0, 3, 3)), *map(hull_triangles, read.parts)])
     rays = {"touched": RayTest(draw, cast_at_model(model, T, PART_GROUPS)).compare(touched, SEED)}
-    if opened.record.has_visible_rock:
+    if record.has_visible_rock:
         seen = np.concatenate([np.zeros((0, 3, 3)), *(surface.triangles_m for surface in read.surfaces)])
         rays["seen"] = RayTest(draw, cast_at_model(model, T, (GeomGroup.ROUGH_SURFACE,))).compare(seen, SEED)
     return rays

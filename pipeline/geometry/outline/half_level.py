@@ -49,7 +49,8 @@ def cover_of(plan: Image, raw: Mask, cleaned: Mask) -> Cover:
         if light > dark:
             cover[used] = np.clip((light - grey[used].astype(np.float32)) / (light - dark), 0, 1)
     low, high = np.float32(_LEVEL - _CLEAR), np.float32(_LEVEL + _CLEAR)
-    return np.where(cleaned, np.maximum(cover, high), np.minimum(cover, low))
+    np.maximum(cover, high, out=cover, where=cleaned)
+    return np.minimum(cover, low, out=cover, where=~cleaned)
 
 
 def _paper(grey: np.ndarray, raw: Mask) -> float:

@@ -13,7 +13,8 @@ from shapely import Polygon
 from minexplore.bundle import WALLS, GeomGroup
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, visible_triangles
+from pipeline.mjcf.bundle import OpenedBundle, geom_triangles
+from pipeline.mjcf.visible import visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.proof.lidar.replay_report import Replay, SweepReplay, range_errors, report_replay
 from pipeline.scans.registration import Pose, Registration, Search, register_scans
@@ -68,7 +69,7 @@ def replay_sweeps(
     require_poses(surveyed, returns)
     gated = {name: _gate(sweeps[name], each, params) for name, each in returns.items()}
     collision = RayCaster(geom_triangles(world.model, GeomGroup.COLLISION))
-    visible = RayCaster(visible_triangles(world.model, WALLS))
+    visible = RayCaster(visible_triangles(world.visible, WALLS))
     registration = _register(poses, surveyed, gated, collision, free, params)
     reports, points, errors = {}, {}, {}
     for name, pose in registration.poses.items():

@@ -33,8 +33,7 @@ from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.mjcf.compiled import text_of
-from pipeline.mjcf.loading import read_spec
+from pipeline.mjcf.loading import read_spec, text_of
 from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights

@@ -60,9 +60,9 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
         far.append(_require_bounded(folder / mesh_file(name), chunk, walls, foot_m, sizes.repeat_m))
     _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
-    seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth.triangles
     if rough:
         _require_closed(folder, list(rough.values()), free, walls, record.height_m)
+    seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth.triangles
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
             _require_clear(folder, seen, walls, grid, height)
@@ -204,13 +204,15 @@ def _require_closed(
         at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
         raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
     _require_foot(folder, places[rim][:, :, :2], free, walls)
-    links = coo_array((np.ones(len(ahead)), (ahead[:, 0], ahead[:, 1])), shape=(len(corners), len(corners)))
+    del edge, order, back, alone, rim
+    links = coo_array((np.ones(len(ahead)), ahead.T.astype(np.int32)), shape=(len(corners), len(corners)))
     pieces, _ = connected_components(links, directed=False)
+    del links
     if pieces != 1:
         raise ArtifactError(f"{folder / RECORD}: visible rock: {pieces} separate surfaces, want 1")
-    triangles = places[numbers]
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2] / 2
-    share = -float((triangles[:, :, 2].mean(axis=1) * normal).sum()) / (free.area * height_m)
+    (ax, ay), (bx, by) = ((places[numbers[:, k], :2] - places[numbers[:, 0], :2]).T for k in (1, 2))
+    upward_m2 = (ax * by - ay * bx) / 2  # of each face, seen from above
+    share = -float((places[:, 2][numbers].mean(axis=1) * upward_m2).sum()) / (free.area * height_m)
     if not _VOLUME[0] <= share <= _VOLUME[1]:
         raise ArtifactError(
             f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+_AT_ONCE = 65536  # faces in memory at a time
 _TILTS = 16  # rounds at most; of 48,000 vertices of the default world they tilt 38,000, and more rounds hardly any more
 _FRONT = 0.02  # cosine of the widest angle between a normal and its faces' that counts as in front
 _NONE, _UP = 0.5, (0.0, 0.0, 1.0)  # length of a normal that is none: all faces at its vertex have no area
@@ -46,13 +47,13 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = 180.
     ----------
     Thuermer & Wuethrich 1998, J. Graphics Tools 3(1), doi:10.1080/10867651.1998.10487487
     """
-    corners = vertices[faces]
-    normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    angle = _corner_angles(corners)
+    parts = [_normals_and_angles(vertices[faces[at : at + _AT_ONCE]]) for at in range(0, len(faces), _AT_ONCE)]
+    normal, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
     source, corner = np.arange(len(vertices)), faces.astype(np.int64)
     if crease_deg < 180:
         source, corner = _split(corner, _fans(corner, normal, crease_deg))
-    mean = _unit(_sum_at(corner, angle[..., None] * normal[:, None], len(source)))
+    flat, weighted = corner.ravel(), ((angle * normal[:, k, None]).ravel() for k in range(3))
+    mean = _unit(np.column_stack([np.bincount(flat, of_axis, len(source)) for of_axis in weighted]))
     alone = _tilt(mean, corner, normal)[corner]  # the corners at vertices that no one normal serves
     if alone.any():
         group = np.where(alone, len(source) + np.arange(corner.size).reshape(-1, 3), corner)
@@ -67,16 +68,11 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
-def _corner_angles(corners: np.ndarray) -> np.ndarray:
-    """Return each face's angles (m, 3) rad at its corners."""
+def _normals_and_angles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unit normals (m, 3) of faces (m, 3, 3) m, and their angles (m, 3) rad at their corners."""
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    return np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), (ahead * behind).sum(axis=2))
-
-
-def _sum_at(corner: np.ndarray, vectors: np.ndarray, count: int) -> np.ndarray:
-    """Return the sums (count, 3) of the corners' vectors (m, 3, 3) over equal numbers."""
-    flat = corner.ravel()
-    return np.column_stack([np.bincount(flat, vectors[..., k].ravel(), count) for k in range(3)])
+    angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), (ahead * behind).sum(axis=2))
+    return _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])), angles
 
 
 def _tilt(mean: np.ndarray, corner: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, diags_array
+from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 _LEAST = 0.35  # of an axis' length on a face; on faces that turn more than 70 deg from it its direction is uncertain
@@ -40,21 +40,11 @@ def relax_texture(
     ----------
     Levy et al. 2002, ACM Trans. Graph. 21(3), doi:10.1145/566654.566590 (least squares on triangles)
     """
-    corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    double = np.maximum(np.linalg.norm(cross, axis=1), _SLIVER_M2)
-    normal, area = cross / double[:, None], double / 2
-    # The gradient of the function that is 1 at a corner and 0 at the others.
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    gradient = np.cross(normal[:, None], opposite) / double[:, None, None]
-    index = faces.astype(np.int64)
-    rows, cols = np.repeat(index, 3, axis=1).ravel(), np.tile(index, (1, 3)).ravel()
-    stiffness = area[:, None, None] * np.einsum("fid,fjd->fij", gradient, gradient)
+    normal, area, gradient = _gradients(vertices[faces])
+    index = faces.astype(np.int32)
     mass = np.bincount(index.ravel(), np.repeat(area / 3, 3), len(vertices)) / tether_m**2
     mass[mass == 0] = 1.0  # a vertex without a face
-    matrix = (
-        coo_array((stiffness.ravel(), (rows, cols)), shape=(len(vertices), len(vertices))) + diags_array(mass)
-    ).tocsr()
+    matrix = (_stiffness(index, area, gradient, len(vertices)) + diags_array(mass)).tocsr()
     inverse = diags_array(1.0 / matrix.diagonal())
     offsets = []
     for k in (0, 1):
@@ -65,3 +55,19 @@ def relax_texture(
         right = np.bincount(index.ravel(), push.ravel(), len(vertices))
         offsets.append(cg(matrix, right, rtol=_ACCURACY, maxiter=_ROUNDS, M=inverse)[0])
     return np.column_stack(offsets)
+
+
+def _gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return faces' normals (m, 3), areas (m,) m2, and gradients (m, 3, 3) 1/m of what is 1 at one corner, else 0."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.maximum(np.linalg.norm(cross, axis=1), _SLIVER_M2)
+    normal = cross / double[:, None]
+    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    return normal, double / 2, np.cross(normal[:, None], opposite) / double[:, None, None]
+
+
+def _stiffness(faces: np.ndarray, area: np.ndarray, gradient: np.ndarray, count: int) -> csr_array:
+    """Return the matrix (count, count) of the integral of |grad w|^2, by areas (m,) and gradients (m, 3, 3)."""
+    products = area[:, None, None] * np.einsum("fid,fjd->fij", gradient, gradient)
+    places = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+    return coo_array((products.ravel(), places), shape=(count, count)).tocsr()

@@ -29,13 +29,13 @@ def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork) -> I
     """
     world = load_world(folder)
     model, T = world.compile(shown_spec(world)), world.T_world_mine
-    start = (T @ [*record.spawn.anchor_m, 1.0])[:3] + [0.0, 0.0, _EYE_M]  # noqa: RUF005
-    at_junction = [((T @ [*eye, 1.0])[:3], (T @ [*towards, 1.0])[:3]) for eye, towards in _at_junction(legs)]
-    return draw_eyes(model, [(start, _farthest(model, start)), *at_junction])
+    start = record.spawn.anchor_m + np.array([0.0, 0.0, _EYE_M])
+    ahead = _farthest(model, (T @ [*start, 1.0])[:3])  # a volume is not turned in its world
+    return draw_eyes(model, T, [(start, start + ahead), *_at_junction(legs)])
 
 
 def _farthest(model: mujoco.MjModel, eye: np.ndarray) -> np.ndarray:
-    """Return the place (3,) m, world frame, that an eye sees farthest away at its own height."""
+    """Return the level way (3,) along which an eye (3,) m, world frame, sees farthest."""
     data, geom = mujoco.MjData(model), np.zeros(1, np.int32)
     mujoco.mj_kinematics(model, data)
     shown = np.zeros(mujoco.mjNGROUP, np.uint8)
@@ -43,7 +43,7 @@ def _farthest(model: mujoco.MjModel, eye: np.ndarray) -> np.ndarray:
     angle = np.linspace(0, 2 * np.pi, _WAYS, endpoint=False)
     ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_WAYS)])
     away = [mujoco.mj_ray(model, data, eye, way, shown, 1, -1, geom) for way in ways]  # -1: beyond a floor that falls
-    found: np.ndarray = eye + ways[int(np.argmax(away))]
+    found: np.ndarray = ways[int(np.argmax(away))]
     return found
 
 

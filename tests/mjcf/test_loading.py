@@ -9,7 +9,7 @@ import shapely
 
 from minexplore.bundle import MODEL
 from pipeline.mjcf.bundle import open_bundle
-from pipeline.mjcf.compiled import most_moved_m
+from pipeline.mjcf.loading import most_moved_m
 from pipeline.proof.certificate import measure_containment
 from pipeline.proof.rebuilt.same_model import require_same_model
 from tests.composed import compose
