@@ -27,7 +27,7 @@ def test_the_anchor_is_the_place_with_the_largest_clearance_near_the_entrance():
     spawn = entrance_anchor(grid, (40.5, 2.5), 15.0, 0.5)
     # In the junction the nearest rock is the far wall or a corner, farther than the walls of a drift.
     assert spawn.anchor_clearance_m > 2.5
-    with pytest.raises(GeometryError, match=r"move survey\.entrance_m"):
+    with pytest.raises(GeometryError, match=r"--start \(survey\.entrance_m\) moves the entrance"):
         entrance_anchor(grid, (0.0, 44.0), 3.0, 0.5)
 
 
