@@ -12,7 +12,7 @@ from pipeline.errors import ArtifactError
 from pipeline.memory import give_back
 
 _MOST_MOVED_M = 1e-5
-_STAND_IN = TriangleMesh(
+STAND_IN = TriangleMesh(  # a tetrahedron in the place of a mesh that is not needed
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
     np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
     np.zeros((4, 2)),
@@ -77,7 +77,7 @@ def text_of(spec: mujoco.MjSpec, path: Path) -> str:
     ArtifactError
         If MuJoCo refuses the specification; the message is MuJoCo's, on one line.
     """
-    assets, stand_in = dict(spec.assets), encode_msh(_STAND_IN)
+    assets, stand_in = dict(spec.assets), encode_msh(STAND_IN)
     spec.assets = {name: stand_in if name.endswith(".msh") else data for name, data in assets.items()}
     compile_world(spec, path)
     text = str(spec.to_xml())

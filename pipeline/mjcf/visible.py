@@ -15,13 +15,11 @@ from shapely import Polygon
 
 from minexplore.bundle import FITTINGS_BODY, SURFACE_BODY, GeomGroup, smooth_mesh, surface_geom
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.mjcf.loading import compile_spec
+from pipeline.mjcf.loading import STAND_IN, compile_spec
 from pipeline.types import Frame
 
 _AT_ONCE = 40  # meshes, of tiles of 20 m
 _HIDDEN = GeomGroup.SMOOTH_SURFACE  # no picture of a world with rough rock shows it
-_TETRAHEDRON_M = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
-_ITS_FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 _ROCK_M = 1.0  # by which visible rock may stand behind the wall, and more
 _CELL_M, _BEARINGS = 0.25, 3600  # of the plan in which lines of sight run
 _BESIDE_M = 2.0  # of a line of sight: neighbours are 1.3 m apart at 750 m
@@ -134,7 +132,7 @@ def compile_with(spec: mujoco.MjSpec, path: Path, shown: Collection[str] = ()) -
 def leave_out(meshes: Iterable[mujoco.MjsMesh]) -> None:
     """Put a tetrahedron in the place of meshes: MuJoCo takes longer to remove one the more there are."""
     for mesh in meshes:
-        mesh.file, mesh.uservert, mesh.userface = "", _TETRAHEDRON_M.ravel(), _ITS_FACES.ravel()
+        mesh.file, mesh.uservert, mesh.userface = "", STAND_IN.vertices.ravel(), STAND_IN.faces.ravel()
 
 
 def in_sight(visible: Visible, free: Polygon, eyes_m: Iterable[np.ndarray]) -> set[str]:

@@ -81,10 +81,11 @@ class _Box:
 
 
 def _measure_box(tile: Tile, source: int, parts: PartCorners, outward: np.ndarray) -> _Box:
-    """Take all parts from the free space in a box, moved into it by what they may be behind the planes of facets.
+    """Subtract all parts from the free space in a box, and measure the area of facets that is left.
 
-    All at once they may leave a facet whole that one of them covers, by rounding. So if anything is left, they are
-    taken one after another as well: what no part covers is left both ways.
+    Each part is first moved towards the free space, by as much as it may lie behind the plane of its facet. If all
+    parts are subtracted at once, rounding may leave a facet that one of them covers. So if area is left, the parts are
+    subtracted one after another as well, and the smaller area counts: a facet without a part is left both times.
     """
     low, high = parts.boxes()
     near = np.flatnonzero(((low < tile.high + ON_PLANE_M) & (high > tile.low - ON_PLANE_M)).all(axis=1)).tolist()

@@ -34,7 +34,7 @@ def draw_views(bundle: Path, world: OpenedBundle, free: Polygon, network: DriftN
         seen.append(_view(stations, _back_from_end(stations)))
     shown = in_sight(world.visible, free, [eye[:2] for eye, _ in seen])
     model = compile_with(read_spec(bundle / MODEL), bundle / MODEL, shown)
-    model.vis.quality.offsamples = 0  # antialiasing
+    model.vis.quality.offsamples = 0  # no antialiasing
     return draw_eyes(model, np.array(world.record.T_world_mine), seen)
 
 
