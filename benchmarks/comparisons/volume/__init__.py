@@ -1,1 +1,1 @@
-"""A prototype of mines as one closed volume, measured beside the folded floors (docs/adr/0026-volume.md)."""
+"""Mines as one closed volume: what docs/adr/0026-volume.md asks of them, measured."""
