@@ -6,7 +6,7 @@ MuJoCo's specs take minutes for the 100,000 parts of a large cave.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from xml.sax.saxutils import quoteattr
+from html import escape
 
 import mujoco
 import numpy as np
@@ -84,7 +84,8 @@ class _Kept:
         kept = not (tag in ("mesh", "geom") and (is_floor(name) or is_rock(name)))
         self._open.append(kept)
         if kept:
-            self.written.append(f"<{tag}{''.join(f' {key}={quoteattr(text)}' for key, text in attributes.items())}>")
+            pairs = "".join(f' {key}="{escape(text)}"' for key, text in attributes.items())
+            self.written.append(f"<{tag}{pairs}>")
 
     def end(self, tag: str) -> None:
         """Write its end."""
