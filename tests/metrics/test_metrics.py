@@ -46,6 +46,13 @@ def test_every_column_of_a_faithful_world_is_open(tee: BuiltMine):
     assert found.blocked_at_wall <= 4
 
 
+def test_few_rays_look_at_every_geom(tee: BuiltMine, monkeypatch):
+    asked, mj_ray = [], mujoco.mj_ray
+    monkeypatch.setattr(mujoco, "mj_ray", lambda *ray: asked.append(1) or mj_ray(*ray))
+    assert 20 * len(asked) < columns_of(tee, open_bundle(tee.bundle).model).columns
+    assert asked
+
+
 def test_a_boulder_in_a_drift_is_counted_and_located(tee: BuiltMine):
     spec = mujoco.MjSpec.from_file(str(tee.bundle / "mine.xml"))
     spec.body("mine").add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5, 0.5, 0.5], pos=[20, 2.5, 0.5], group=3)
@@ -68,6 +75,50 @@ def test_rock_that_the_plan_calls_free_is_blocked(tee: BuiltMine):
     found = columns_of(tee, open_bundle(tee.bundle).model, free)
     assert found.blocked + found.blocked_at_wall == pytest.approx(100, abs=4)
     assert found.blocked > 30
+
+
+BOX, PLANE, SPHERE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE
+ROCK, FLOOR = int(GeomGroup.COLLISION), int(GeomGroup.FLOOR)
+COVER = {"type": BOX, "size": [60, 30, 0.1], "pos": [30, 10, -0.1], "group": FLOOR}
+ADDED = {
+    "as built": [],
+    "a turned and tilted block": [{"type": BOX, "size": [1, 0.4, 0.7], "pos": [20, 2.5, 0.5], "euler": [20, 35, 50]}],
+    "a ball, and a plane of bounds": [
+        {"type": SPHERE, "size": [0.7, 0, 0], "pos": [12, 2.5, 0.4]},
+        {"type": PLANE, "size": [2, 1, 1], "pos": [30, 2.5, 1.0]},
+    ],
+    "an endless plane over the floor": [{"type": PLANE, "size": [0, 0, 1], "pos": [0, 0, 0.5]}],
+    "rock without colour": [{"type": BOX, "size": [1, 1, 1], "pos": [20, 2.5, 0.5], "rgba": [0, 0, 0, 0]}],
+    "floor without colour": [COVER | {"rgba": [1, 1, 1, 0]}],
+    "floor under rays that start within it": [COVER | {"size": [60, 30, 5]}],
+    "floor over rays": [COVER | {"pos": [30, 10, 8]}],
+    "tilted floor": [COVER | {"euler": [0, 3, 0]}],
+    "a group below the first, read as the first": [{"type": BOX, "size": [1] * 3, "pos": [20, 2.5, 0.5], "group": -1}],
+}
+
+
+@pytest.mark.parametrize("is_bare", [False, True], ids=["with floor", "without a zone"])
+@pytest.mark.parametrize("added", ADDED.values(), ids=ADDED)
+def test_columns_are_those_of_a_ray_at_every_geom(tee: BuiltMine, added, is_bare):
+    spec = mujoco.MjSpec.from_file(str(tee.bundle / "mine.xml"))
+    if is_bare:
+        spec.delete(spec.geom("floor_mud"))
+    for geom in added:
+        spec.body("mine").add_geom(**{"group": ROCK} | geom)
+    model, free = spec.compile(), np.random.default_rng(0).random(tee.cleaned.shape) < 0.1  # in the rock as well
+    found = columns_of(tee, model, free)
+    places, is_open = tee.frame.to_mine(np.argwhere(free)[:, ::-1] + 0.5), []
+    T, hit, data = np.array(open_bundle(tee.bundle).record.T_world_mine), np.zeros(1, np.int32), mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    groups = np.isin(np.arange(mujoco.mjNGROUP), (FLOOR, ROCK)).astype(np.uint8)
+    for x, y in places:
+        for aside in (0.0, 0.001):
+            start = T @ [x + aside, y, 3.7, 1]
+            if mujoco.mj_ray(model, data, start[:3], -T[:3, 2].copy(), groups, 1, -1, hit) >= 0:
+                break
+        is_open.append(hit[0] >= 0 and model.geom_group[hit[0]] == FLOOR)
+    np.testing.assert_array_equal(found.blocked_places_m, places[~np.array(is_open)])
+    assert 0 < found.blocked + found.blocked_at_wall < found.columns or is_bare or added
 
 
 def masks(plan, world):
