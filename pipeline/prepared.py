@@ -1,7 +1,8 @@
 """Run a stage of the default world, or its report, in a process that has loaded the libraries: DVC's commands.
 
 `python -m pipeline.prepared NAME` asks a process that `pipeline.reproduce` holds, which forks itself for each command:
-libraries take a second to load each time. Without such a process, as under `dvc repro`, the command loads its own.
+libraries take a second to load each time. It also lets each stage begin while the one before runs, as `pipeline new`
+does. Without such a process, as under `dvc repro`, the command loads its own libraries.
 """
 
 from __future__ import annotations
@@ -13,13 +14,17 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from pipeline.guard.process_limits import die_with_parent
+
+if TYPE_CHECKING:
+    from pipeline.guard.forked import Forked
+    from pipeline.stage import Stage
 
 ADDRESS = "MINEXPLORE_PREPARED"  # the environment's variable with the path of the socket
 REPORT = "report"
@@ -35,8 +40,11 @@ _LATER = (  # what stages and the report load while they run
 
 
 @contextmanager
-def prepared() -> Iterator[dict[str, str]]:
-    """Hold a process that runs commands, and yield the environment in which they find it; Linux only."""
+def prepared(whole: bool) -> Iterator[dict[str, str]]:
+    """Hold a process that runs commands, and yield the environment in which they find it; Linux only.
+
+    `whole` says that all stages are asked for, so that each may begin while the one before runs.
+    """
     if sys.platform != "linux":
         yield dict(os.environ)
         return
@@ -46,7 +54,7 @@ def prepared() -> Iterator[dict[str, str]]:
         listener.listen()
         server = os.fork()
         if not server:
-            _exit(partial(_serve, listener, parent))
+            _exit(partial(_serve, listener, parent, whole))
         try:
             yield {**os.environ, ADDRESS: address}
         finally:
@@ -54,20 +62,22 @@ def prepared() -> Iterator[dict[str, str]]:
             os.waitpid(server, 0)
 
 
-def run(name: str) -> int:
-    """Run a stage, or the report, in this process; return the exit code."""
+def run(name: str, begun: Forked[Any] | None = None) -> int:
+    """Run a stage, with what it has begun, or the report, in this process; return the exit code."""
     sys.argv = [name]
     if name == REPORT:
         sys.argv = ["pipeline", name]
         return int(import_module("pipeline.__main__").main())
-    return int(import_module("pipeline.stage").main(import_module(f"stages.{name}").STAGE))
+    return int(import_module("pipeline.stage").main(import_module(f"stages.{name}").STAGE, begun))
 
 
-def _serve(listener: socket.socket, parent: int) -> int:
+def _serve(listener: socket.socket, parent: int, whole: bool) -> int:
     """Load the libraries, then run commands, one after another, until the parent ends this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(parent)
-    import_module("stages.__main__").load_stages()
+    stages = import_module("stages.__main__").load_stages()
+    after = dict(zip([stage.name for stage in stages], stages[1:], strict=False)) if whole else {}
+    begun: Forked[Any] | None = None
     for name in _LATER:
         import_module(name)
     import_module("pipeline.geometry.ray_scene").load_open3d()
@@ -75,22 +85,38 @@ def _serve(listener: socket.socket, parent: int) -> int:
         asked, _ = listener.accept()
         with asked:
             named, streams, _, _ = socket.recv_fds(asked, _LONGEST_NAME, len(_STREAMS))
+            following = after.get(named.decode())
+            coming = _begin(following) if following else None
             child = os.fork()
             if not child:
                 listener.close()
-                _exit(partial(_run_with, named.decode(), streams))
+                _exit(partial(_run_with, named.decode(), streams, begun))
             for stream in streams:
                 os.close(stream)
             code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            if begun:
+                begun.end()
+            begun = coming
             asked.send(bytes([code % 256]))  # a signal is a negative number
 
 
-def _run_with(name: str, streams: list[int]) -> int:
+def _begin(stage: Stage) -> Forked[Any] | None:
+    """Let a stage begin; if it cannot, it says why when it runs."""
+    from pipeline.errors import MineError
+    from pipeline.params.reading.composed import composed_section
+    from pipeline.stage import ARTIFACTS
+
+    with suppress(MineError, OSError):
+        return stage.begin(composed_section(stage.name), ARTIFACTS)
+    return None
+
+
+def _run_with(name: str, streams: list[int], begun: Forked[Any] | None) -> int:
     """Run a command whose standard input, output and errors are these."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for own, given in zip(_STREAMS, streams, strict=True):
         os.dup2(given, own)
-    return run(name)
+    return run(name, begun)
 
 
 def _exit(work: Callable[[], int]) -> NoReturn:

@@ -133,7 +133,7 @@ def main() -> int:
         print("Data and pipelines are up to date.")
         return 0
     sys.stdout.flush()
-    with prepared() as environment:
+    with prepared(whole=not sys.argv[1:]) as environment:
         dvc = subprocess.Popen([sys.executable, "-m", "dvc", "repro", *sys.argv[1:]], env=environment)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # DVC and the stage get it, too, and end as they do alone
         return dvc.wait()

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,15 @@ from pipeline.memory import keep_memory
 from pipeline.params.reading.composed import composed_section, root_overrides
 from pipeline.places import ROOT_PARAMS
 from pipeline.store.codecs import Bundle, decode, encode
-from pipeline.store.files import recover_folder, replace_folder
+from pipeline.store.files import recover_folder, replace_folder, write_atomically
 from pipeline.store.hashing import sha256_bytes, sha256_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.manifest import code_sha256, new_manifest, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
 ARTIFACTS = Path("artifacts")
+_MANIFEST = "manifest.json"
+LATER = "later"  # among what `run` returns: a `Forked` whose result are the outputs that no other stage reads
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,10 @@ class Stage:
     """One stage of the pipeline.
 
     `run(params, **inputs)` receives the section of the configuration with the stage's name, and one decoded artifact
-    for each entry of `reads`. It returns one value for each entry of `writes`. `sources(params)` lists the registered
-    files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after the artifacts are
-    written. `begin(params, root)` may start work that needs nothing of the stage before; `run` gets it as `begun`.
+    for each entry of `reads`. It returns one value for each entry of `writes`; some may come `LATER`. `sources(params)`
+    lists the registered files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after
+    the artifacts are written; a stage with outputs that come later has none. `begin(params, root)` may start work that
+    needs nothing of the stage before; `run` gets it as `begun`.
     """
 
     name: str
@@ -61,8 +65,10 @@ class Stage:
     begin: Callable[[Any, Path], Forked[Any] | None] = field(default=lambda params, root: None)
 
 
-def run_stage(stage: Stage, overrides: list[str]) -> None:
+def run_stage(stage: Stage, overrides: list[str], begun: Forked[Any] | None = None) -> None:
     """Run one stage of the default world with the composed parameters, or with overrides.
+
+    `begun` is what the stage's `begin` has started earlier, if anything.
 
     Raises
     ------
@@ -73,7 +79,7 @@ def run_stage(stage: Stage, overrides: list[str]) -> None:
     with hold_lock(ARTIFACTS / f".{stage.name}.lock", f"another command is running the stage {stage.name}"):
         recover_folder(ARTIFACTS / stage.name)
         try:
-            make_artifacts(stage, params, ARTIFACTS)
+            make_artifacts(stage, params, ARTIFACTS, begun)
         except MineError as error:
             error.args = (f"{error}{_overridden()}", *error.args[1:])
             raise
@@ -106,23 +112,75 @@ def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | N
     MineError
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
+    inputs, outputs = _run(stage, params, root, begun)
+    later = outputs.pop(LATER, None)
+    _write(stage, params, root, inputs, outputs | (later.result() if later else {}))
+
+
+def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> Callable[[], None]:
+    """Run a stage in a world's folder as `make_artifacts` does, but write first only what other stages read.
+
+    The function that is returned writes the rest once it is made, and at last the manifest, without which the stage
+    runs again.
+
+    Raises
+    ------
+    MineError
+        As `make_artifacts`; the function that is returned, too.
+    """
+    inputs, outputs = _run(stage, params, root, begun)
+    later = outputs.pop(LATER, None)
+    if later is None:
+        _write(stage, params, root, inputs, outputs)
+        return lambda: None
+    files = _encoded_all(stage, outputs)
+    replace_folder(root / stage.name, files)
+    return partial(_finish, stage, params, root, inputs, set(outputs), _hashes(stage, root, files), later)
+
+
+def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the hashes of a stage's inputs, and what it returns."""
     with ThreadPoolExecutor(1) as pool:
         if stage.reads:  # stage 1 reads none: beside a thread, its survey's reader would start an interpreter
             pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
         inputs, values = _input_hashes(stage, params, root), {}
         for key, artifact in stage.reads.items():
             values[key] = decode(artifact.at(root), artifact.kind)
-        outputs = stage.run(params, **values, **({"begun": begun} if begun else {}))
-    if set(outputs) != set(stage.writes):
-        raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
-    _write_outputs(stage, params, root, inputs, outputs)
+        return inputs, dict(stage.run(params, **values, **({"begun": begun} if begun else {})))
+
+
+def _write(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: dict[str, Any]) -> None:
+    """Replace all artifacts and the manifest of a stage, and check its figures."""
+    _require_all(stage, set(outputs))
+    files = _encoded_all(stage, outputs)
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, _hashes(stage, root, files))
+    replace_folder(root / stage.name, {**files, _MANIFEST: encode(Path(_MANIFEST), manifest)})
     stage.check(params, outputs)
+
+
+def _finish(
+    stage: Stage,
+    params: Any,
+    root: Path,
+    inputs: dict[str, str],
+    written: set[str],
+    hashes: dict[str, str],
+    later: Forked[Any],
+) -> None:
+    """Write what comes later, and the manifest, beside what a stage has written."""
+    outputs = later.result()
+    _require_all(stage, written | set(outputs))
+    files = _encoded_all(stage, outputs)
+    hashes |= _hashes(stage, root, files)
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
+    for name, data in {**files, _MANIFEST: encode(Path(_MANIFEST), manifest)}.items():
+        write_atomically(root / stage.name / name, data)
 
 
 def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
     """Return whether a world's folder holds this stage's outputs of the same code, parameters and inputs."""
     try:
-        manifest = read_manifest(root / stage.name / "manifest.json")
+        manifest = read_manifest(root / stage.name / _MANIFEST)
         return (
             manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
             and manifest.params == params.model_dump(mode="json")
@@ -159,17 +217,26 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
     return hashes
 
 
-def _write_outputs(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]) -> None:
+def _require_all(stage: Stage, outputs: set[str]) -> None:
+    if outputs != set(stage.writes):
+        raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
+
+
+def _encoded_all(stage: Stage, outputs: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the files of outputs by their paths in the stage's folder."""
     with ThreadPoolExecutor(2) as pool:  # pictures and archives are compressed outside the interpreter
-        parts = pool.map(lambda key: _encoded(stage, key, outputs[key]), stage.writes)
-        files = {name: data for part in parts for name, data in part.items()}
-    folder = root / stage.name
-    volatile = {a.at(root) for a in stage.writes.values() if a.volatile}
-    hashes = {
+        parts = pool.map(
+            lambda key: _encoded(stage, key, outputs[key]), [key for key in stage.writes if key in outputs]
+        )
+        return {name: data for part in parts for name, data in part.items()}
+
+
+def _hashes(stage: Stage, root: Path, files: Mapping[str, bytes]) -> dict[str, str]:
+    """Return the sha256 of files by name, without those that differ from run to run."""
+    folder, volatile = root / stage.name, {a.at(root) for a in stage.writes.values() if a.volatile}
+    return {
         (folder / name).as_posix(): sha256_bytes(data) for name, data in files.items() if folder / name not in volatile
     }
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
-    replace_folder(folder, {**files, "manifest.json": encode(Path("manifest.json"), manifest)})
 
 
 def _encoded(stage: Stage, key: str, value: Any) -> dict[str, bytes]:
@@ -181,8 +248,8 @@ def _encoded(stage: Stage, key: str, value: Any) -> dict[str, bytes]:
     return {path.as_posix(): encode(path, value)}
 
 
-def main(stage: Stage) -> int:
+def main(stage: Stage, begun: Forked[Any] | None = None) -> int:
     """Run a stage from the command line; arguments are Hydra overrides. Bad input gives one message and exit code 2."""
     keep_memory()
     kept = "; earlier artifacts are kept" if (ARTIFACTS / stage.name).is_dir() else ""
-    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:]), f"interrupted{kept}")
+    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:], begun), f"interrupted{kept}")

@@ -14,12 +14,12 @@ from pipeline.geometry.ray_scene import load_open3d
 from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.stage import Artifact, Stage, main
+from pipeline.stage import LATER, Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
 from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
-from pipeline.surface.mesh.rough import check_rough, closed_mesh
+from pipeline.surface.mesh.rough import RoughSurface, check_rough, closed_mesh
 from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.relief_source import choose_relief
@@ -44,7 +44,7 @@ def model_surface(
     volume: Path | None = None,
     solid: ClosedMesh = NO_SOLID,
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
+    """Return both surfaces, the texture, and later reports on roughness and meshes; with `overlay=none` all are empty.
 
     A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs: of
     a scan the volume's own, where its points are.
@@ -56,8 +56,6 @@ def model_surface(
 
         rock = rock_of_volume(params, volume, _texture(params.texture), solid.scan_m, solid.scan_rgb)
         return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
-    from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
-
     load_open3d()  # once, for the other processes as well
     free, height_m = free_space.polygon, extent.height_m
     params = widen_spacing(params, free, height_m)
@@ -68,20 +66,21 @@ def model_surface(
         rough = build_rough_surface(params, lattice, relief)
         smooth, texture = plain.result()
     give_back()  # of the lattice's displacement
+    later = Forked(lambda: _evidence(rough, smooth, report_roughness(params, sources, relief, rough), height_m))
+    return {"smooth": smooth, "rough": chunk_files(rough, params), "texture": texture, LATER: later}
 
-    def evidence() -> dict[str, Any]:
-        reported = report_roughness(params, sources, relief, rough)
-        return {
-            "sections": draw_sections(rough, smooth, height_m),
-            "amplitude": amplitude_table(rough),
-            "roughness": reported,
-            "spectra": draw_spectra(reported),
-            "mesh_checks": check_rough(rough, closed_mesh(rough)[1]),
-        }
 
-    with Forked(evidence) as reports:
-        files = chunk_files(rough, params)
-        return {"smooth": smooth, "rough": files, "texture": texture, **reports.result()}
+def _evidence(rough: RoughSurface, smooth: Meshes, reported: RoughnessReport, height_m: float) -> dict[str, Any]:
+    """Return what no other stage reads."""
+    from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
+
+    return {
+        "sections": draw_sections(rough, smooth, height_m),
+        "amplitude": amplitude_table(rough),
+        "roughness": reported,
+        "spectra": draw_spectra(reported),
+        "mesh_checks": check_rough(rough, closed_mesh(rough)[1]),
+    }
 
 
 _NO_ROCK: dict[str, Any] = {

@@ -6,6 +6,7 @@ import dataclasses
 import sys
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,8 @@ def validate_world(
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
     pictures = _pictures(params, validator)
+    if params.overlay != "none":
+        import_module("pipeline.report.figures.texture")  # Matplotlib loads while other processes measure
     validator.await_measured()
     with ThreadPoolExecutor(1) as pool:
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy

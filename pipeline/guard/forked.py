@@ -9,6 +9,7 @@ from __future__ import annotations
 import mmap
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import warnings
@@ -16,7 +17,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Lock
-from typing import Any, Generic, TypeVar
+from typing import IO, Any, Generic, TypeVar
 
 from pipeline.errors import MemoryShortageError, MineError
 from pipeline.guard.process_limits import die_with_parent
@@ -31,21 +32,26 @@ _sharing = False  # whether this process works at its share
 class Forked(Generic[_T]):
     """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for.
 
-    `with` ends the process; so does the loss of the last reference, as nobody can ask for the result then.
+    `with` ends the process; so does the loss of the last reference, as nobody can ask for the result then. A process
+    that is done ends, and its result waits in a file in memory. Another process that is forked after this object was
+    made may ask for the result as well.
     """
 
     def __init__(self, work: Callable[[], _T]) -> None:
-        self._work, self._process, self._owner = work, None, os.getpid()
+        self._work: Callable[[], _T] | None = work
+        self._process, self._owner = None, os.getpid()
         if sys.platform == "linux":
             context = multiprocessing.get_context("fork")
             self._answer, out = context.Pipe(duplex=False)
-            process = context.Process(target=_serve, args=(work, out, os.getpid()), daemon=True)
+            self._file = os.fdopen(os.memfd_create("result"), "w+b")
+            process = context.Process(target=_serve, args=(work, self._file, out, os.getpid()), daemon=True)
             with warnings.catch_warnings():
                 warnings.simplefilter(
                     "ignore", DeprecationWarning
                 )  # about threads; none of them holds what `work` needs
                 process.start()
             self._process = process
+            self._work = None  # what it works on is the other process's
             out.close()
 
     def __enter__(self) -> Forked[_T]:
@@ -65,13 +71,15 @@ class Forked(Generic[_T]):
         MineError
             That of the function; a `MemoryShortageError` if the process was ended.
         """
-        if self._process is None:
+        if self._work is not None:
             return self._work()
         try:
-            error, value, remarks = self._answer.recv()
+            self._answer.recv_bytes()
+            self._file.seek(0)
+            error, value, remarks = pickle.load(self._file)  # noqa: S301 - this process's own
         except EOFError:
-            self._process.join()
-            if self._process.exitcode and self._process.exitcode > 0:
+            code = self._exit_code()
+            if code is None or code > 0:
                 raise RuntimeError("a process that measures failed; its error is above") from None
             raise MemoryShortageError("a process that measures was ended, perhaps for want of memory") from None
         finally:
@@ -81,22 +89,34 @@ class Forked(Generic[_T]):
             raise error
         return value
 
+    def _exit_code(self) -> int | None:
+        """Return how the process has ended; None in a process that did not begin it, and cannot know."""
+        if self._process is None or self._owner != os.getpid():
+            return None
+        self._process.join()
+        return self._process.exitcode
+
     def end(self) -> None:
         """End the process, whether or not it is done; a copy of this object in another process leaves it alone."""
         if self._process is not None and self._owner == os.getpid():
             self._process.kill()
             self._process.join()
             self._answer.close()
+            self._file.close()
 
 
-def _serve(work: Callable[[], Any], out: Connection, parent: int) -> None:
+def _serve(work: Callable[[], Any], file: IO[bytes], out: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     die_with_parent(parent)
+    multiprocessing.current_process().daemon = False  # it may have forked processes, which end with it
     with collect_remarks() as remarks:
         try:
-            out.send((None, work(), remarks))
+            answer: Any = (None, work(), remarks)
         except (MineError, MemoryError) as error:
-            out.send((error, None, remarks))
+            answer = (error, None, remarks)
+        pickle.dump(answer, file, pickle.HIGHEST_PROTOCOL)
+        file.flush()
+        out.send_bytes(b"done")
 
 
 def in_shares(work: Callable[[int, int], _T], count: int, least: int = 1) -> list[_T]:

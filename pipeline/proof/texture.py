@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +14,7 @@ from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
+from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
@@ -37,6 +41,8 @@ from pipeline.params.validation import TextureReportParams
 from pipeline.proof.surface import between, split_long, stretch_centres
 from pipeline.types import DriftNetwork
 
+_Heat = list[tuple[float, float, float]]  # easting and northing, m, and mean sigma, m
+_WAVELENGTH = "dominant_wavelength_m"  # the axis that is not measured in a draw
 _HEAT_M, _HEAT_POINTS = 0.5, 12
 _WALL_POINTS = 400_000
 _ON_WALLS_M = 2.0  # of wall that a stretch in the middle of a room holds at least
@@ -79,6 +85,11 @@ class Draw:
     roof_unevenness_m: float
     bump_rms_m: float
 
+    def with_wavelengths(self, published_m: float | None, along_m: float | None) -> Draw:
+        """Return the draw with the wavelengths of both readings, which are not measured in a draw."""
+        as_paper, as_is = {**self.as_paper, _WAVELENGTH: published_m}, {**self.as_is, _WAVELENGTH: along_m}
+        return dataclasses.replace(self, as_paper=as_paper, as_is=as_is)
+
 
 @dataclass(frozen=True)
 class MeasuredTexture:
@@ -110,8 +121,10 @@ def report_texture(
     params: TextureReportParams,
 ) -> TextureReport:
     """Measure the visible rock of a world on the paper's six axes, and the smooth surface for comparison."""
-    rock = measure_texture(visible_triangles(visible, WALLS), visible_triangles(visible, ROOF), free, network, params)
-    flat = measure_flat_texture(visible, free, network, params)
+    with Forked(lambda: measure_flat_texture(visible, free, network, params)) as smooth:
+        walls, roof = (visible_triangles(visible, piece) for piece in (WALLS, ROOF))
+        rock = measure_texture(walls, roof, free, network, params)
+        flat = smooth.result()
     return repeatable(
         TextureReport(
             rock.as_paper,
@@ -164,27 +177,35 @@ def measure_texture(
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m, in each draw of stretches.
 
     Both wavelengths are read once: as the paper from the whole mine, along the walls from the first draw, where they
-    differ least.
+    differ least. Forked processes read them, and each draw without noise: points are drawn in one order all the same.
     """
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
     _require_both(pieces)
     everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
-    published_m = published_wavelength_m(between(everywhere, params.wall_z_m))
-    heat = _heat(everywhere)
-    del everywhere
-    give_back()  # sampling takes three times the memory of the points
-    along_m: float | None = None
-    draws: list[Draw] = []
-    for places in draws_of_places(network, params):
-        near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
-        _require_both(near)
-        on_walls, on_roof = _sample(near, params, rng)
-        if not draws:
-            wall = between(on_walls.points, params.wall_z_m)
-            along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
-        draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params, rng))
-    return MeasuredTexture(draws, heat)
+    with ExitStack() as processes:
+        whole = processes.enter_context(Forked(partial(_read_whole, everywhere, params)))
+        del everywhere
+        give_back()  # sampling takes three times the memory of the points
+        draws: list[Draw] = []
+        for places in draws_of_places(network, params):
+            near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
+            _require_both(near)
+            on_walls, on_roof = _sample(near, params, rng)
+            if not draws:
+                wall = between(on_walls.points, params.wall_z_m)
+                wall = wall[:: max(1, len(wall) // _WALL_POINTS)]
+                along = processes.enter_context(Forked(partial(wall_wavelength_m, wall, free)))
+            draws.append(_measure_draw(on_walls, on_roof, params, rng))
+        (published_m, heat), along_m = whole.result(), along.result()
+    return MeasuredTexture([draw.with_wavelengths(published_m, along_m) for draw in draws], heat)
+
+
+def _read_whole(
+    walls: np.ndarray, params: TextureReportParams
+) -> tuple[float | None, list[tuple[float, float, float]]]:
+    """Return the wavelength as the paper reads it, and sigma along the mine, of points (n, 3) m of all walls."""
+    return published_wavelength_m(between(walls, params.wall_z_m)), _heat(walls)
 
 
 def _require_both(pieces: list[np.ndarray]) -> None:
@@ -200,9 +221,12 @@ class _Cloud:
     triangles: np.ndarray
     face: np.ndarray
 
-    def add_noise(self, along_m: float, in_plane_m: float, rng: np.random.Generator) -> None:
-        """Move the points by the paper's noise."""
-        add_noise(self.points, unit_normals(self.triangles), self.face, along_m, in_plane_m, rng)
+    def with_noise(self, params: TextureReportParams, rng: np.random.Generator) -> np.ndarray:
+        """Return the points, moved by the paper's noise."""
+        noise_m = params.noise_normal_m, params.noise_in_plane_m
+        points = self.points.copy()
+        add_noise(points, unit_normals(self.triangles), self.face, *noise_m, rng)
+        return points
 
 
 def _sample(pieces: list[np.ndarray], params: TextureReportParams, rng: np.random.Generator) -> list[_Cloud]:
@@ -214,32 +238,25 @@ def _sample(pieces: list[np.ndarray], params: TextureReportParams, rng: np.rando
     return found
 
 
-def _measure_draw(
-    walls: _Cloud,
-    roofs: _Cloud,
-    wavelengths_m: tuple[float | None, float | None],
-    params: TextureReportParams,
-    rng: np.random.Generator,
-) -> Draw:
-    """Measure one draw, first as it is; then its points get the paper's noise, and are measured once more."""
-    rock = _rock_points(walls.points, roofs.points, wavelengths_m[1], params)
-    sigma = rock.sweep.bumps.sigma
-    bump_rms_m = float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0
-    as_is, sweep, unevenness_m = measure_axes(rock), rock.sweep.residuals, roof_unevenness_m(rock.roof)
-    del rock  # its planes take as much memory as all points
-    for cloud in (walls, roofs):
-        cloud.add_noise(params.noise_normal_m, params.noise_in_plane_m, rng)
-    as_paper = measure_axes(_rock_points(walls.points, roofs.points, wavelengths_m[0], params))
-    return Draw(as_paper, as_is, sweep, unevenness_m, bump_rms_m)
+def _measure_draw(walls: _Cloud, roofs: _Cloud, params: TextureReportParams, rng: np.random.Generator) -> Draw:
+    """Measure one draw without wavelengths: as it is in a forked process, and with the paper's noise in this one."""
+
+    def plain() -> tuple[TextureAxes, list[Residuals], float, float]:
+        rock = _rock_points(walls.points, roofs.points, params)
+        sigma = rock.sweep.bumps.sigma
+        bump_rms_m = float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0
+        return measure_axes(rock), rock.sweep.residuals, roof_unevenness_m(rock.roof), bump_rms_m
+
+    with Forked(plain) as measured:
+        noisy = [cloud.with_noise(params, rng) for cloud in (walls, roofs)]
+        return Draw(measure_axes(_rock_points(noisy[0], noisy[1], params)), *measured.result())
 
 
-def _rock_points(
-    walls: np.ndarray, roof: np.ndarray, wavelength_m: float | None, params: TextureReportParams
-) -> RockPoints:
+def _rock_points(walls: np.ndarray, roof: np.ndarray, params: TextureReportParams) -> RockPoints:
     walls, roof = (
         rotate_about_z(between(points, z_m)) for points, z_m in ((walls, params.wall_z_m), (roof, params.roof_z_m))
     )
-    return RockPoints(walls, sweep_walls(walls), roof, wavelength_m)
+    return RockPoints(walls, sweep_walls(walls), roof, None)
 
 
 def texture_metrics(report: TextureReport) -> dict[str, Any]:
@@ -300,7 +317,7 @@ def _count(triangles: np.ndarray, most: int, per_m2: float) -> int:
     return max(1000, min(most, int(per_m2 * np.linalg.norm(sides, axis=1).sum() / 2)))
 
 
-def _heat(points: np.ndarray) -> list[tuple[float, float, float]]:
+def _heat(points: np.ndarray) -> _Heat:
     planes = fit_voxel_planes(points, _HEAT_M, _HEAT_POINTS)
     column, index = np.unique(planes.cell[:, :2], axis=0, return_inverse=True)
     index = index.ravel()

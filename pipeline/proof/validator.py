@@ -34,7 +34,6 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
-from pipeline.proof.groups import OF_VISIBLE_ROCK
 from pipeline.proof.rebuilt.built import require_rock, require_solid, tolerance_of
 from pipeline.proof.surface import WallBands, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
@@ -82,7 +81,8 @@ class Validator:
         self._beside, self._measured = beside, list[Forked[dict[str, Any]]]()
         try:
             if self.world.record.has_visible_rock:
-                self._measure_beside(*OF_VISIBLE_ROCK)
+                self._measure_beside("texture")
+                self._measure_beside("relief", "walls")
             if checked and params.extent == "full":
                 self._require_built()
             else:

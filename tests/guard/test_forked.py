@@ -74,6 +74,41 @@ def test_a_process_ends_with_the_last_reference_to_it():
     assert not process.is_alive()
 
 
+def test_a_process_that_is_done_ends_before_its_result_is_asked_for():
+    forked = Forked(lambda: bytes(1 << 20))  # more than a pipe holds
+    forked._process.join(20)
+    assert forked._process.exitcode == 0
+    assert forked.result() == bytes(1 << 20)
+
+
+def test_a_forked_process_may_fork_and_its_own_ends_with_it(tmp_path):
+    assert Forked(lambda: Forked(os.getppid).result() == os.getpid()).result()
+    file = tmp_path / "pid"
+
+    def fork_and_wait():
+        Forked(lambda: (file.write_text(str(os.getpid())), time.sleep(30))).result()
+
+    forked, start = Forked(fork_and_wait), time.monotonic()
+    while not (file.exists() and file.read_text()) and time.monotonic() - start < 20:
+        time.sleep(0.01)
+    forked.end()
+    while time.monotonic() - start < 20:
+        try:
+            os.kill(int(file.read_text()), 0)
+        except ProcessLookupError:
+            break
+        time.sleep(0.01)
+    assert time.monotonic() - start < 20
+
+
+def test_a_process_that_is_forked_later_may_ask_for_the_result():
+    forked = Forked(lambda: 7)
+    assert Forked(forked.result).result() == 7
+    failed = Forked(lambda: 1 // 0)
+    with pytest.raises(RuntimeError, match="its error is above"):
+        Forked(failed.result).result()
+
+
 def shares_of(found):
     return [pid for pid, _ in found], [number for _, numbers in found for number in numbers]
 

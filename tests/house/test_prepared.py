@@ -1,5 +1,6 @@
 """Commands of DVC in a process that has loaded the libraries."""
 
+import json
 import os
 import socket
 import subprocess
@@ -15,10 +16,45 @@ _CONTOURS = [sys.executable, "-m", "pipeline.prepared", "contours"]
 _PREPARED = """
 import subprocess, sys
 from pipeline.prepared import prepared
-with prepared() as environment:
+with prepared(whole=False) as environment:
     for _ in range(2):
         done = subprocess.run(sys.argv[1:], env=environment)
 sys.exit(done.returncode)
+"""
+
+
+_AHEAD = """
+import json, os, subprocess, sys, types
+import stages.__main__ as listed
+from pipeline import stage
+from pipeline.guard.forked import Forked
+from pipeline.params.reading import composed
+from pipeline.prepared import prepared
+
+def begin(params, root):
+    return Forked(lambda: params.name)
+
+def second(params, begun=None):
+    return {"two": {"begun": begun.result() if begun else None}}
+
+class Section(types.SimpleNamespace):
+    def model_dump(self, mode):
+        return {}
+
+one, two = (stage.Artifact(name, dict) for name in ("contours/a.json", "compile3d/b.json"))
+all_ = [
+    stage.Stage("contours", run=lambda params: {"one": {}}, reads={}, writes={"one": one}),
+    stage.Stage("compile3d", run=second, begin=begin, reads={}, writes={"two": two}),
+]
+for one in all_:
+    sys.modules["stages." + one.name] = types.SimpleNamespace(STAGE=one)
+listed.load_stages = lambda: all_
+stage.composed_section = composed.composed_section = lambda name: Section(name=name)
+stage.read_registry, stage.new_manifest = dict, lambda *fields: {}
+with prepared(whole=sys.argv[1] == "whole") as environment:
+    for name in sys.argv[2:]:
+        subprocess.run([sys.executable, "-m", "pipeline.prepared", name], env=environment, check=True)
+print(open("artifacts/compile3d/b.json").read())
 """
 
 
@@ -57,3 +93,17 @@ def test_a_command_hands_its_streams_to_the_process_of_the_address_and_ends_with
                 asked.send(bytes([7]))
             assert client.communicate() == (b"out", b"error")
     assert (name, client.returncode) == (b"contours", 7)
+
+
+@pytest.mark.parametrize(
+    ("asked", "begun"),
+    [
+        (["whole", "contours", "compile3d"], "compile3d"),
+        (["part", "contours", "compile3d"], None),
+        (["whole", "compile3d"], None),  # the one before is up to date
+    ],
+)
+def test_a_stage_gets_what_it_began_while_the_one_before_ran(tmp_path, asked, begun):
+    done = _run([sys.executable, "-c", _AHEAD, *asked], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == {"begun": begun}
