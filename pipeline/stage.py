@@ -113,8 +113,13 @@ def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | N
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
     inputs, outputs = _run(stage, params, root, begun)
-    later = outputs.pop(LATER, None)
-    _write(stage, params, root, inputs, outputs | (later.result() if later else {}))
+    _write(stage, params, root, inputs, with_later(outputs))
+
+
+def with_later(outputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all outputs of a stage: await those that come later."""
+    now = {key: value for key, value in outputs.items() if key != LATER}
+    return now | (outputs[LATER].result() if LATER in outputs else {})
 
 
 def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> Callable[[], None]:

@@ -13,7 +13,7 @@ from typing import Any
 from minexplore.bundle import MODEL
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
-from pipeline.mjcf.load_time import LoadCost, measure_load
+from pipeline.mjcf.load_time import LoadCost, prepared_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.groups import applying_limits, is_measured, is_rock_judged
@@ -84,11 +84,11 @@ def validate_world(
         metrics = {group: validator.measure(group) for group in groups}
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
-    pictures = _pictures(params, validator)
-    if params.overlay != "none":
-        import_module("pipeline.report.figures.texture")  # Matplotlib loads while other processes measure
-    validator.await_measured()
-    with ThreadPoolExecutor(1) as pool:
+    with prepared_load() as measure_load, ThreadPoolExecutor(1) as pool:
+        pictures = _pictures(params, validator)
+        if params.overlay != "none":
+            import_module("pipeline.report.figures.texture")  # Matplotlib loads while other processes measure
+        validator.await_measured()
         loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
         evidence = pictures | _evidence(params, validator)
         metrics = {group: validator.measure(group) for group in groups}

@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline.commands.options import add_options, stated_options
 from pipeline.commands.remark_table import remark_table
-from pipeline.commands.worlds import build, report
+from pipeline.commands.worlds import build, write_report
 from pipeline.params.stated import StatedOptions
 
 DETECTED = "detected.png"
@@ -103,12 +103,15 @@ def _make(
     overrides: list[str],
     detected: Path | None,
 ) -> None:
+    from pipeline.compose import compose
     from pipeline.errors import LimitError
+    from pipeline.guard.forked import Forked
     from pipeline.import_mine import draft_import, import_mine
     from pipeline.worlds import WORLDS, describe_start, env_id
 
     draft = draft_import(name, source, stated)
     existed, failure = (WORLDS / name).exists(), None
+    default = Forked(lambda: compose([]))  # for the report, while this process composes the mine's
     imported = import_mine(draft, origin, licence)
     try:
         if draft.picture is not None:
@@ -126,7 +129,7 @@ def _make(
         print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
     print("report ", end=" ")
-    report(name)
+    write_report(name, default.result())
     print(f"start   {describe_start(WORLDS / name)}")
     print(f"env id  {env_id(name)}")
     if failure is not None:

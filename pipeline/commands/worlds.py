@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.commands.arguments import natural, number, positive
+
+if TYPE_CHECKING:
+    from pipeline.params.config import Config
 
 
 def build(name: str, overrides: list[str]) -> None:
@@ -97,6 +100,12 @@ def compare(one: str, other: str) -> None:
 def report(name: str) -> None:
     """Write a world's report.html, a single page that needs no network."""
     from pipeline.compose import compose
+
+    write_report(name, compose([]))
+
+
+def write_report(name: str, default: Config) -> None:
+    """Write a world's report.html, which lists what of its parameters differs from the default."""
     from pipeline.report.page import write_page
     from pipeline.worlds import changed_params, env_id, is_volume_world, world_folder
 
@@ -105,7 +114,7 @@ def report(name: str) -> None:
         from pipeline.volume.world.page import volume_view
 
         view = volume_view(folder)
-    print(write_page(folder, env_id(name), changed_params(name, compose([])), view))
+    print(write_page(folder, env_id(name), changed_params(name, default), view))
 
 
 def add_to(commands: Any) -> None:

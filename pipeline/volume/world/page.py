@@ -10,6 +10,7 @@ import numpy as np
 
 from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
+from pipeline.guard.forked import Forked
 from pipeline.params.validation import ValidationParams
 from pipeline.report.figures.mine import to_svg
 from pipeline.report.figures.scene import walked_page
@@ -50,7 +51,8 @@ def volume_view(root: Path) -> WorldView:
     section = to_svg(draw_section(floors, roofs, datum_m))
     middle = (volume.vertices.min(axis=0) + volume.vertices.max(axis=0)) / 2
     scan = _deviation(volume, decode(root / "survey/solid.npz", ClosedMesh))
-    scene = walked_page(facet_scene(volume.vertices, volume.faces, volume.label, scan), longest_way(legs) - middle)
+    way = longest_way(legs) - middle
+    scene = Forked(lambda: walked_page(facet_scene(volume.vertices, volume.faces, volume.label, scan), way))
     return WorldView(
         record=record,
         plan=plan,
