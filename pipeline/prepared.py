@@ -1,8 +1,8 @@
 """Run a stage of the default world, or its report, in a process that has loaded the libraries: DVC's commands.
 
 `python -m pipeline.prepared NAME` asks a process that `pipeline.reproduce` holds, which forks itself for each command:
-libraries take a second to load each time. It also lets each stage begin while the one before runs, as `pipeline new`
-does. Without such a process, as under `dvc repro`, the command loads its own libraries.
+libraries take a second to load each time. It also lets stages begin while earlier ones run, as `pipeline new` does.
+Without such a process, as under `dvc repro`, the command loads its own libraries.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _LATER = (  # what stages and the report load while they run
 def prepared(whole: bool) -> Iterator[dict[str, str]]:
     """Hold a process that runs commands, and yield the environment in which they find it; Linux only.
 
-    `whole` says that all stages are asked for, so that each may begin while the one before runs.
+    `whole` says that all stages are asked for, so that they may begin while earlier ones run.
     """
     if sys.platform != "linux":
         yield dict(os.environ)
@@ -76,8 +76,7 @@ def _serve(listener: socket.socket, parent: int, whole: bool) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(parent)
     stages = import_module("stages.__main__").load_stages()
-    after = dict(zip([stage.name for stage in stages], stages[1:], strict=False)) if whole else {}
-    begun: Forked[Any] | None = None
+    begun: dict[str, Forked[Any] | None] = {}
     for name in _LATER:
         import_module(name)
     import_module("pipeline.geometry.ray_scene").load_open3d()
@@ -85,18 +84,18 @@ def _serve(listener: socket.socket, parent: int, whole: bool) -> int:
         asked, _ = listener.accept()
         with asked:
             named, streams, _, _ = socket.recv_fds(asked, _LONGEST_NAME, len(_STREAMS))
-            following = after.get(named.decode())
-            coming = _begin(following) if following else None
+            name = named.decode()
+            begun |= {stage.name: _begin(stage) for stage in stages if whole and stage.begins_with == name}
+            own = begun.pop(name, None)
             child = os.fork()
             if not child:
                 listener.close()
-                _exit(partial(_run_with, named.decode(), streams, begun))
+                _exit(partial(_run_with, name, streams, own))
             for stream in streams:
                 os.close(stream)
             code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-            if begun:
-                begun.end()
-            begun = coming
+            if own:
+                own.end()
             asked.send(bytes([code % 256]))  # a signal is a negative number
 
 

@@ -52,8 +52,8 @@ class Stage:
     `run(params, **inputs)` receives the section of the configuration with the stage's name, and one decoded artifact
     for each entry of `reads`. It returns one value for each entry of `writes`; some may come `LATER`. `sources(params)`
     lists the registered files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after
-    the artifacts are written; a stage with outputs that come later has none. `begin(params, root)` may start work that
-    needs nothing of the stage before; `run` gets it as `begun`.
+    the artifacts are written; a stage with outputs that come later has none. `begin(params, root)` may start work when
+    the stage `begins_with` starts, which needs nothing of that stage or a later one; `run` gets it as `begun`.
     """
 
     name: str
@@ -63,6 +63,7 @@ class Stage:
     sources: Callable[[Any], list[str]] = field(default=lambda params: [])
     check: Callable[[Any, Mapping[str, Any]], None] = field(default=lambda params, outputs: None)
     begin: Callable[[Any, Path], Forked[Any] | None] = field(default=lambda params, root: None)
+    begins_with: str = ""
 
 
 def run_stage(stage: Stage, overrides: list[str], begun: Forked[Any] | None = None) -> None:

@@ -45,6 +45,7 @@ STAGE = Stage(
     name="realism",
     run=write_world,
     begin=begin_world,
+    begins_with="surface",
     reads={
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),

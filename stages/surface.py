@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,11 @@ from pipeline.types import (
 )
 
 
+def begin_texture(params: SurfaceParams, root: Path) -> Forked[Image] | None:
+    """Let another process make the texture."""
+    return None if params.overlay == "none" else Forked(partial(_texture, params.texture))
+
+
 def model_surface(
     params: SurfaceParams,
     free_space: FreeSpace,
@@ -43,28 +49,32 @@ def model_surface(
     extent: SolidExtent,
     volume: Path | None = None,
     solid: ClosedMesh = NO_SOLID,
+    begun: Forked[Image] | None = None,
 ) -> dict[str, Any]:
     """Return both surfaces, the texture, and later reports on roughness and meshes; with `overlay=none` all are empty.
 
     A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs: of
-    a scan the volume's own, where its points are.
+    a scan the volume's own, where its points are. `begun` is what `begin_texture` has returned, if
+    it was called before.
     """
     if params.overlay == "none":
         return _NO_ROCK
     if volume is not None and (volume / VOLUME).is_file():
         from pipeline.volume.world.surface.build import rock_of_volume  # open3d takes a second to load
 
-        rock = rock_of_volume(params, volume, _texture(params.texture), solid.scan_m, solid.scan_rgb)
+        texture = begun.result() if begun else _texture(params.texture)
+        rock = rock_of_volume(params, volume, texture, solid.scan_m, solid.scan_rgb)
         return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
     load_open3d()  # once, for the other processes as well
     free, height_m = free_space.polygon, extent.height_m
     params = widen_spacing(params, free, height_m)
-    with Forked(lambda: (_smooth(params, free, height_m), _texture(params.texture))) as plain:
+    drawn = begun or Forked(partial(_texture, params.texture))
+    with drawn, Forked(lambda: _smooth(params, free, height_m)) as plain:
         sources = measure_sources(params)
         lattice = lay_rough_lattice(params, free, topology, height_m)
         relief = choose_relief(params, sources, lattice)
         rough = build_rough_surface(params, lattice, relief)
-        smooth, texture = plain.result()
+        smooth, texture = plain.result(), drawn.result()
     give_back()  # of the lattice's displacement
     later = Forked(lambda: _evidence(rough, smooth, report_roughness(params, sources, relief, rough), height_m))
     return {"smooth": smooth, "rough": chunk_files(rough, params), "texture": texture, LATER: later}
@@ -113,6 +123,8 @@ def _texture(params: TextureParams) -> Image:
 STAGE = Stage(
     name="surface",
     run=model_surface,
+    begin=begin_texture,
+    begins_with="survey",
     sources=reference_files,
     reads={
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),

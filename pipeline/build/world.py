@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from pipeline.errors import MemoryShortageError, describe_shortage, lacks_memory
+from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.params.config import Config
 from pipeline.stage import Stage, begin_artifacts, check_again, is_fresh
@@ -45,37 +46,39 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
     """
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
     write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())
-    stages, ran, begun = load_stages(), list[str](), None
-    after = dict(zip([stage.name for stage in stages], stages[1:], strict=False))
+    stages, ran = load_stages(), list[str]()
+    begun: dict[str, Forked[Any] | None] = {}
     unfinished: dict[str, Callable[[], None]] = {}
     try:
         for stage in progress(stages):
             params: Any = getattr(config, stage.name)
             recover_folder(root / stage.name)
-            coming = None
-            try:
-                with _in_stage(stage.name):
-                    if is_fresh(stage, params, root):
-                        check_again(stage, params, root)
-                    else:
-                        following = after.get(stage.name)
-                        coming = following.begin(getattr(config, following.name), root) if following else None
-                        unfinished[stage.name] = begin_artifacts(stage, params, root, begun)
-                        give_back()
-                        ran.append(stage.name)
-            except BaseException:
-                if coming:
-                    coming.end()
-                raise
-            finally:
-                if begun:
-                    begun.end()
-            begun = coming
+            with _in_stage(stage.name):
+                if is_fresh(stage, params, root):
+                    check_again(stage, params, root)
+                    continue
+                for other in stages:
+                    if other.begins_with == stage.name:
+                        begun[other.name] = other.begin(getattr(config, other.name), root)
+                unfinished[stage.name] = begin_artifacts(stage, params, root, begun.pop(stage.name, None))
+                give_back()
+                ran.append(stage.name)
     except Exception:
+        _end(begun)
         _finish(unfinished)
+        raise
+    except BaseException:
+        _end(begun)
         raise
     _finish(unfinished)
     return ran
+
+
+def _end(begun: Mapping[str, Forked[Any] | None]) -> None:
+    """End what was begun for stages that do not run."""
+    for work in begun.values():
+        if work:
+            work.end()
 
 
 def _finish(unfinished: Mapping[str, Callable[[], None]]) -> None:

@@ -30,6 +30,7 @@ def _stages(monkeypatch, first, begun):
             reads={"one": Artifact("survey/one.json", dict)},
             writes={"two": Artifact("contours/two.json", dict)},
             begin=begin,
+            begins_with="survey",
         ),
     ]
     monkeypatch.setattr(world, "load_stages", lambda: stages)

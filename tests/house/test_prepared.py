@@ -44,7 +44,7 @@ class Section(types.SimpleNamespace):
 one, two = (stage.Artifact(name, dict) for name in ("contours/a.json", "compile3d/b.json"))
 all_ = [
     stage.Stage("contours", run=lambda params: {"one": {}}, reads={}, writes={"one": one}),
-    stage.Stage("compile3d", run=second, begin=begin, reads={}, writes={"two": two}),
+    stage.Stage("compile3d", run=second, begin=begin, begins_with="contours", reads={}, writes={"two": two}),
 ]
 for one in all_:
     sys.modules["stages." + one.name] = types.SimpleNamespace(STAGE=one)
