@@ -30,17 +30,19 @@ _sharing = False  # whether this process works at its share
 
 
 class Forked(Generic[_T]):
-    """A function that runs in a forked process; on systems other than Linux it runs when its result is asked for.
+    """A function that runs in a forked process.
+
+    On systems other than Linux, and if it is not to run apart, it runs when its result is asked for.
 
     `with` ends the process; so does the loss of the last reference, as nobody can ask for the result then. A process
     that is done ends, and its result waits in a file in memory. Another process that is forked after this object was
     made may ask for the result as well.
     """
 
-    def __init__(self, work: Callable[[], _T]) -> None:
+    def __init__(self, work: Callable[[], _T], apart: bool = True) -> None:
         self._work: Callable[[], _T] | None = work
         self._process, self._owner = None, os.getpid()
-        if sys.platform == "linux":
+        if apart and sys.platform == "linux":
             context = multiprocessing.get_context("fork")
             self._answer, out = context.Pipe(duplex=False)
             self._file = os.fdopen(os.memfd_create("result"), "w+b")

@@ -152,7 +152,7 @@ def measure_flat_texture(
 ) -> MeasuredTexture:
     """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches."""
     walls, roof = (smooth_triangles(visible, piece) for piece in (WALLS, ROOF))
-    return measure_texture(walls, roof, free, network, _quarter(params))
+    return measure_texture(walls, roof, free, network, _quarter(params), apart=False)
 
 
 def _short(scores: Scores) -> Scores:
@@ -172,19 +172,25 @@ def _quarter(params: TextureReportParams) -> TextureReportParams:
 
 
 def measure_texture(
-    walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: TextureReportParams
+    walls: np.ndarray,
+    roof: np.ndarray,
+    free: Polygon,
+    network: DriftNetwork,
+    params: TextureReportParams,
+    apart: bool = True,
 ) -> MeasuredTexture:
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m, in each draw of stretches.
 
     Both wavelengths are read once: as the paper from the whole mine, along the walls from the first draw, where they
-    differ least. Forked processes read them, and each draw without noise: points are drawn in one order all the same.
+    differ least. If it is to be measured apart, forked processes read them, and each draw without noise: points are
+    drawn in one order all the same.
     """
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
     _require_both(pieces)
     everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
     with ExitStack() as processes:
-        whole = processes.enter_context(Forked(partial(_read_whole, everywhere, params)))
+        whole = processes.enter_context(Forked(partial(_read_whole, everywhere, params), apart))
         del everywhere
         give_back()  # sampling takes three times the memory of the points
         draws: list[Draw] = []
@@ -195,8 +201,8 @@ def measure_texture(
             if not draws:
                 wall = between(on_walls.points, params.wall_z_m)
                 wall = wall[:: max(1, len(wall) // _WALL_POINTS)]
-                along = processes.enter_context(Forked(partial(wall_wavelength_m, wall, free)))
-            draws.append(_measure_draw(on_walls, on_roof, params, rng))
+                along = processes.enter_context(Forked(partial(wall_wavelength_m, wall, free), apart))
+            draws.append(_measure_draw(on_walls, on_roof, params, rng, apart))
         (published_m, heat), along_m = whole.result(), along.result()
     return MeasuredTexture([draw.with_wavelengths(published_m, along_m) for draw in draws], heat)
 
@@ -238,8 +244,10 @@ def _sample(pieces: list[np.ndarray], params: TextureReportParams, rng: np.rando
     return found
 
 
-def _measure_draw(walls: _Cloud, roofs: _Cloud, params: TextureReportParams, rng: np.random.Generator) -> Draw:
-    """Measure one draw without wavelengths: as it is in a forked process, and with the paper's noise in this one."""
+def _measure_draw(
+    walls: _Cloud, roofs: _Cloud, params: TextureReportParams, rng: np.random.Generator, apart: bool
+) -> Draw:
+    """Measure one draw without wavelengths: as it is, perhaps in a forked process, and with the paper's noise."""
 
     def plain() -> tuple[TextureAxes, list[Residuals], float, float]:
         rock = _rock_points(walls.points, roofs.points, params)
@@ -247,7 +255,7 @@ def _measure_draw(walls: _Cloud, roofs: _Cloud, params: TextureReportParams, rng
         bump_rms_m = float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0
         return measure_axes(rock), rock.sweep.residuals, roof_unevenness_m(rock.roof), bump_rms_m
 
-    with Forked(plain) as measured:
+    with Forked(plain, apart) as measured:
         noisy = [cloud.with_noise(params, rng) for cloud in (walls, roofs)]
         return Draw(measure_axes(_rock_points(noisy[0], noisy[1], params)), *measured.result())
 
