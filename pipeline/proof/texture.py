@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
@@ -32,10 +31,8 @@ from pipeline.metrics.rock.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
-from pipeline.mjcf.visible import Visible, smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams
-from pipeline.proof.surface import between, split_long, stretch_centres
-from pipeline.types import DriftNetwork
+from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
 
 _HEAT_M, _HEAT_POINTS = 0.5, 12
 _WALL_POINTS = 400_000
@@ -103,43 +100,32 @@ class MeasuredTexture:
         return mean_sweep([draw.sweep for draw in self.draws])
 
 
-def report_texture(
-    visible: Visible,
-    free: Polygon,
-    network: DriftNetwork,
-    params: TextureReportParams,
-) -> TextureReport:
+def report_texture(rock: SeenRock, params: TextureReportParams) -> TextureReport:
     """Measure the visible rock of a world on the paper's six axes, and the smooth surface for comparison."""
-    rock = measure_texture(visible_triangles(visible, WALLS), visible_triangles(visible, ROOF), free, network, params)
-    flat = measure_flat_texture(visible, free, network, params)
+    found = measure_texture(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, params)
+    flat = measure_flat_texture(rock, params)
     return repeatable(
         TextureReport(
-            rock.as_paper,
-            rock.as_is,
-            published_score(rock.as_paper),
-            strict_score(rock.as_is),
-            len(rock.draws),
-            spread_of([published_score(draw.as_paper).overall for draw in rock.draws]),
-            spread_of([strict_score(draw.as_is).overall for draw in rock.draws]),
-            rock.sweep,
-            float(np.mean([draw.roof_unevenness_m for draw in rock.draws])),
-            float(np.mean([draw.bump_rms_m for draw in rock.draws])),
-            rock.heat,
+            found.as_paper,
+            found.as_is,
+            published_score(found.as_paper),
+            strict_score(found.as_is),
+            len(found.draws),
+            spread_of([published_score(draw.as_paper).overall for draw in found.draws]),
+            spread_of([strict_score(draw.as_is).overall for draw in found.draws]),
+            found.sweep,
+            float(np.mean([draw.roof_unevenness_m for draw in found.draws])),
+            float(np.mean([draw.bump_rms_m for draw in found.draws])),
+            found.heat,
             _short(published_score(flat.as_paper)),
             _short(strict_score(flat.as_is)),
         )
     )
 
 
-def measure_flat_texture(
-    visible: Visible,
-    free: Polygon,
-    network: DriftNetwork,
-    params: TextureReportParams,
-) -> MeasuredTexture:
+def measure_flat_texture(rock: SeenRock, params: TextureReportParams) -> MeasuredTexture:
     """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches."""
-    walls, roof = (smooth_triangles(visible, piece) for piece in (WALLS, ROOF))
-    return measure_texture(walls, roof, free, network, _quarter(params))
+    return measure_texture(rock.smooth(WALLS), rock.smooth(ROOF), rock.drifts, _quarter(params))
 
 
 def _short(scores: Scores) -> Scores:
@@ -159,7 +145,7 @@ def _quarter(params: TextureReportParams) -> TextureReportParams:
 
 
 def measure_texture(
-    walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: TextureReportParams
+    walls: np.ndarray, roof: np.ndarray, drifts: Drifts, params: TextureReportParams
 ) -> MeasuredTexture:
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m, in each draw of stretches.
 
@@ -176,13 +162,13 @@ def measure_texture(
     give_back()  # sampling takes three times the memory of the points
     along_m: float | None = None
     draws: list[Draw] = []
-    for places in draws_of_places(network, params):
-        near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
+    for places in draws_of_places(drifts, params):
+        near = [faces_near(piece, places, _reach_m(places, drifts, params)) for piece in pieces]
         _require_both(near)
         on_walls, on_roof = _sample(near, params, rng)
         if not draws:
             wall = between(on_walls.points, params.wall_z_m)
-            along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], free)
+            along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], drifts.free)
         draws.append(_measure_draw(on_walls, on_roof, (published_m, along_m), params, rng))
     return MeasuredTexture(draws, heat)
 
@@ -277,21 +263,19 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
     }
 
 
-def _reach_m(places: np.ndarray, network: DriftNetwork, params: TextureReportParams) -> float:
+def _reach_m(places: np.ndarray, drifts: Drifts, params: TextureReportParams) -> float:
     """Return the radius of stretches, m: in a mine of wide rooms alone, the walls of the narrowest are within it."""
-    stations = np.array([p for leg in network.legs for p in leg.stations_m])
-    half = np.array([w for leg in network.legs for w in leg.half_width_m])
-    narrowest = float(half[cKDTree(stations).query(places)[1]].min())
+    narrowest = float(drifts.half_width_m[cKDTree(drifts.stations_m).query(places)[1]].min())
     return max(params.stretch_radius_m, narrowest + _ON_WALLS_M)
 
 
-def draws_of_places(network: DriftNetwork, params: TextureReportParams) -> list[np.ndarray]:
+def draws_of_places(drifts: Drifts, params: TextureReportParams) -> list[np.ndarray]:
     """Return the centres (n, 2), m, of the stretches of each draw, which take turns along the drifts.
 
     A mine too short for stretches that do not overlap has fewer draws, and at least one.
     """
-    count = int(min(params.draws, max(1.0, network.total_length_m // params.draw_m)))
-    places = stretch_centres(network, count * params.stretches)
+    count = int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
+    places = stretch_centres(drifts, count * params.stretches)
     return [places[k::count] for k in range(count)]
 
 
