@@ -83,6 +83,8 @@ def _validate_volume(
     from pipeline.volume.world.surface.furnished import hang_again
 
     opened = open_volume(world)
+    if opened.rock:
+        import trimesh  # noqa: F401  # both processes need it
     files = opened.record.files
     with Forked(lambda: measure_volume_texture(opened, params.texture)) as measured:
         require_furniture(world, files, params.fittings.furniture, hang_again(world, files))

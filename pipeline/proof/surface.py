@@ -48,12 +48,14 @@ class Drifts:
 class SeenRock:
     """Visible rock over a level floor at z = 0, along its drifts.
 
-    `rough` and `smooth` return the triangles (n, 3, 3) m of a piece, walls or roof, as it is seen and without relief.
+    `rough` and `smooth` return the triangles (n, 3, 3) m of a piece, walls or roof, as it is seen and without relief;
+    `plumb` those of the walls that are plumb without relief, None where all are.
     """
 
     rough: Callable[[str], np.ndarray]
     smooth: Callable[[str], np.ndarray]
     drifts: Drifts
+    plumb: Callable[[], np.ndarray] | None = None
 
 
 def drifts_of(free: Polygon | MultiPolygon, network: DriftNetwork) -> Drifts:
@@ -117,14 +119,20 @@ def walls_metrics(walls: WallBands) -> dict[str, Any]:
 
 def report_relief(rock: SeenRock, stretches: int) -> Relief:
     """Measure the shape of the visible walls of a world along the walls of its drifts."""
-    return relief_of(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, stretches)
+    plumb = rock.plumb() if rock.plumb else None
+    return relief_of(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, stretches, plumb)
 
 
-def relief_of(walls: np.ndarray, roof: np.ndarray, drifts: Drifts, stretches: int) -> Relief:
-    """Measure walls (n, 3, 3) m; flat faces are searched in walls and roof near evenly spaced stations."""
+def relief_of(
+    walls: np.ndarray, roof: np.ndarray, drifts: Drifts, stretches: int, plumb: np.ndarray | None = None
+) -> Relief:
+    """Measure walls (n, 3, 3) m, all or some of which are plumb without relief.
+
+    Flat faces are searched in walls and roof near evenly spaced stations.
+    """
     places = stretch_centres(drifts, stretches)
     sample = np.concatenate([faces_near(piece, places, _FLAT_RADIUS_M) for piece in (walls, roof)])
-    return measure_relief(walls, sample, drifts.free)
+    return measure_relief(walls, sample, drifts.free, plumb=plumb)
 
 
 def stretch_centres(drifts: Drifts, count: int) -> np.ndarray:

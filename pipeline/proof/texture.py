@@ -124,8 +124,12 @@ def report_texture(rock: SeenRock, params: TextureReportParams) -> TextureReport
 
 
 def measure_flat_texture(rock: SeenRock, params: TextureReportParams) -> MeasuredTexture:
-    """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches."""
-    return measure_texture(rock.smooth(WALLS), rock.smooth(ROOF), rock.drifts, _quarter(params))
+    """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches.
+
+    Smooth surfaces vary little.
+    """
+    one = part_of(params, 4).model_copy(update={"draws": 1})
+    return measure_texture(rock.smooth(WALLS), rock.smooth(ROOF), rock.drifts, one)
 
 
 def _short(scores: Scores) -> Scores:
@@ -137,11 +141,11 @@ def _round(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _quarter(params: TextureReportParams) -> TextureReportParams:
-    """Return the parameters for one draw of a quarter of the stretches: smooth surfaces vary little."""
-    part = max(1, params.stretches // 4)
+def part_of(params: TextureReportParams, share: int) -> TextureReportParams:
+    """Return the parameters for draws of a `share`-th of the stretches and points."""
+    part = max(1, params.stretches // share)
     wall, roof = (max(1000, n * part // params.stretches) for n in (params.wall_points, params.roof_points))
-    return params.model_copy(update={"stretches": part, "draws": 1, "wall_points": wall, "roof_points": roof})
+    return params.model_copy(update={"stretches": part, "wall_points": wall, "roof_points": roof})
 
 
 def measure_texture(
@@ -274,9 +278,14 @@ def draws_of_places(drifts: Drifts, params: TextureReportParams) -> list[np.ndar
 
     A mine too short for stretches that do not overlap has fewer draws, and at least one.
     """
-    count = int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
+    count = draws_in(drifts, params)
     places = stretch_centres(drifts, count * params.stretches)
     return [places[k::count] for k in range(count)]
+
+
+def draws_in(drifts: Drifts, params: TextureReportParams) -> int:
+    """Return how many draws of stretches that do not overlap the drifts hold: at least one, at most `params.draws`."""
+    return int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
 
 
 def _count(triangles: np.ndarray, most: int, per_m2: float) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.polyline import arc_length
@@ -51,15 +51,22 @@ class Cut:
     line_rq_m: dict[str, float]
 
 
-def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon, lines: BaseGeometry | None = None) -> Relief:
+def measure_relief(
+    walls: np.ndarray,
+    sample: np.ndarray,
+    free: Polygon | MultiPolygon,
+    lines: BaseGeometry | None = None,
+    plumb: np.ndarray | None = None,
+) -> Relief:
     """Measure the walls, faces (n, 3, 3) m in the mine frame; flat faces are grown in a `sample` (k, 3, 3) of rock.
 
-    The plan's walls are `lines`, by default the boundary of the free space.
+    The plan's walls are `lines`, by default the boundary of the free space. Angles are those of faces of `plumb` walls,
+    by default of all: a wall that leans without relief has an angle by its shape.
     """
-    lines = lines or free.boundary
+    lines, plumb = lines or free.boundary, walls if plumb is None else plumb
     cuts = {_cm("at", z): cut_walls(walls, free, z, lines) for z in CUT_HEIGHTS_M}
-    angle, area = face_angles_deg(walls, lines)
-    bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(walls).items() if band.any()}
+    angle, area = face_angles_deg(plumb, lines)
+    bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(plumb).items() if band.any()}
     return repeatable(Relief(_steep_share(angle, area), bands, flat_face_share(sample), cuts))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,8 @@ from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from pipeline.metrics.rock.relief import Relief
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.surface import Drifts, SeenRock, report_relief, split_long
-from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
-from pipeline.volume.union import STEEPEST
+from pipeline.proof.texture import TextureReport, draws_in, part_of, report_texture, texture_metrics
+from pipeline.volume.union import PLUMB_SHARE, STEEPEST
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.topology import LegNetwork
 
@@ -31,7 +32,10 @@ _ON_FLOOR_M = 1.0  # from a station to the span of its storey
 _APART_M = 20.0  # of storeys: farther than a stretch of rock reaches
 _JOINED_M = 1e-4  # floors so near are one
 _ROOF_M = 3.5  # over the floor: of the default mine, for which validation.texture.roof_z_m is
-_HIGH_M = 2.0  # of drifts: the axis of heterogeneity takes walls up to 1.85 m
+_SHARE = 2  # of a level mine's stretches half are measured in each draw: all would take stage 6 1.2 s longer
+_PLUMB = "plumb walls"
+_HEIGHTS_M = {WALLS: (0.0, _ROOF_M), _PLUMB: (0.0, _ROOF_M), ROOF: (2.5, 4.5)}  # more would thin the points out
+_HIGH_M = 2.5  # of drifts: their walls are plumb up to 1.5 m, the height of the upper cut
 _LEFT, _RIGHT, _UP, _DOWN = range(4)
 
 
@@ -98,21 +102,29 @@ class _Level:
         """Return the stations (n, 2) m in the plan."""
         return self.stations.floor_m[:, :2] + np.column_stack([self._shift_m, np.zeros(len(self._shift_m))])
 
-    def move(self, corners: np.ndarray, faces: np.ndarray, by_roof: bool = False) -> np.ndarray:
+    def move(self, corners: np.ndarray, faces: np.ndarray, part: str | None = None) -> np.ndarray:
         """Return the triangles (k, 3, 3) m of faces (f, 3) between corners (n, 3) m that are about the stations.
 
-        Heights are over the floor, or `by_roof` so that the roof is 3.5 m high.
+        Heights are over the floor; those of the roof are moved so that the passage is 3.5 m high. Of a `part` of the
+        rock, `WALLS`, `ROOF` or the plumb walls, only what a level mine has as high is returned.
         """
         own = self.stations
         _, at = self._tree.query(corners)
         apart = corners[:, :2] - own.floor_m[at, :2]
         from_m = own.floor_m[at, 2] + (own.rise[at] * apart).sum(axis=1)
-        if by_roof:
+        if part == ROOF:
             from_m += own.height_m[at] - _ROOF_M
         storey = np.where(np.linalg.norm(apart, axis=1) <= own.half_width_m[at] + _ASIDE_M, own.storey[at], -1)
         moved = np.column_stack([corners[:, 0] + self._shift_m[at], corners[:, 1], corners[:, 2] - from_m])
-        of_face = storey[faces]
-        found: np.ndarray = moved[faces[(of_face[:, 0] >= 0) & (of_face == of_face[:, :1]).all(axis=1)]]
+        faces = faces[(storey[faces[:, 0]] >= 0) & (storey[faces] == storey[faces[:, :1]]).all(axis=1)]
+        if part is not None:
+            low, high = _HEIGHTS_M[part]
+            z = moved[faces, 2]
+            kept = (z.max(axis=1) > low) & (z.min(axis=1) < high)
+            if part == _PLUMB:
+                kept &= z.mean(axis=1) <= PLUMB_SHARE * own.height_m[at[faces[:, 0]]]
+            faces = faces[kept]
+        found: np.ndarray = moved[faces]
         return found
 
 
@@ -121,9 +133,9 @@ def measure_volume_texture(world: VolumeBundle, params: TextureReportParams) -> 
     rock = level_rock_of(world) if world.rock else None
     if rock is None:
         return None
-    return VolumeTexture(
-        report_texture(rock, params), report_relief(rock, params.stretches), rock.drifts.free, rock.drifts.length_m
-    )
+    few = part_of(params, _SHARE).model_copy(update={"draws": draws_in(rock.drifts, params)})
+    texture, relief = report_texture(rock, few), report_relief(rock, few.stretches)
+    return VolumeTexture(texture, relief, rock.drifts.free, rock.drifts.length_m)
 
 
 def level_rock_of(world: VolumeBundle) -> SeenRock | None:
@@ -133,25 +145,28 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
         return None
     level = _Level(stations)
 
-    def rough(piece: str) -> np.ndarray:
+    @cache  # the texture and the relief take the same
+    def rough(piece: str, part: str | None = None) -> np.ndarray:
         some = [mesh for name, mesh in world.rock.items() if name.startswith(piece)]
-        moved = [level.move(mesh.vertices, mesh.faces, piece == ROOF) for mesh in some]
+        moved = [level.move(mesh.vertices, mesh.faces, part or piece) for mesh in some]
         return np.concatenate([np.zeros((0, 3, 3)), *moved])
 
+    @cache
     def smooth(piece: str) -> np.ndarray:
-        return _facets(level, world.mine, {WALLS: FacetLabel.WALL, ROOF: FacetLabel.ROOF}[piece], piece == ROOF)
+        return _facets(level, world.mine, {WALLS: FacetLabel.WALL, ROOF: FacetLabel.ROOF}[piece], piece)
 
     floors = _facets(level, world.mine, FacetLabel.FLOOR)
     if not all(map(len, (floors, rough(WALLS), rough(ROOF), smooth(WALLS), smooth(ROOF)))):
         return None
     high_m = _SPACING_M * int((stations.height_m >= _HIGH_M).sum())
-    return SeenRock(rough, smooth, Drifts(_covered(floors), level.stations_m, stations.half_width_m, high_m))
+    drifts = Drifts(_covered(floors), level.stations_m, stations.half_width_m, high_m)
+    return SeenRock(rough, smooth, drifts, partial(rough, WALLS, _PLUMB))
 
 
-def _facets(level: _Level, volume: VolumeFacets, label: FacetLabel, by_roof: bool = False) -> np.ndarray:
+def _facets(level: _Level, volume: VolumeFacets, label: FacetLabel, part: str | None = None) -> np.ndarray:
     """Return the facets of a label over a level floor; they face the workings."""
     corners = split_long(volume.vertices[volume.faces[volume.label == label]][:, ::-1]).reshape(-1, 3)
-    return level.move(corners, np.arange(len(corners)).reshape(-1, 3), by_roof)
+    return level.move(corners, np.arange(len(corners)).reshape(-1, 3), part)
 
 
 def _stations_of(legs: LegNetwork, cells: FloorSpans) -> _Stations:
