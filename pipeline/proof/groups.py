@@ -22,10 +22,10 @@ def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any])
     """Return why texture and relief of a mine's rock have no limits, by its flat figures; None if they have.
 
     The limits are those of one whole draw of stretches: in fewer drifts a single block decides. The surface of a solid
-    is rock itself, and its own relief is in the figures.
+    that was read, and not drawn, is rock itself, and its own relief is in the figures.
     """
     drift_m, draw_m = figures.get("topology.drift_m"), params.texture.draw_m
-    if "solid.iou" in figures:
+    if "solid.iou" in figures and "drawn.floor_mm" not in figures:
         return "texture and relief are measured, not judged: the surface of the solid has its own relief"
     if drift_m is None or drift_m >= draw_m:
         return None

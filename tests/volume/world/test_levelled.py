@@ -124,10 +124,11 @@ def test_without_a_floor_that_robots_drive_on_nothing_is_measured(box):
         ({"topology.drift_m": 96.0, "texture.draws": 1}, True, None),
         ({"topology.drift_m": 95.0, "texture.draws": 1}, False, "too few"),
         ({"topology.drift_m": 300.0, "texture.draws": 2, "solid.iou": 1.0}, False, "the solid has its own relief"),
+        ({"topology.drift_m": 300.0, "texture.draws": 2, "solid.iou": 1.0, "drawn.floor_mm": 0.0}, True, None),
         ({}, False, None),
     ],
 )
-def test_rock_is_judged_in_long_mines_of_surveyed_legs(figures, judged, why):
+def test_rock_is_judged_in_long_mines_that_were_surveyed_or_drawn(figures, judged, why):
     figures = {"volume.free_m3": 100.0, "rock.shown": 1, **figures}
     limits = applying_limits(PARAMS, figures)
     assert any(name.startswith(("texture.", "relief.")) for name in limits) == judged
