@@ -9,6 +9,7 @@ from pipeline.params.validation import Limit, ValidationParams
 
 _OF_ROCK = ("texture", "relief")
 OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
+JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the height of the upper cut
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
 
 
@@ -29,7 +30,8 @@ def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any])
         return "texture and relief are measured, not judged: the surface of the solid has its own relief"
     if drift_m is None or drift_m >= draw_m:
         return None
-    return f"{drift_m:g} m of drift are too few to judge texture and relief of the rock by ({draw_m:g} m)"
+    high = f", {JUDGED_HEIGHT_M:g} m high or more," if is_volume(figures) else ""
+    return f"{drift_m:g} m of drift{high} are too few to judge texture and relief of the rock by ({draw_m:g} m)"
 
 
 def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dict[str, Limit]:

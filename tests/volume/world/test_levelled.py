@@ -122,7 +122,7 @@ def test_without_a_floor_that_robots_drive_on_nothing_is_measured(box):
     ("figures", "judged", "why"),
     [
         ({"topology.drift_m": 96.0, "texture.draws": 1}, True, None),
-        ({"topology.drift_m": 95.0, "texture.draws": 1}, False, "too few"),
+        ({"topology.drift_m": 95.0, "texture.draws": 1}, False, "95 m of drift, 2.5 m high or more, are too few"),
         ({"topology.drift_m": 300.0, "texture.draws": 2, "solid.iou": 1.0}, False, "the solid has its own relief"),
         ({"topology.drift_m": 300.0, "texture.draws": 2, "solid.iou": 1.0, "drawn.floor_mm": 0.0}, True, None),
         ({}, False, None),

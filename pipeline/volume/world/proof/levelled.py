@@ -20,6 +20,7 @@ from minexplore.bundle import ROOF, WALLS
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from pipeline.metrics.rock.relief import Relief
 from pipeline.params.validation import TextureReportParams
+from pipeline.proof.groups import JUDGED_HEIGHT_M
 from pipeline.proof.surface import Drifts, SeenRock, report_relief, split_long
 from pipeline.proof.texture import TextureReport, draws_in, part_of, report_texture, texture_metrics
 from pipeline.volume.union import PLUMB_SHARE, STEEPEST
@@ -35,7 +36,6 @@ _ROOF_M = 3.5  # over the floor: of the default mine, for which validation.textu
 _SHARE = 2  # of a level mine's stretches half are measured in each draw: all would take stage 6 1.2 s longer
 _PLUMB = "plumb walls"
 _HEIGHTS_M = {WALLS: (0.0, _ROOF_M), _PLUMB: (0.0, _ROOF_M), ROOF: (2.5, 4.5)}  # more would thin the points out
-_HIGH_M = 2.5  # of drifts: their walls are plumb up to 1.5 m, the height of the upper cut
 _LEFT, _RIGHT, _UP, _DOWN = range(4)
 
 
@@ -43,7 +43,7 @@ _LEFT, _RIGHT, _UP, _DOWN = range(4)
 class VolumeTexture:
     """The texture and the relief of a volume's rock, what its storeys' floors cover side by side, and drifts judged.
 
-    `drift_m` is the length of the drifts that are high enough for all axes.
+    `drift_m` is the length of the drifts that are high enough to be judged.
     """
 
     texture: TextureReport
@@ -158,7 +158,7 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
     floors = _facets(level, world.mine, FacetLabel.FLOOR)
     if not all(map(len, (floors, rough(WALLS), rough(ROOF), smooth(WALLS), smooth(ROOF)))):
         return None
-    high_m = _SPACING_M * int((stations.height_m >= _HIGH_M).sum())
+    high_m = _SPACING_M * int((stations.height_m >= JUDGED_HEIGHT_M).sum())
     drifts = Drifts(_covered(floors), level.stations_m, stations.half_width_m, high_m)
     return SeenRock(rough, smooth, drifts, partial(rough, WALLS, _PLUMB))
 
