@@ -106,7 +106,7 @@ def test_storeys_stand_side_by_side_over_one_floor(tmp_path):
     walls, roof = smooth.rough(WALLS), smooth.rough(ROOF)
     assert walls[:, :, 2].min() > -0.3
     assert np.median(roof[:, :, 2]) == pytest.approx(3.5, abs=0.05)
-    assert smooth.drifts.length_m == pytest.approx(world.legs.total_length_m, abs=5)
+    assert smooth.drifts.length_m == pytest.approx(world.legs.total_length_m, abs=0.1)
     plumb = smooth.plumb()
     assert 0 < len(plumb) < len(walls)
     assert plumb[:, :, 2].mean(axis=1).max() <= 0.6 * 3 + 0.3  # over it walls lean in

@@ -68,6 +68,8 @@ class _Stations:
     rise : (n, 2) float64
         What floor and roof of the leg rise a metre east and north.
     half_width_m, height_m : (n,) float64
+    length_m : (n,) float64
+        Of the leg that is a station's.
     storey : (n,) int
     """
 
@@ -75,6 +77,7 @@ class _Stations:
     rise: np.ndarray
     half_width_m: np.ndarray
     height_m: np.ndarray
+    length_m: np.ndarray
     storey: np.ndarray
 
     @property
@@ -158,7 +161,7 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
     floors = _facets(level, world.mine, FacetLabel.FLOOR)
     if not all(map(len, (floors, rough(WALLS), rough(ROOF), smooth(WALLS), smooth(ROOF)))):
         return None
-    high_m = _SPACING_M * int((stations.height_m >= JUDGED_HEIGHT_M).sum())
+    high_m = round(float(stations.length_m[stations.height_m >= JUDGED_HEIGHT_M].sum()), 1)
     drifts = Drifts(_covered(floors), level.stations_m, stations.half_width_m, high_m)
     return SeenRock(rough, smooth, drifts, partial(rough, WALLS, _PLUMB))
 
@@ -171,7 +174,7 @@ def _facets(level: _Level, volume: VolumeFacets, label: FacetLabel, part: str | 
 
 def _stations_of(legs: LegNetwork, cells: FloorSpans) -> _Stations:
     """Return stations a metre apart along the legs that robots can drive on, as far as these have a storey."""
-    rows = [np.zeros((0, 7))]
+    rows = [np.zeros((0, 8))]
     for leg in legs.legs:
         lrud = np.array(leg.lrud_m)
         start, end = np.array([legs.stations_m[leg.start], legs.stations_m[leg.end]]) - _up(lrud[:, _DOWN])
@@ -182,13 +185,15 @@ def _stations_of(legs: LegNetwork, cells: FloorSpans) -> _Stations:
         count = max(1, round(leg.length_m / _SPACING_M))
         share = (np.arange(count)[:, None] + 0.5) / count
         rise = np.broadcast_to(way[:2] * way[2] / (way[:2] @ way[:2]), (count, 2))
-        rows.append(np.hstack([start + share * way, rise, size[0] + share * (size[1] - size[0])]))
+        length_m = np.full((count, 1), leg.length_m / count)
+        rows.append(np.hstack([start + share * way, rise, size[0] + share * (size[1] - size[0]), length_m]))
     found, used = np.concatenate(rows), np.flatnonzero(cells.storey >= 0)
-    if not len(found) or not len(used):
-        return _Stations(found[:0, :3], found[:0, 3:5], found[:0, 5], found[:0, 6], np.zeros(0, int))
-    away, nearest = cKDTree(cells.places_m[used]).query(found[:, :3])
-    found, storey = found[away <= _ON_FLOOR_M], cells.storey[used[nearest]][away <= _ON_FLOOR_M]
-    return _Stations(found[:, :3], found[:, 3:5], found[:, 5], found[:, 6], storey)
+    storey = np.zeros(0, int)
+    if len(found) and len(used):
+        away, nearest = cKDTree(cells.places_m[used]).query(found[:, :3])
+        found, storey = found[away <= _ON_FLOOR_M], cells.storey[used[nearest]][away <= _ON_FLOOR_M]
+    half_width_m, height_m, length_m = found[: len(storey), 5:].T
+    return _Stations(found[: len(storey), :3], found[: len(storey), 3:5], half_width_m, height_m, length_m, storey)
 
 
 def _covered(floors: np.ndarray) -> Polygon | MultiPolygon:
