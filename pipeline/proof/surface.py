@@ -49,13 +49,13 @@ class SeenRock:
     """Visible rock over a level floor at z = 0, along its drifts.
 
     `rough` and `smooth` return the triangles (n, 3, 3) m of a piece, walls or roof, as it is seen and without relief;
-    `plumb` those of the walls that are plumb without relief, None where all are.
+    `plumb` those of walls that are plumb without relief, and unit normals (n, 3) of these walls; None where all are.
     """
 
     rough: Callable[[str], np.ndarray]
     smooth: Callable[[str], np.ndarray]
     drifts: Drifts
-    plumb: Callable[[], np.ndarray] | None = None
+    plumb: Callable[[], tuple[np.ndarray, np.ndarray]] | None = None
 
 
 def drifts_of(free: Polygon | MultiPolygon, network: DriftNetwork) -> Drifts:
@@ -124,9 +124,13 @@ def report_relief(rock: SeenRock, stretches: int) -> Relief:
 
 
 def relief_of(
-    walls: np.ndarray, roof: np.ndarray, drifts: Drifts, stretches: int, plumb: np.ndarray | None = None
+    walls: np.ndarray,
+    roof: np.ndarray,
+    drifts: Drifts,
+    stretches: int,
+    plumb: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Relief:
-    """Measure walls (n, 3, 3) m, all or some of which are plumb without relief.
+    """Measure walls (n, 3, 3) m; `plumb` as in `measure_relief`.
 
     Flat faces are searched in walls and roof near evenly spaced stations.
     """

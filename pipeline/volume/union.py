@@ -19,7 +19,7 @@ from pipeline.volume.tubes import Tube, solids_through
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _HUB_SIDES = 12
 _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
-PLUMB_SHARE, _HIGH = 0.6, 0.5  # of the height, where walls are plumb; how wide the roof is, of the width
+_LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
@@ -181,8 +181,8 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     middle, half = (left + right) / 2, (left - right) / 2
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + right + PLUMB_SHARE * tall, *(floors + middle + side * _HIGH * half + tall for side in (-1, 1))]
-    ring += [floors + left + PLUMB_SHARE * tall, floors + left, network.ways_m[shot], floors + right]
+    ring = [floors + right + _LOW * tall, *(floors + middle + side * _HIGH * half + tall for side in (-1, 1))]
+    ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
     heading = step[:2] / max(run, 1e-9)
     slope = heading * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9)
@@ -260,5 +260,5 @@ def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]], plum
     foot = np.column_stack([ring + np.array([x, y]), np.full(len(ring), z - down)])
     tall = np.array([0, 0, up + down])
     roof = np.column_stack([ring * _HIGH + np.array([x, y]), np.full(len(ring), z + up)])
-    corners = np.concatenate([foot, foot + PLUMB_SHARE * tall, roof])
+    corners = np.concatenate([foot, foot + _LOW * tall, roof])
     return Solid(corners[None], np.array([x, y, z - down, 0, 0]), foot[:, :2], ends[0][0], True)

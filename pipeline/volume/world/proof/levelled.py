@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,12 @@ from shapely import MultiPolygon, Polygon
 from minexplore.bundle import ROOF, WALLS
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from pipeline.metrics.rock.relief import Relief
+from pipeline.metrics.rock.sampling import unit_normals
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.groups import JUDGED_HEIGHT_M
 from pipeline.proof.surface import Drifts, SeenRock, report_relief, split_long
 from pipeline.proof.texture import TextureReport, draws_in, part_of, report_texture, texture_metrics
-from pipeline.volume.union import PLUMB_SHARE, STEEPEST
+from pipeline.volume.union import STEEPEST
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.topology import LegNetwork
 
@@ -34,8 +35,10 @@ _APART_M = 20.0  # of storeys: farther than a stretch of rock reaches
 _JOINED_M = 1e-4  # floors so near are one
 _ROOF_M = 3.5  # over the floor: of the default mine, for which validation.texture.roof_z_m is
 _SHARE = 2  # of a level mine's stretches half are measured in each draw: all would take stage 6 1.2 s longer
-_PLUMB = "plumb walls"
-_HEIGHTS_M = {WALLS: (0.0, _ROOF_M), _PLUMB: (0.0, _ROOF_M), ROOF: (2.5, 4.5)}  # more would thin the points out
+_HEIGHTS_M = {WALLS: (0.0, _ROOF_M), ROOF: (2.5, 4.5)}  # more would thin the points out
+_LEANS = 0.1  # height of a plumb wall's normal
+_PLACED_M = 1.0  # longest side of a facet that its middle stands for
+_LABELS = {WALLS: FacetLabel.WALL, ROOF: FacetLabel.ROOF}
 _LEFT, _RIGHT, _UP, _DOWN = range(4)
 
 
@@ -105,28 +108,25 @@ class _Level:
         """Return the stations (n, 2) m in the plan."""
         return self.stations.floor_m[:, :2] + np.column_stack([self._shift_m, np.zeros(len(self._shift_m))])
 
-    def move(self, corners: np.ndarray, faces: np.ndarray, part: str | None = None) -> np.ndarray:
+    def move(self, corners: np.ndarray, faces: np.ndarray, piece: str | None = None) -> np.ndarray:
         """Return the triangles (k, 3, 3) m of faces (f, 3) between corners (n, 3) m that are about the stations.
 
-        Heights are over the floor; those of the roof are moved so that the passage is 3.5 m high. Of a `part` of the
-        rock, `WALLS`, `ROOF` or the plumb walls, only what a level mine has as high is returned.
+        Heights are over the floor; those of the roof are moved so that the passage is 3.5 m high. Of a `piece`
+        of the rock, walls or roof, only what a level mine has as high is returned.
         """
         own = self.stations
         _, at = self._tree.query(corners)
         apart = corners[:, :2] - own.floor_m[at, :2]
         from_m = own.floor_m[at, 2] + (own.rise[at] * apart).sum(axis=1)
-        if part == ROOF:
+        if piece == ROOF:
             from_m += own.height_m[at] - _ROOF_M
         storey = np.where(np.linalg.norm(apart, axis=1) <= own.half_width_m[at] + _ASIDE_M, own.storey[at], -1)
         moved = np.column_stack([corners[:, 0] + self._shift_m[at], corners[:, 1], corners[:, 2] - from_m])
         faces = faces[(storey[faces[:, 0]] >= 0) & (storey[faces] == storey[faces[:, :1]]).all(axis=1)]
-        if part is not None:
-            low, high = _HEIGHTS_M[part]
+        if piece is not None:
+            low, high = _HEIGHTS_M[piece]
             z = moved[faces, 2]
-            kept = (z.max(axis=1) > low) & (z.min(axis=1) < high)
-            if part == _PLUMB:
-                kept &= z.mean(axis=1) <= PLUMB_SHARE * own.height_m[at[faces[:, 0]]]
-            faces = faces[kept]
+            faces = faces[(z.max(axis=1) > low) & (z.min(axis=1) < high)]
         found: np.ndarray = moved[faces]
         return found
 
@@ -149,27 +149,36 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
     level = _Level(stations)
 
     @cache  # the texture and the relief take the same
-    def rough(piece: str, part: str | None = None) -> np.ndarray:
+    def rough(piece: str) -> np.ndarray:
         some = [mesh for name, mesh in world.rock.items() if name.startswith(piece)]
-        moved = [level.move(mesh.vertices, mesh.faces, part or piece) for mesh in some]
+        moved = [level.move(mesh.vertices, mesh.faces, piece) for mesh in some]
         return np.concatenate([np.zeros((0, 3, 3)), *moved])
 
     @cache
     def smooth(piece: str) -> np.ndarray:
-        return _facets(level, world.mine, {WALLS: FacetLabel.WALL, ROOF: FacetLabel.ROOF}[piece], piece)
+        return _facets(level, world.mine, world.mine.label == _LABELS[piece], piece)
 
-    floors = _facets(level, world.mine, FacetLabel.FLOOR)
+    def plumb() -> tuple[np.ndarray, np.ndarray]:
+        facets = _facets(level, world.mine, world.mine.label != FacetLabel.FLOOR, WALLS, _PLACED_M)
+        normals, walls = unit_normals(facets), rough(WALLS)
+        _, nearest = cKDTree(facets.mean(axis=1)).query(walls.mean(axis=1))
+        upright = np.abs(normals[nearest, 2]) < _LEANS
+        return walls[upright], normals[nearest[upright]]
+
+    floors = _facets(level, world.mine, world.mine.label == FacetLabel.FLOOR)
     if not all(map(len, (floors, rough(WALLS), rough(ROOF), smooth(WALLS), smooth(ROOF)))):
         return None
     high_m = round(float(stations.length_m[stations.height_m >= JUDGED_HEIGHT_M].sum()), 1)
     drifts = Drifts(_covered(floors), level.stations_m, stations.half_width_m, high_m)
-    return SeenRock(rough, smooth, drifts, partial(rough, WALLS, _PLUMB))
+    return SeenRock(rough, smooth, drifts, plumb)
 
 
-def _facets(level: _Level, volume: VolumeFacets, label: FacetLabel, part: str | None = None) -> np.ndarray:
-    """Return the facets of a label over a level floor; they face the workings."""
-    corners = split_long(volume.vertices[volume.faces[volume.label == label]][:, ::-1]).reshape(-1, 3)
-    return level.move(corners, np.arange(len(corners)).reshape(-1, 3), part)
+def _facets(
+    level: _Level, volume: VolumeFacets, some: np.ndarray, piece: str | None = None, longest_m: float = 3.0
+) -> np.ndarray:
+    """Return some facets (f,) over a level floor, cut until no side is longer; they face the workings."""
+    corners = split_long(volume.vertices[volume.faces[some]][:, ::-1], longest_m).reshape(-1, 3)
+    return level.move(corners, np.arange(len(corners)).reshape(-1, 3), piece)
 
 
 def _stations_of(legs: LegNetwork, cells: FloorSpans) -> _Stations:
