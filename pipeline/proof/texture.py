@@ -278,14 +278,9 @@ def draws_of_places(drifts: Drifts, params: TextureReportParams) -> list[np.ndar
 
     A mine too short for stretches that do not overlap has fewer draws, and at least one.
     """
-    count = draws_in(drifts, params)
+    count = int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
     places = stretch_centres(drifts, count * params.stretches)
     return [places[k::count] for k in range(count)]
-
-
-def draws_in(drifts: Drifts, params: TextureReportParams) -> int:
-    """Return how many draws of stretches that do not overlap the drifts hold: at least one, at most `params.draws`."""
-    return int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
 
 
 def _count(triangles: np.ndarray, most: int, per_m2: float) -> int:
