@@ -69,8 +69,7 @@ def read_figures(name: str) -> dict[str, Any]:
 def limits_of(name: str) -> dict[str, Limit]:
     """Return the limits that a world's metrics were checked against."""
     params = read_params(world_folder(name) / "validation" / "manifest.json", ValidationParams)
-    figures = read_figures(name)
-    return params.volume.applying(figures) if is_volume_world(world_folder(name)) else applying_limits(params, figures)
+    return applying_limits(params, read_figures(name))
 
 
 def is_volume_world(folder: Path) -> bool:

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
+from pipeline.guard.forked import Forked
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, prepared_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
-from pipeline.proof.groups import applying_limits, is_measured, is_rock_judged
+from pipeline.proof.groups import applying_limits, is_measured, why_rock_is_not_judged
 from pipeline.proof.lidar.replay import replay_sweeps
 from pipeline.proof.lidar.replay_report import Replay, ReplayReport
 from pipeline.proof.rebuilt.fittings import require_furniture
@@ -54,30 +55,7 @@ def validate_world(
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     if len(floors) or len(network) or len(solid):
-        from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
-            open_volume,
-            validate_volume,
-        )
-        from pipeline.volume.world.surface.furnished import hang_again
-
-        opened = open_volume(world)
-        files = opened.record.files
-        require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
-        found = validate_volume(params.volume, opened, network, solid, floors)
-        timings: dict[str, Any] = {"world_sha256": found.certificate.world_sha256}
-        pictures = _NOTHING_ELSE
-        if opened.rock:
-            from pipeline.volume.world.surface.views import draw_volume_views
-
-            pictures = pictures | {"views": draw_volume_views(world, opened.record, opened.legs)}
-        if found.scan is not None:
-            from pipeline.report.figures.deviation import draw_deviation
-
-            scan = found.scan
-            rays = None if found.rays is None else (found.rays.ends_m, found.rays.off_m, found.rays.figures)
-            picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures, rays)
-            pictures = pictures | {"deviation": picture}
-        return {"metrics": found.metrics, "timings": timings, "certificate": found.certificate, **pictures}
+        return _validate_volume(params, world, survey, network, solid, floors)
     groups, whole = [group for group in MEASURES if is_measured(group, params)], params.extent != "certificate"
     validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], beside=whole)
     if not whole:
@@ -94,6 +72,47 @@ def validate_world(
         metrics = {group: validator.measure(group) for group in groups}
         timings = _timings(validator, loading.result())
     return {"metrics": metrics, "timings": timings, **evidence}
+
+
+def _validate_volume(
+    params: ValidationParams, world: Path, survey: Survey, network: SurveyedLegs, solid: ClosedMesh, floors: FloorMesh
+) -> dict[str, Any]:
+    """Return the outputs of this stage for a world that is one volume."""
+    from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
+        open_volume,
+        validate_volume,
+    )
+    from pipeline.volume.world.proof.levelled import measure_volume_texture
+    from pipeline.volume.world.surface.furnished import hang_again
+
+    opened = open_volume(world)
+    if opened.rock:
+        import trimesh  # noqa: F401  # both processes need it
+    files = opened.record.files
+    with Forked(lambda: measure_volume_texture(opened, params.texture)) as measured:
+        require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
+        found = validate_volume(params.volume, opened, network, solid, floors)
+        rock = measured.result()
+    metrics, evidence = found.metrics, dict[str, Any]()
+    if rock is not None:
+        from pipeline.report.figures.texture import draw_heat, draw_texture
+
+        metrics = metrics | rock.metrics
+        pictures = {"texture_picture": draw_texture(rock.texture), "heat": draw_heat(rock.texture, rock.floors)}
+        evidence = {"texture": rock.texture, **pictures}
+    if opened.rock:
+        from pipeline.volume.world.surface.views import draw_volume_views
+
+        evidence["views"] = draw_volume_views(world, opened.record, opened.legs)
+    if found.scan is not None:
+        from pipeline.report.figures.deviation import draw_deviation
+
+        scan = found.scan
+        rays = None if found.rays is None else (found.rays.ends_m, found.rays.off_m, found.rays.figures)
+        picture = draw_deviation(scan.points_m, scan.off_m, scan.unseen_m, survey.frame, scan.figures, rays)
+        evidence["deviation"] = picture
+    timings = {"world_sha256": found.certificate.world_sha256}
+    return {"metrics": metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE, **evidence}
 
 
 def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:
@@ -172,15 +191,9 @@ def replayed_files(params: ValidationParams) -> list[str]:
 def check_limits(params: ValidationParams, outputs: Mapping[str, Any]) -> None:
     """Fail the stage when a metric breaches its limit in conf; a load time depends on the machine and only warns."""
     timings, figures = flatten(outputs["timings"]), flatten(outputs["metrics"])
-    if "volume.free_m3" in figures:  # of a volume
-        require_limits(figures, params.volume.applying(figures))
-        return
-    limits = applying_limits(params, figures)
-    if params.overlay != "none" and not is_rock_judged(params, figures):
-        drift_m, draw_m = figures["topology.drift_m"], params.texture.draw_m
-        print(
-            f"validation: {drift_m:g} m of drift are too few to judge texture and relief of the rock by ({draw_m:g} m)"
-        )
+    limits, reason = applying_limits(params, figures), why_rock_is_not_judged(params, figures)
+    if reason and "texture.draws" in figures:
+        print(f"validation: {reason}")
     timed = {name: limit for name, limit in limits.items() if name in timings and is_time(name)}
     for line in breaches(timings, timed):
         print(

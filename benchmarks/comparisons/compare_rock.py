@@ -23,10 +23,10 @@ from pipeline.metrics.rock.relief import STEEP_DEG, Relief, line_factor
 from pipeline.metrics.rock.texture import AXES, published_score, strict_score
 from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.render import render_from
-from pipeline.mjcf.visible import compile_visible, smooth_triangles
+from pipeline.mjcf.visible import compile_visible
 from pipeline.params.config import Config
 from pipeline.params.reading.composed import root_overrides
-from pipeline.proof.surface import relief_of, split_long
+from pipeline.proof.surface import drifts_of, level_rock, relief_of, split_long
 from pipeline.proof.texture import MeasuredTexture, measure_flat_texture, measure_texture
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
@@ -67,8 +67,9 @@ _SIZE = (900, 600)
 
 def measure(walls: np.ndarray, roof: np.ndarray, free: Polygon, network: DriftNetwork, params: Config) -> dict:
     """Measure the triangles (n, 3, 3) m of walls and roof."""
-    found = measure_texture(walls, roof, free, network, params.validation.texture)
-    return figures_of(found, relief_of(walls, roof, free, network, params.validation.texture.stretches), params)
+    drifts = drifts_of(free, network)
+    found = measure_texture(walls, roof, drifts, params.validation.texture)
+    return figures_of(found, relief_of(walls, roof, drifts, params.validation.texture.stretches), params)
 
 
 def figures_of(found: MeasuredTexture, relief: Relief, params: Config) -> dict[str, Any]:
@@ -122,9 +123,10 @@ def build_witness(name: str, free: Polygon, network: DriftNetwork, height_m: flo
     texture = params.validation.texture
     if name == "flat":  # as stage 6 measures it
         visible = compile_visible(read_spec(WORLD / MODEL), WORLD / MODEL)
-        walls, roof = (split_long(smooth_triangles(visible, piece)) for piece in (WALLS, ROOFS))
-        relief = relief_of(walls, roof, free, network, texture.stretches)
-        return figures_of(measure_flat_texture(visible, free, network, texture), relief, params)
+        rock = level_rock(visible, free, network)
+        walls, roof = (split_long(rock.smooth(piece)) for piece in (WALLS, ROOFS))
+        relief = relief_of(walls, roof, rock.drifts, texture.stretches)
+        return figures_of(measure_flat_texture(rock, texture), relief, params)
     lattice = lay_rough_lattice(params.surface, free, network, height_m)
     noise = np.random.default_rng(1).normal(0, _NOISE_M, len(lattice.vertices))
     vertices = displaced(lattice, noise)

@@ -16,7 +16,7 @@ from pipeline.compose import compose
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.rock.texture import published_score
 from pipeline.params.config import Config
-from pipeline.proof.surface import relief_of
+from pipeline.proof.surface import drifts_of, relief_of
 from pipeline.proof.texture import measure_texture
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.mesh.lattice import ROOF, WALL
@@ -40,8 +40,9 @@ def measure(free: Polygon, config: Config) -> list[float | None]:
     lattice = lay_rough_lattice(surface, free, network, _HEIGHT_M)
     rough = build_rough_surface(surface, lattice, choose_relief(surface, measure_sources(surface), lattice))
     walls, roof = (rough.mesh.vertices[rough.mesh.faces[rough.mesh.piece == piece]] for piece in (WALL, ROOF))
-    relief = relief_of(walls, roof, free, network, texture.stretches)
-    axes = published_score(measure_texture(walls, roof, free, network, texture).as_paper).axes
+    drifts = drifts_of(free, network)
+    relief = relief_of(walls, roof, drifts, texture.stretches)
+    axes = published_score(measure_texture(walls, roof, drifts, texture).as_paper).axes
     cuts = relief.cut.values()
     return [
         *relief.steep_share.values(),

@@ -79,6 +79,7 @@ def hang_furniture(
     main_m: np.ndarray,
     rough: Bundle,
     over_m: HeightsOver = over_level,
+    through: Sequence[FloorLine] | None = None,
 ) -> Bundle:
     """Return the furniture's meshes by name as `.msh`, m, mine frame; nothing of it collides.
 
@@ -89,14 +90,15 @@ def hang_furniture(
     ----------
     params : FurnitureParams
     ways : sequence of FloorLine
-        Those that are high enough: bolts, pipe and cable follow them, weld mesh hangs where they
-        end at junctions.
+        Those that are high enough: bolts follow them, weld mesh hangs where they end at junctions.
     main_m : (n, 3) float64, m
         The line on the floor that the duct follows.
     rough : dict of bytes
         The chunks of the visible rock as `.msh`.
     over_m : callable
         The heights of points over the floors.
+    through : sequence of FloorLine, optional
+        What pipe and cable follow, by default the ways: where these meet at an angle, the ends of two lines are apart.
     """
     if not ways:
         return {}
@@ -107,8 +109,10 @@ def hang_furniture(
     for way in ways:
         if way.length_m >= _SHORTEST_M:
             parts += _bolts(params, rock, way)
+    for line in ways if through is None else through:
+        if line.length_m >= _SHORTEST_M:
             for kind in (PIPE, CABLE):
-                parts += _along_rib(kind, rock, way, over_m)
+                parts += _along_rib(kind, rock, line, over_m)
     if params.weld_mesh:
         parts += hang_weld_mesh(params.weld_mesh, ways, rock)
     if params.duct:

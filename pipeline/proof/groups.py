@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from pipeline.params.validation import Limit, ValidationParams
 
 _OF_ROCK = ("texture", "relief")
 OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
+JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the height of the upper cut
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
 
 
@@ -18,19 +19,34 @@ def is_measured(group: str, params: ValidationParams) -> bool:
     return (params.overlay != "none" or not of_rock) and (params.extent == "full" or of_certificate)
 
 
-def is_rock_judged(params: ValidationParams, figures: Mapping[str, Any]) -> bool:
-    """Return whether a mine has drifts for one whole draw of stretches of rock, by its flat figures.
+def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any]) -> str | None:
+    """Return why texture and relief of a mine's rock have no limits, by its flat figures; None if they have.
 
-    The limits on texture and relief are those of such draws. In a shorter mine both are measured and not judged: a
-    single block decides about them.
+    The limits are those of one whole draw of stretches: in fewer drifts a single block decides. The surface of a solid
+    that was read, and not drawn, is rock itself, and its own relief is in the figures.
     """
-    drift_m = figures.get("topology.drift_m")
-    return drift_m is None or drift_m >= params.texture.draw_m
+    drift_m, draw_m = figures.get("topology.drift_m"), params.texture.draw_m
+    if "solid.iou" in figures and "drawn.floor_mm" not in figures:
+        return "texture and relief are measured, not judged: the surface of the solid has its own relief"
+    if drift_m is None or drift_m >= draw_m:
+        return None
+    high = f", {JUDGED_HEIGHT_M:g} m high or more," if is_volume(figures) else ""
+    return f"{drift_m:g} m of drift{high} are too few to judge texture and relief of the rock by ({draw_m:g} m)"
 
 
 def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dict[str, Limit]:
     """Return the limits on the groups of metrics that are measured and judged, by the mine's flat figures."""
-    not_judged = () if is_rock_judged(params, figures) else _OF_ROCK
-    of_group = {name: name.partition(".")[0] for name in params.limits}
-    judged = {group for group in of_group.values() if is_measured(group, params) and group not in not_judged}
-    return {name: limit for name, limit in params.limits.items() if of_group[name] in judged}
+    judged = () if why_rock_is_not_judged(params, figures) else _OF_ROCK
+    if is_volume(figures):
+        return params.volume.applying(figures) | _of_groups(params, judged if "texture.draws" in figures else ())
+    groups = {name.partition(".")[0] for name in params.limits}
+    return _of_groups(params, {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)})
+
+
+def _of_groups(params: ValidationParams, groups: Collection[str]) -> dict[str, Limit]:
+    return {name: limit for name, limit in params.limits.items() if name.partition(".")[0] in groups}
+
+
+def is_volume(figures: Mapping[str, Any]) -> bool:
+    """Return whether flat figures are those of a world that is one volume."""
+    return "volume.free_m3" in figures

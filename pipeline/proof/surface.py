@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
 from pipeline.metrics.rock.relief import Relief, measure_relief
 from pipeline.metrics.rock.sampling import faces_near, sample_triangles
-from pipeline.mjcf.visible import Visible, visible_triangles
+from pipeline.mjcf.visible import Visible, smooth_triangles, visible_triangles
 from pipeline.types import DriftNetwork
 
 _BAND_M = 0.05  # half height of the band of wall around a height
@@ -21,6 +23,54 @@ _FOOT_M = 0.05  # the band then begins at the floor
 _WALL_POINTS = 400_000
 _MOST_FACES = 2_000_000
 _FLAT_RADIUS_M = 4.0
+
+
+@dataclass(frozen=True)
+class Drifts:
+    """Drifts seen from above: their walls and, evenly spaced along them, stations.
+
+    Attributes
+    ----------
+    free : shapely.Polygon or shapely.MultiPolygon, m
+    stations_m : (n, 2) float64
+    half_width_m : (n,) float64
+    length_m : float
+        Of all drifts.
+    """
+
+    free: Polygon | MultiPolygon
+    stations_m: np.ndarray
+    half_width_m: np.ndarray
+    length_m: float
+
+
+@dataclass(frozen=True)
+class SeenRock:
+    """Visible rock over a level floor at z = 0, along its drifts.
+
+    `rough` and `smooth` return the triangles (n, 3, 3) m of a piece, walls or roof, as it is seen and without relief;
+    `plumb` those of walls that are plumb without relief, and unit normals (n, 3) of these walls; None where all are.
+    """
+
+    rough: Callable[[str], np.ndarray]
+    smooth: Callable[[str], np.ndarray]
+    drifts: Drifts
+    plumb: Callable[[], tuple[np.ndarray, np.ndarray]] | None = None
+
+
+def drifts_of(free: Polygon | MultiPolygon, network: DriftNetwork) -> Drifts:
+    """Return the drifts of a level mine, of its workings, m, and their network."""
+    return Drifts(
+        free,
+        np.array([place for leg in network.legs for place in leg.stations_m]),
+        np.array([half_m for leg in network.legs for half_m in leg.half_width_m]),
+        network.total_length_m,
+    )
+
+
+def level_rock(visible: Visible, free: Polygon | MultiPolygon, network: DriftNetwork) -> SeenRock:
+    """Return the visible rock of a level mine."""
+    return SeenRock(partial(visible_triangles, visible), partial(smooth_triangles, visible), drifts_of(free, network))
 
 
 @dataclass(frozen=True)
@@ -67,35 +117,31 @@ def walls_metrics(walls: WallBands) -> dict[str, Any]:
     return {**vars(walls.at_height), f"at_{100 * _FOOT_M:.0f}_cm": foot}
 
 
-def report_relief(
-    visible: Visible,
-    free: Polygon,
-    network: DriftNetwork,
-    stretches: int,
-    lines: BaseGeometry | None = None,
-) -> Relief:
-    """Measure the shape of the visible walls of a world along `lines`, by default the outline's boundary."""
-    walls, roof = (visible_triangles(visible, piece) for piece in (WALLS, ROOF))
-    return relief_of(walls, roof, free, network, stretches, lines)
+def report_relief(rock: SeenRock, stretches: int) -> Relief:
+    """Measure the shape of the visible walls of a world along the walls of its drifts."""
+    plumb = rock.plumb() if rock.plumb else None
+    return relief_of(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, stretches, plumb)
 
 
 def relief_of(
     walls: np.ndarray,
     roof: np.ndarray,
-    free: Polygon,
-    network: DriftNetwork,
+    drifts: Drifts,
     stretches: int,
-    lines: BaseGeometry | None = None,
+    plumb: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Relief:
-    """Measure walls (n, 3, 3) m; flat faces are searched in walls and roof near evenly spaced stations."""
-    places = stretch_centres(network, stretches)
+    """Measure walls (n, 3, 3) m; `plumb` as in `measure_relief`.
+
+    Flat faces are searched in walls and roof near evenly spaced stations.
+    """
+    places = stretch_centres(drifts, stretches)
     sample = np.concatenate([faces_near(piece, places, _FLAT_RADIUS_M) for piece in (walls, roof)])
-    return measure_relief(walls, sample, free, lines)
+    return measure_relief(walls, sample, drifts.free, plumb=plumb)
 
 
-def stretch_centres(network: DriftNetwork, count: int) -> np.ndarray:
+def stretch_centres(drifts: Drifts, count: int) -> np.ndarray:
     """Return `count` places (n, 2), m, spaced evenly over all stations, without the first and the last."""
-    stations = np.array([p for leg in network.legs for p in leg.stations_m])
+    stations = drifts.stations_m
     return stations[np.linspace(0, len(stations) - 1, count + 2).round().astype(int)[1:-1]]
 
 

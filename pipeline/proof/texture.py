@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from shapely import Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
@@ -36,10 +35,8 @@ from pipeline.metrics.rock.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
-from pipeline.mjcf.visible import Visible, smooth_triangles, visible_triangles
 from pipeline.params.validation import TextureReportParams
-from pipeline.proof.surface import between, split_long, stretch_centres
-from pipeline.types import DriftNetwork
+from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
 
 _Heat = list[tuple[float, float, float]]  # easting and northing, m, and mean sigma, m
 _WAVELENGTH = "dominant_wavelength_m"  # the axis that is not measured in a draw
@@ -114,45 +111,37 @@ class MeasuredTexture:
         return mean_sweep([draw.sweep for draw in self.draws])
 
 
-def report_texture(
-    visible: Visible,
-    free: Polygon,
-    network: DriftNetwork,
-    params: TextureReportParams,
-) -> TextureReport:
+def report_texture(rock: SeenRock, params: TextureReportParams) -> TextureReport:
     """Measure the visible rock of a world on the paper's six axes, and the smooth surface for comparison."""
-    with Forked(lambda: measure_flat_texture(visible, free, network, params)) as smooth:
-        walls, roof = (visible_triangles(visible, piece) for piece in (WALLS, ROOF))
-        rock = measure_texture(walls, roof, free, network, params)
+    with Forked(lambda: measure_flat_texture(rock, params)) as smooth:
+        found = measure_texture(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, params)
         flat = smooth.result()
     return repeatable(
         TextureReport(
-            rock.as_paper,
-            rock.as_is,
-            published_score(rock.as_paper),
-            strict_score(rock.as_is),
-            len(rock.draws),
-            spread_of([published_score(draw.as_paper).overall for draw in rock.draws]),
-            spread_of([strict_score(draw.as_is).overall for draw in rock.draws]),
-            rock.sweep,
-            float(np.mean([draw.roof_unevenness_m for draw in rock.draws])),
-            float(np.mean([draw.bump_rms_m for draw in rock.draws])),
-            rock.heat,
+            found.as_paper,
+            found.as_is,
+            published_score(found.as_paper),
+            strict_score(found.as_is),
+            len(found.draws),
+            spread_of([published_score(draw.as_paper).overall for draw in found.draws]),
+            spread_of([strict_score(draw.as_is).overall for draw in found.draws]),
+            found.sweep,
+            float(np.mean([draw.roof_unevenness_m for draw in found.draws])),
+            float(np.mean([draw.bump_rms_m for draw in found.draws])),
+            found.heat,
             _short(published_score(flat.as_paper)),
             _short(strict_score(flat.as_is)),
         )
     )
 
 
-def measure_flat_texture(
-    visible: Visible,
-    free: Polygon,
-    network: DriftNetwork,
-    params: TextureReportParams,
-) -> MeasuredTexture:
-    """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches."""
-    walls, roof = (smooth_triangles(visible, piece) for piece in (WALLS, ROOF))
-    return measure_texture(walls, roof, free, network, _quarter(params), apart=False)
+def measure_flat_texture(rock: SeenRock, params: TextureReportParams) -> MeasuredTexture:
+    """Measure the smooth surface of a world at the same density, in one draw of a quarter of the stretches.
+
+    Smooth surfaces vary little.
+    """
+    one = part_of(params, 4).model_copy(update={"draws": 1})
+    return measure_texture(rock.smooth(WALLS), rock.smooth(ROOF), rock.drifts, one, apart=False)
 
 
 def _short(scores: Scores) -> Scores:
@@ -164,20 +153,15 @@ def _round(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _quarter(params: TextureReportParams) -> TextureReportParams:
-    """Return the parameters for one draw of a quarter of the stretches: smooth surfaces vary little."""
-    part = max(1, params.stretches // 4)
+def part_of(params: TextureReportParams, share: int) -> TextureReportParams:
+    """Return the parameters for draws of a `share`-th of the stretches and points."""
+    part = max(1, params.stretches // share)
     wall, roof = (max(1000, n * part // params.stretches) for n in (params.wall_points, params.roof_points))
-    return params.model_copy(update={"stretches": part, "draws": 1, "wall_points": wall, "roof_points": roof})
+    return params.model_copy(update={"stretches": part, "wall_points": wall, "roof_points": roof})
 
 
 def measure_texture(
-    walls: np.ndarray,
-    roof: np.ndarray,
-    free: Polygon,
-    network: DriftNetwork,
-    params: TextureReportParams,
-    apart: bool = True,
+    walls: np.ndarray, roof: np.ndarray, drifts: Drifts, params: TextureReportParams, apart: bool = True
 ) -> MeasuredTexture:
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m, in each draw of stretches.
 
@@ -194,22 +178,20 @@ def measure_texture(
         del everywhere
         give_back()  # sampling takes three times the memory of the points
         draws: list[Draw] = []
-        for places in draws_of_places(network, params):
-            near = [faces_near(piece, places, _reach_m(places, network, params)) for piece in pieces]
+        for places in draws_of_places(drifts, params):
+            near = [faces_near(piece, places, _reach_m(places, drifts, params)) for piece in pieces]
             _require_both(near)
             on_walls, on_roof = _sample(near, params, rng)
             if not draws:
                 wall = between(on_walls.points, params.wall_z_m)
                 wall = wall[:: max(1, len(wall) // _WALL_POINTS)]
-                along = processes.enter_context(Forked(partial(wall_wavelength_m, wall, free), apart))
+                along = processes.enter_context(Forked(partial(wall_wavelength_m, wall, drifts.free), apart))
             draws.append(_measure_draw(on_walls, on_roof, params, rng, apart))
         (published_m, heat), along_m = whole.result(), along.result()
     return MeasuredTexture([draw.with_wavelengths(published_m, along_m) for draw in draws], heat)
 
 
-def _read_whole(
-    walls: np.ndarray, params: TextureReportParams
-) -> tuple[float | None, list[tuple[float, float, float]]]:
+def _read_whole(walls: np.ndarray, params: TextureReportParams) -> tuple[float | None, _Heat]:
     """Return the wavelength as the paper reads it, and sigma along the mine, of points (n, 3) m of all walls."""
     return published_wavelength_m(between(walls, params.wall_z_m)), _heat(walls)
 
@@ -302,21 +284,19 @@ def texture_metrics(report: TextureReport) -> dict[str, Any]:
     }
 
 
-def _reach_m(places: np.ndarray, network: DriftNetwork, params: TextureReportParams) -> float:
+def _reach_m(places: np.ndarray, drifts: Drifts, params: TextureReportParams) -> float:
     """Return the radius of stretches, m: in a mine of wide rooms alone, the walls of the narrowest are within it."""
-    stations = np.array([p for leg in network.legs for p in leg.stations_m])
-    half = np.array([w for leg in network.legs for w in leg.half_width_m])
-    narrowest = float(half[cKDTree(stations).query(places)[1]].min())
+    narrowest = float(drifts.half_width_m[cKDTree(drifts.stations_m).query(places)[1]].min())
     return max(params.stretch_radius_m, narrowest + _ON_WALLS_M)
 
 
-def draws_of_places(network: DriftNetwork, params: TextureReportParams) -> list[np.ndarray]:
+def draws_of_places(drifts: Drifts, params: TextureReportParams) -> list[np.ndarray]:
     """Return the centres (n, 2), m, of the stretches of each draw, which take turns along the drifts.
 
     A mine too short for stretches that do not overlap has fewer draws, and at least one.
     """
-    count = int(min(params.draws, max(1.0, network.total_length_m // params.draw_m)))
-    places = stretch_centres(network, count * params.stretches)
+    count = int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
+    places = stretch_centres(drifts, count * params.stretches)
     return [places[k::count] for k in range(count)]
 
 

@@ -35,7 +35,7 @@ from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
 from pipeline.proof.rebuilt.built import require_rock, require_solid, tolerance_of
-from pipeline.proof.surface import WallBands, report_relief, report_walls, walls_metrics
+from pipeline.proof.surface import SeenRock, WallBands, level_rock, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
@@ -146,15 +146,19 @@ class Validator:
             GeomGroup.COLLISION,
         )
 
+    @property
+    def _rock(self) -> SeenRock:
+        return level_rock(self.world.visible, self.free_space.polygon, self.network)
+
     @functools.cached_property
     def texture(self) -> TextureReport:
         """Return the texture report."""
-        return report_texture(self.world.visible, self.free_space.polygon, self.network, self.params.texture)
+        return report_texture(self._rock, self.params.texture)
 
     @functools.cached_property
     def relief(self) -> Relief:
         """Return the shape of the visible walls."""
-        return report_relief(self.world.visible, self.free_space.polygon, self.network, self.params.texture.stretches)
+        return report_relief(self._rock, self.params.texture.stretches)
 
     @functools.cached_property
     def containment(self) -> dict[str, Any]:

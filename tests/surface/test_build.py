@@ -17,7 +17,7 @@ from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.visible import visible_triangles
 from pipeline.proof.rebuilt.built import require_built
-from pipeline.proof.surface import report_walls
+from pipeline.proof.surface import drifts_of, level_rock, report_walls
 from pipeline.proof.texture import draws_of_places, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice, widen_spacing
@@ -154,20 +154,21 @@ def test_the_world_shows_the_rough_surface_hides_the_smooth_one_and_neither_coll
 
 def test_a_world_without_walls_to_see_is_refused(tee, config):
     with pytest.raises(ArtifactError, match=r"mine\.xml: no visible walls or no roof"):
-        report_texture({}, tee.free_space.polygon, tee.network, config.validation.texture)
+        report_texture(level_rock({}, tee.free_space.polygon, tee.network), config.validation.texture)
 
 
 def test_texture_and_walls_are_measured_on_the_meshes_that_the_model_names(opened, tee, config):
     params = config.validation.texture.model_copy(update={"points_per_m2": 600.0})
     polygon, network = tee.free_space.polygon, tee.network
-    report = report_texture(opened.visible, polygon, network, params)
+    report = report_texture(level_rock(opened.visible, polygon, network), params)
     assert report.strict.overall > 0.45  # of the T, whose own width bounds its relief: 0.511; flat walls: 0.00001
     rough = tuple(map(surface_geom, (WALLS, ROOF)))
     half = {
         name: dataclasses.replace(mesh, corners=0.5 * mesh.corners) if name.startswith(rough) else mesh
         for name, mesh in opened.visible.items()
     }
-    shrunk = report_texture(half, polygon, network, params.model_copy(update={"points_per_m2": 300.0}))
+    fewer = params.model_copy(update={"points_per_m2": 300.0})
+    shrunk = report_texture(level_rock(half, polygon, network), fewer)
     assert shrunk.strict_axes["bump_rq_m"] != pytest.approx(report.strict_axes["bump_rq_m"], rel=0.05)
     assert report.draws == 1  # the workings are shorter than two sets of eight stretches
     assert report.strict_spread is None
@@ -228,7 +229,10 @@ def test_the_bundle_holds_the_free_space_and_the_drift_network(tee):
 
 
 def test_the_sets_of_stretches_take_turns_along_the_drifts_and_do_not_share_a_place(config):
-    long = trace_network(shapely.box(0, 0, 700, 5), 0.5, 2.0, 1.0)
+    long, short = (
+        drifts_of(plan, trace_network(plan, 0.5, 2.0, 1.0))
+        for plan in (shapely.box(0, 0, 700, 5), shapely.box(0, 0, 180, 4.6))
+    )
     params = config.validation.texture
     draws = draws_of_places(long, params)
     assert [len(draw) for draw in draws] == [params.stretches] * params.draws
@@ -236,4 +240,4 @@ def test_the_sets_of_stretches_take_turns_along_the_drifts_and_do_not_share_a_pl
     assert (np.ptp(easting, axis=1) > 500).all()  # each set reaches over the mine
     gaps = np.diff(np.sort(easting.ravel()))
     assert gaps.min() > 2 * params.stretch_radius_m
-    assert len(draws_of_places(trace_network(shapely.box(0, 0, 180, 4.6), 0.5, 2.0, 1.0), params)) == 1
+    assert len(draws_of_places(short, params)) == 1

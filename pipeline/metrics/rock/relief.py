@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.polyline import arc_length
@@ -51,16 +51,25 @@ class Cut:
     line_rq_m: dict[str, float]
 
 
-def measure_relief(walls: np.ndarray, sample: np.ndarray, free: Polygon, lines: BaseGeometry | None = None) -> Relief:
+def measure_relief(
+    walls: np.ndarray,
+    sample: np.ndarray,
+    free: Polygon | MultiPolygon,
+    lines: BaseGeometry | None = None,
+    plumb: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Relief:
     """Measure the walls, faces (n, 3, 3) m in the mine frame; flat faces are grown in a `sample` (k, 3, 3) of rock.
 
-    The plan's walls are `lines`, by default the boundary of the free space.
+    The plan's walls are `lines`, by default the boundary of the free space. Where not all walls are plumb without
+    relief, `plumb` are faces (m, 3, 3) m of those that are, and unit normals (m, 3) of the walls without relief.
     """
     lines = lines or free.boundary
     cuts = {_cm("at", z): cut_walls(walls, free, z, lines) for z in CUT_HEIGHTS_M}
-    angle, area = face_angles_deg(walls, lines)
-    bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(walls).items() if band.any()}
-    return repeatable(Relief(_steep_share(angle, area), bands, flat_face_share(sample), cuts))
+    faces = walls if plumb is None else plumb[0]
+    angle, area = face_angles_deg(walls, lines) if plumb is None else angles_to_deg(*plumb)
+    bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(faces).items() if band.any()}
+    share = _steep_share(angle, area) if len(area) else {}
+    return repeatable(Relief(share, bands, flat_face_share(sample), cuts))
 
 
 def face_angles_deg(walls: np.ndarray, lines: BaseGeometry) -> tuple[np.ndarray, np.ndarray]:
@@ -74,6 +83,14 @@ def face_angles_deg(walls: np.ndarray, lines: BaseGeometry) -> tuple[np.ndarray,
     along = sides[nearest, 1] - sides[nearest, 0]
     across = np.abs(normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0])
     cosine = across / np.maximum(area * np.linalg.norm(along, axis=1), 1e-30)
+    return np.degrees(np.arccos(np.clip(cosine, 0, 1))), area / 2
+
+
+def angles_to_deg(faces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angles (n,) deg between faces (n, 3, 3) m and planes of unit normals (n, 3), and areas (n,) m2."""
+    own = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    area = np.linalg.norm(own, axis=1)
+    cosine = np.abs((own * normals).sum(axis=1)) / np.maximum(area, 1e-30)
     return np.degrees(np.arccos(np.clip(cosine, 0, 1))), area / 2
 
 

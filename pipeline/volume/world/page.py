@@ -12,10 +12,12 @@ from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.guard.forked import Forked
 from pipeline.params.validation import ValidationParams
+from pipeline.proof.groups import applying_limits
 from pipeline.report.figures.mine import to_svg
 from pipeline.report.figures.scene import walked_page
 from pipeline.report.figures.volume import draw_floors, draw_section, facet_scene
 from pipeline.report.page import WorldView
+from pipeline.report.results import read_metrics
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
 from pipeline.types import ClosedMesh, SurveyedLegs, lines_of
@@ -41,6 +43,7 @@ def volume_view(root: Path) -> WorldView:
     cells: FloorSpans = decode(bundle / CELLS, FloorSpans)
     volume: VolumeFacets = decode(bundle / VOLUME, VolumeFacets)
     surveyed: SurveyedLegs = decode(root / "survey/network.npz", SurveyedLegs)
+    params = read_params(root / "validation/manifest.json", ValidationParams)
     datum_m = record.volume.datum_m
     ends = np.array([[legs.stations_m[leg.start], legs.stations_m[leg.end]] for leg in legs.legs])
     lrud = np.array([leg.lrud_m for leg in legs.legs])
@@ -57,7 +60,7 @@ def volume_view(root: Path) -> WorldView:
         record=record,
         plan=plan,
         scene=scene,
-        limits=read_params(root / "validation/manifest.json", ValidationParams).volume.limits,
+        limits=applying_limits(params, read_metrics(root / "validation")),
         volume=_built_of(record, surveyed) | {"section": section[section.index(b"<svg") :].decode()},
     )
 

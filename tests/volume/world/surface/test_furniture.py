@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import networkx as nx
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -27,7 +28,7 @@ from pipeline.export.extract_volume import read_volume_scene
 from pipeline.geometry.polyline import FloorLine
 from pipeline.proof.rebuilt.fittings import require_furniture
 from pipeline.store.codecs import decode
-from pipeline.volume.world.surface.furnished import hang_again, ways_along
+from pipeline.volume.world.surface.furnished import Drift, drifts_along, hang_again, lines_through
 from pipeline.volume.world.topology import LegNetwork
 from tests.heights import HEADER
 from tests.volume.world.surface.test_volume_rock import resealed
@@ -85,22 +86,59 @@ def test_the_schema_allows_the_bundle_and_the_validator_makes_it_again(slope):
 
 
 def test_ways_end_at_junctions_and_where_the_roof_is_too_low(slope):
-    ways = ways_along(decode(slope / "topology.json", LegNetwork))
+    ways = [drift.way for drift in drifts_along(decode(slope / "topology.json", LegNetwork))]
     assert sorted(round(way.length_m, 1) for way in ways) == [16.2, 17.3]  # the low drift has none
     assert sorted(way.ends_at_junctions for way in ways) == [(False, True), (True, False)]
 
 
 def test_ways_go_through_stations_of_two_legs_and_turn_left_and_right_where_a_leg_was_surveyed_backwards(tmp_path):
     table = "A,1,0,0,1,2,0,3,0\nA,2,10,0,1,2,0,3,0\nB,3,20,0,2,1,-1,3,0\nB,2,10,0,2,1,0,3,0\n"
-    (way,) = ways_along(decode(build_volume(HEADER + table, tmp_path) / "topology.json", LegNetwork))
+    (drift,) = drifts_along(decode(build_volume(HEADER + table, tmp_path) / "topology.json", LegNetwork))
+    way = drift.way
     assert way.length_m == pytest.approx(10 + np.hypot(10, 1), abs=1e-3)
     assert len({(left, right) for left, right in zip(way.left_m.tolist(), way.right_m.tolist(), strict=True)}) == 1
 
 
 def test_a_ring_of_legs_is_one_way(tmp_path):
     table = "A,1,0,0,2,2,0,3,0\nA,2,30,0,2,2,1,3,0\nA,3,30,30,2,2,2,3,0\nA,4,0,30,2,2,1,3,0\nA,1,0,0,2,2,0,3,0\n"
-    (way,) = ways_along(VolumeWorld(HEADER + table, tmp_path).decoded("topology.json", LegNetwork))
-    assert way.length_m == pytest.approx(4 * np.hypot(30, 1), abs=1e-3)
+    drifts = drifts_along(VolumeWorld(HEADER + table, tmp_path).decoded("topology.json", LegNetwork))
+    assert [drift.way.length_m for drift in drifts] == pytest.approx([4 * np.hypot(30, 1)], abs=1e-3)
+    (line,) = lines_through(drifts)
+    assert line.length_m == pytest.approx(drifts[0].way.length_m)
+
+
+def test_a_cable_goes_on_through_a_junction_where_its_rib_does(slope):
+    meshes = [mesh for name, mesh in furniture_of(slope).items() if name.startswith("cable")]
+    triangles = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64)
+    _, number = np.unique(triangles.reshape(-1, 3).round(3), axis=0, return_inverse=True)
+    graph = nx.Graph(edge for a, b, c in number.reshape(-1, 3).tolist() for edge in ((a, b), (b, c)))
+    assert np.ptp(triangles[:, :, 0]) > 28
+    assert nx.number_connected_components(graph) == 1
+
+
+def test_lines_take_the_straightest_way_through_a_junction_whatever_way_legs_were_surveyed():
+    def drift(start, end, places, left_m, right_m):
+        floor = np.column_stack([places, np.zeros(len(places))])
+        return Drift(
+            FloorLine(floor, np.full(len(places), left_m), np.full(len(places), right_m), (True, True)), (start, end)
+        )
+
+    west, north = (
+        drift("x", "w", [(0.0, 0.0), (-30.0, 0.0)], 1.0, 2.0),
+        drift("x", "n", [(0.0, 0.0), (0.0, 20.0)], 1.0, 1.0),
+    )
+    east, far = (
+        drift("e", "x", [(30.0, 10.0), (0.0, 0.0)], 1.0, 2.0),
+        drift("e", "f", [(30.0, 10.0), (60.0, 12.0)], 2.0, 1.0),
+    )
+    lines = lines_through([west, north, east, far])
+    assert sorted(round(line.length_m, 2) for line in lines) == [
+        20.0,
+        round(30 + np.hypot(30, 10) + np.hypot(30, 2), 2),
+    ]
+    whole = max(lines, key=lambda line: line.length_m)
+    assert len(whole.floor_m) == 4
+    assert len(set(zip(whole.left_m.tolist(), whole.right_m.tolist(), strict=True))) == 1  # a rib stays on its side
 
 
 def test_a_line_that_doubles_back_has_a_left_side_everywhere():
