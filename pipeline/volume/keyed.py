@@ -51,14 +51,11 @@ def keyed(volume: Volume, vertices: np.ndarray, label: np.ndarray, kept: np.ndar
 def volume_of(one: KeyedSolid, volume: Volume) -> Volume:
     """Return a keyed solid as a volume of the pieces of the one that it was made from."""
     vertices, faces, key = mesh_of(one.solid, one.keys)
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64))).as_original()
-    if solid.status() != manifold3d.Error.NoError:
-        raise ValueError(f"volume: the moved mesh is not closed ({solid.status()})")
-    return Volume(solid, vertices, faces, key // len(FacetLabel), key % len(FacetLabel), volume.pieces, volume.numbers)
+    return Volume(vertices, faces, key // len(FacetLabel), key % len(FacetLabel), volume.pieces)
 
 
 def of_facets(volume: Volume, numbers: np.ndarray) -> Volume:
-    """Return some facets (n,) of a volume, in order, and their vertices; its solid is the whole."""
+    """Return some facets (n,) of a volume, in order, and their vertices."""
     used, faces = np.unique(volume.faces[numbers], return_inverse=True)
     return replace(
         volume,

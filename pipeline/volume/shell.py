@@ -11,8 +11,8 @@ from pipeline.volume.keyed import near_facets, of_facets
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
+from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
-from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.union import Volume
 
@@ -92,7 +92,7 @@ class _Shell:
     def __init__(self, volume: Volume) -> None:
         """Index the free space."""
         self.parts: list[ShellPart] = []
-        self._facets, self._tiles = Facets(volume.vertices, volume.faces), Tiles(volume.solid)
+        self._facets = Facets(volume.vertices, volume.faces)
         self._rays = RaysIntoRock(volume.vertices, volume.faces)
 
     def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
@@ -120,8 +120,8 @@ class _Shell:
         depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
         inside, shared = self._inside(bodies), np.zeros(len(bodies))
         is_sliver = tried.areas_m2 <= SLIVER_M2  # of any normal: its part may be free, on no facet
-        for k in np.flatnonzero((is_sliver | (inside > 0)) & (inside < _SHALLOW_M)):
-            shared[k] = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[k]))
+        unsure = np.flatnonzero((is_sliver | (inside > 0)) & (inside < _SHALLOW_M))
+        shared[unsure] = self._shared_m3(list(bodies.corners[unsure]), is_sliver[unsure])
         least = np.where(is_sliver, _LEAST_M, THIN_M)
         good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
         count = bodies.counts()
@@ -149,7 +149,7 @@ class _Shell:
             solid = manifold3d.Manifold.hull_points(corners)
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
-            shared = self._tiles.shared_m3(solid)
+            shared = float(self._shared_m3([corners], np.array([area <= SLIVER_M2]))[0])
             least = THIN_M if area > SLIVER_M2 else 0.0
             if best is None or (depth < least, shared) < (best.depth_m < least, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
@@ -166,6 +166,14 @@ class _Shell:
         for number, facet in zip(polygons.numbers[contacts.body].tolist(), contacts.facet.tolist(), strict=True):
             found[number].append(facet)
         return found
+
+    def _shared_m3(self, parts: list[np.ndarray], is_sliver: np.ndarray) -> np.ndarray:
+        """Return what (n,) m3 of parts is free; the middle of one is in rock, unless a sliver of any normal has it."""
+        is_free = np.zeros(len(parts), bool)
+        if is_sliver.any():
+            middles = [part.mean(axis=0) for part, ask in zip(parts, is_sliver, strict=True) if ask]
+            is_free[is_sliver] = self._rays.are_free(np.array(middles))
+        return shared_m3(self._facets, parts, is_free)
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
         """Return how deep (n,) m a facet is in each body."""
