@@ -11,13 +11,13 @@ from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import STEEPEST, Solid, Volume, pieces_of
 
 _SAMPLE_M = 0.25

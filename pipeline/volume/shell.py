@@ -8,6 +8,7 @@ import manifold3d
 import numpy as np
 
 from pipeline.volume.keyed import near_facets, of_facets
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
@@ -92,7 +93,8 @@ class _Shell:
     def __init__(self, volume: Volume) -> None:
         """Index the free space."""
         self.parts: list[ShellPart] = []
-        self._facets = Facets(volume.vertices, volume.faces)
+        self._facets, self._volume = Facets(volume.vertices, volume.faces), volume
+        self._space: Inside | None = None
         self._rays = RaysIntoRock(volume.vertices, volume.faces)
 
     def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
@@ -120,8 +122,9 @@ class _Shell:
         depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
         inside, shared = self._inside(bodies), np.zeros(len(bodies))
         is_sliver = tried.areas_m2 <= SLIVER_M2  # of any normal: its part may be free, on no facet
-        unsure = np.flatnonzero((is_sliver | (inside > 0)) & (inside < _SHALLOW_M))
-        shared[unsure] = self._shared_m3(list(bodies.corners[unsure]), is_sliver[unsure])
+        for ask, are_free in ((~is_sliver & (inside > 0), _none), (is_sliver, self._are_free)):
+            some = np.flatnonzero(ask & (inside < _SHALLOW_M))
+            shared[some] = shared_m3(self._facets, list(bodies.corners[some]), are_free)
         least = np.where(is_sliver, _LEAST_M, THIN_M)
         good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
         count = bodies.counts()
@@ -149,7 +152,7 @@ class _Shell:
             solid = manifold3d.Manifold.hull_points(corners)
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
-            shared = float(self._shared_m3([corners], np.array([area <= SLIVER_M2]))[0])
+            shared = float(shared_m3(self._facets, [corners], self._are_free)[0])
             least = THIN_M if area > SLIVER_M2 else 0.0
             if best is None or (depth < least, shared) < (best.depth_m < least, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
@@ -167,13 +170,10 @@ class _Shell:
             found[number].append(facet)
         return found
 
-    def _shared_m3(self, parts: list[np.ndarray], is_sliver: np.ndarray) -> np.ndarray:
-        """Return what (n,) m3 of parts is free; the middle of one is in rock, unless a sliver of any normal has it."""
-        is_free = np.zeros(len(parts), bool)
-        if is_sliver.any():
-            middles = [part.mean(axis=0) for part, ask in zip(parts, is_sliver, strict=True) if ask]
-            is_free[is_sliver] = self._rays.are_free(np.array(middles))
-        return shared_m3(self._facets, parts, is_free)
+    def _are_free(self, places: np.ndarray) -> np.ndarray:
+        """Return which places (n, 3) m are in the free space of a whole volume."""
+        self._space = self._space or Inside(self._volume)
+        return self._space.are_free(places)
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
         """Return how deep (n,) m a facet is in each body."""
@@ -181,3 +181,7 @@ class _Shell:
         contacts = self._facets.crossing(bodies, _SHALLOW_M)
         np.maximum.at(found, contacts.body, contacts.depth_m)
         return found
+
+
+def _none(places: np.ndarray) -> np.ndarray:
+    return np.zeros(len(places), bool)

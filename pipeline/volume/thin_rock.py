@@ -44,7 +44,8 @@ def without_thin_rock(volume: Volume, ways: np.ndarray) -> Volume:
         thick = _thickened(about, about.numbers(facets), half_m)
         volume = about.put_back(without_slivers(thick, kept=about.at_border(thick)))
         some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
-    return volume
+    one = keyed(volume, volume.vertices, volume.label)
+    return volume_of(KeyedSolid(without_crumbs(one.solid), one.keys), volume)
 
 
 def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:

@@ -25,6 +25,7 @@ _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof 
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
+_CRUMB_M3 = 1e-9  # of a shell, at least: the volume of a wall of no thickness is rounding
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 
 
@@ -133,13 +134,13 @@ def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.nda
 
 
 def without_crumbs(
-    solid: manifold3d.Manifold, least_m3: float = 0.0, cut_by: list[int] | None = None, border: Sequence[int] = ()
+    solid: manifold3d.Manifold, least_m3: float = _CRUMB_M3, cut_by: list[int] | None = None, border: Sequence[int] = ()
 ) -> manifold3d.Manifold:
     """Return the solid without its shells of a volume up to `least_m3`, m3.
 
     A shell of rock that floats in the free space has a volume below 0: it is a gap between hulls, and becomes free.
-    With surfaces `cut_by`, by manifold3d's numbers, only shells that these bound go; with those of a `border`, only
-    shells that it does not bound.
+    With surfaces `cut_by`, by manifold3d's numbers, only shells of free space go that these bound; with those of a
+    `border`, only shells that it does not bound.
     """
     mesh = solid.to_mesh64()
     vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
@@ -149,11 +150,13 @@ def without_crumbs(
     shell = part[faces[:, 0]]
     about = vertices[np.unique(part, return_index=True)[1]][shell]
     a, b, c = np.moveaxis(vertices[faces] - about[:, None], 1, 0)
-    is_kept = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count) > least_m3
+    volume = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count)
+    is_kept = volume > least_m3
     surface = np.repeat(mesh.run_original_id, np.diff(np.asarray(mesh.run_index).astype(int)) // 3)
     is_kept[shell[np.isin(surface, border)]] = True
     if cut_by is not None:
-        is_kept[np.setdiff1d(shell, shell[np.isin(surface, cut_by)])] = True
+        others = np.setdiff1d(shell, shell[np.isin(surface, cut_by)])
+        is_kept[others] |= volume[others] > _CRUMB_M3
     if count == 1 or is_kept.all():
         return solid
     return _some(mesh, vertices, faces, is_kept[shell])  # `decompose` takes 4 GB in a cave of 13 km

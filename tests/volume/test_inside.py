@@ -3,7 +3,7 @@
 import manifold3d
 import numpy as np
 
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 
 

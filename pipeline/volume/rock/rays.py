@@ -27,12 +27,6 @@ class RaysIntoRock:
         """Index the facets: thin parts need no rays."""
         return ray_scene(*self._mesh, 1)
 
-    def are_free(self, places: np.ndarray) -> np.ndarray:
-        """Return which places (n, 3) m are in the free space; of five parities of rays the most frequent counts."""
-        away = self._scene.compute_signed_distance(places.astype(np.float32), nthreads=1, nsamples=5)
-        found: np.ndarray = away.numpy() < 0
-        return found
-
     def blocked(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
         """Return behind which polygons (n,) a part that is `moved` or `cut` so deep has a facet in it, as rays find.
 

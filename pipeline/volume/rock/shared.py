@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import manifold3d
 import numpy as np
 
 from pipeline.volume.separation import Facets
 
+_SURE = 1e-2  # of a part behind facets, at least: less may be a fold of the surface
 _TOGETHER = 200  # parts: their triangles and the facets near them take some 10 MB
 
 
-def shared_m3(facets: Facets, parts: Sequence[np.ndarray], is_free: np.ndarray) -> np.ndarray:
+def shared_m3(facets: Facets, parts: Sequence[np.ndarray], are_free: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Return the volume (n,) m3 that convex parts share with the free space.
 
     Seen from a part's middle, free space ends or begins at each facet. So what of the part is behind a facet counts,
-    less or more, and the sum is all of it: no boolean with the whole free space is needed.
+    less or more, and the sum is all of it if the middle is in rock; else it is what is missing from the whole part.
+    Its sign says which. No boolean with the whole free space is needed.
 
     Parameters
     ----------
@@ -24,20 +26,24 @@ def shared_m3(facets: Facets, parts: Sequence[np.ndarray], is_free: np.ndarray) 
         Of the free space's mesh: all that are near the parts.
     parts : sequence of (k, 3) float64, m
         The parts' corners.
-    is_free : (n,) bool
-        Which middles of the corners are in the free space.
+    are_free : function
+        Of places (k, 3) m, which are in the free space: the middles of parts into which hardly a facet reaches.
     """
     found = [np.zeros(0)]
     for start in range(0, len(parts), _TOGETHER):
         hulls = [_hull(part) for part in parts[start : start + _TOGETHER]]
         size = np.array([_tetrahedra_m3(sides).sum() for _, sides in hulls])
-        free = np.where(is_free[start : start + _TOGETHER], size, 0.0)
-        found.append(np.maximum(free + _behind_m3(facets, hulls), 0.0))
+        behind = _behind_m3(facets, hulls)
+        is_free = behind < 0
+        unsure = np.flatnonzero(np.abs(behind) <= _SURE * size)
+        if len(unsure):
+            is_free[unsure] = are_free(np.array([hulls[k][0] for k in unsure]))
+        found.append(np.maximum(np.where(is_free, size + behind, behind), 0.0))
     return np.concatenate(found)
 
 
 def _hull(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middle (3,) m of a part's corners, and its triangles (t, 3, 3) from there; none if it has no volume."""
+    """Return the middle (3,) m of a part's corners, and its triangles (t, 3, 3) from there; none without a volume."""
     middle, solid = corners.mean(axis=0), manifold3d.Manifold.hull_points(corners)
     if solid.is_empty() or solid.volume() <= 0:
         return middle, np.zeros((0, 3, 3))
