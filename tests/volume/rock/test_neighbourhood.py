@@ -70,7 +70,7 @@ def test_a_part_that_no_facet_reaches_into_is_free_as_a_whole_or_not_at_all(tee)
     low = int(tee.vertices[:, 2].argmin())
     cube = 0.05 * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     under = tee.vertices[low] - [0, 0, 1.0] + cube
-    middle = tee.vertices[tee.faces[tee.label == 0]].mean(axis=(0, 1)) + [0, 0, 1.0] + cube
+    middle = tee.vertices[tee.faces[tee.label == 0]].mean(axis=(0, 1)) + (cube + np.array([0, 0, 1.0]))
     places = [under, middle]
     found = shared_m3(Facets(tee.vertices, tee.faces), places, Inside(tee).are_free)
     wanted = [(manifold3d.Manifold.hull_points(part) ^ tee.solid).volume() for part in places]

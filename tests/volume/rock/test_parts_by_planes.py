@@ -212,14 +212,15 @@ def test_no_part_repeats_its_last_corner(tmp_path):
 
 
 def test_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
-    for module in ("crossings", "rock.faces", "rock.cleared"):
+    for module in ("separation", "rock.faces", "rock.cleared", "rock.rays"):
         monkeypatch.setattr(f"pipeline.volume.{module}._LEAST_SHARE", 5)
-    parts, found, twice = build_shell(beside), {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
+    found, twice = {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
     for cores in (1, 2, 3):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)))
+        parts = build_shell(beside)
         figures = measure_enclosure(beside, parts, 4, np.random.default_rng(0))
         crossing = crossing_facets(twice, np.concatenate([beside.faces, beside.faces + len(twice) // 2]), 1e-6)
-        found[cores] = (figures, crossing.tolist())
+        found[cores] = (figures, crossing.tolist(), [part.corners.tolist() for part in parts])
     assert len(parts) >= 20  # four shares at least
     assert len(found[1][1]) > 20
     assert found[1] == found[2] == found[3]
