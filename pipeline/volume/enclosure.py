@@ -41,8 +41,8 @@ def measure_enclosure(
 ) -> Enclosure:
     """Measure the shell against the free space.
 
-    A part of which planes do not show that no facet reaches into it, or whose middle is in the free space, is measured
-    by booleans. What of a facet has no part behind it is measured in its plane. In some boxes that are drawn,
+    What is free is measured of each part of which planes do not show that no facet reaches into it, or whose middle is
+    in the free space. What of a facet has no part behind it is measured in its plane. In some boxes that are drawn,
     `most_boxes` at most, booleans measure both of all parts; the larger area counts. `faces` are those of
     `faces_on_facets`, if they are known.
     """

@@ -45,7 +45,7 @@ def build_shell(volume: Volume) -> list[ShellPart]:
     The first shape counts that has nothing in the free space: the polygon moved 0.3 m into the rock along the ways of
     its corners, or less; the same cut along the bisectors of the rock's edges; a pyramid; a plate along the normal. If
     all have, it is the one with the least. A part is in the rock if a plane separates it from each facet but its own;
-    a boolean decides where one hardly touches. That holds for a mesh that does not cross itself.
+    where one hardly touches, the volume that it shares decides. That holds for a mesh that does not cross itself.
     """
     shell = _Shell(volume)
     surfaces = polygons_of(volume)

@@ -8,8 +8,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
-from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
-from pipeline.volume.rock.neighbourhood import Neighbourhood
+from pipeline.volume.keyed import KeyedSolid, Neighbourhood, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Volume, without_crumbs

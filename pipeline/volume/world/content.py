@@ -29,8 +29,8 @@ def closed_volume(facets: VolumeFacets) -> Volume:
     GeometryError
         If the mesh is not closed, or a facet is turned over.
     """
-    columns = (column.astype(np.int64) for column in (facets.faces, facets.leg, facets.label))
-    volume = Volume(facets.vertices, *columns, [])
+    faces, leg, label = (column.astype(np.int64) for column in (facets.faces, facets.leg, facets.label))
+    volume = Volume(facets.vertices, faces, leg, label, [])
     _ = volume.solid  # which raises the error
     return volume
 
