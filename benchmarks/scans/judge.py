@@ -27,7 +27,7 @@ from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
 from pipeline.survey.detection.cloud import resolution
 from pipeline.survey.solids.read import MOST_FACETS
 from pipeline.types import ClosedMesh
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.solid import volume_of_solid
 
 RESULTS, TABLE = Path("artifacts/bench/scans.jsonl"), Path("docs/evidence/parts/scans.md")

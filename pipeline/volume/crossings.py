@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.guard.forked import in_shares
 from pipeline.volume.separation import ConvexBodies, Facets, boxes_near, boxes_of
 
 CROSSING_M = 1e-6  # facets that are less deep in each other touch
-_LEAST_SHARE = 10_000  # facets, of one process
 
 
 def crossing_facets(
@@ -32,17 +30,13 @@ def crossing_facets(
     one_of = None if of is None else of[numbers]
     chosen = np.flatnonzero(tried)
 
-    def crossing(start: int, end: int) -> np.ndarray:
-        ours = chosen[start:end]
-        corners, normals = facets.corners[ours], facets.normals[ours]
-        sides = np.roll(corners, -1, axis=1) - corners
-        across = np.cross(sides, normals[:, None])
-        across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-30)
-        directions = np.concatenate([normals[:, None], -normals[:, None], across], axis=1)
-        found = facets.crossing(ConvexBodies(corners, directions, sides, ours), tried=tried, of=one_of)
-        return np.sort(np.column_stack([ours[found.body], found.facet])[found.depth_m > deeper_than_m], axis=1)
-
-    pairs = np.concatenate([np.zeros((0, 2), int), *in_shares(crossing, len(chosen), _LEAST_SHARE)])
+    corners, normals = facets.corners[chosen], facets.normals[chosen]
+    sides = np.roll(corners, -1, axis=1) - corners
+    across = np.cross(sides, normals[:, None])
+    across /= np.maximum(np.linalg.norm(across, axis=2, keepdims=True), 1e-30)
+    directions = np.concatenate([normals[:, None], -normals[:, None], across], axis=1)
+    found = facets.crossing(ConvexBodies(corners, directions, sides, chosen), tried=tried, of=one_of)
+    pairs = np.sort(np.column_stack([chosen[found.body], found.facet])[found.depth_m > deeper_than_m], axis=1)
     unique: np.ndarray = np.unique(numbers[pairs], axis=0)
     return unique
 

@@ -9,11 +9,13 @@ from operator import sub
 import manifold3d
 import numpy as np
 
-from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.faces import ON_PLANE_M, PartFaces, faces_on_facets
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.ragged import PartCorners
-from pipeline.volume.rock.tiles import Tile, Tiles
+from pipeline.volume.rock.shared import shared_m3
+from pipeline.volume.rock.tiles import Tile, drawn_tiles
+from pipeline.volume.separation import Facets
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 
@@ -39,8 +41,8 @@ def measure_enclosure(
 ) -> Enclosure:
     """Measure the shell against the free space.
 
-    A part of which planes do not show that no facet reaches into it, or whose middle is in the free space, is measured
-    by booleans. What of a facet has no part behind it is measured in its plane. In some boxes that are drawn,
+    What is free is measured of each part of which planes do not show that no facet reaches into it, or whose middle is
+    in the free space. What of a facet has no part behind it is measured in its plane. In some boxes that are drawn,
     `most_boxes` at most, booleans measure both of all parts; the larger area counts. `faces` are those of
     `faces_on_facets`, if they are known.
     """
@@ -51,18 +53,19 @@ def measure_enclosure(
     corners = PartCorners.of([part.corners for part in parts])
     missing = float((faces or faces_on_facets(volume, corners)).uncovered_m2(size / 2).sum())
     middles = np.add.reduceat(corners.corners, corners.first[:-1]) / np.diff(corners.first)[:, None]
+    inside = Inside(volume)
     doubtful = set(parts_not_cleared(volume, corners, outward).tolist())
-    doubtful |= set(np.flatnonzero(Inside(volume).distance_m(middles) > 0).tolist())
-    tiles, by_booleans = Tiles(volume.solid), 0.0
-    for tile in tiles.drawn(min(most_boxes, _BOXES), rng):
+    doubtful |= set(np.flatnonzero(inside.distance_m(middles) > 0).tolist())
+    by_booleans = 0.0
+    for tile in drawn_tiles(volume.solid, min(most_boxes, _BOXES), rng):
         found = _measure_box(tile, volume.solid.original_id(), corners, outward)
         doubtful |= set(found.near)
         by_booleans += found.missing_m2
-    hulls = (manifold3d.Manifold.hull_points(corners[k]) for k in sorted(doubtful))
+    facets, bodies = Facets(volume.vertices, volume.faces), [corners[k] for k in sorted(doubtful)]
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
     return Enclosure(
         # Part by part: the union of parts that touch each other once gave 2.5 m3 of rock where there is none.
-        sum(map(tiles.shared_m3, hulls)),
+        float(shared_m3(facets, bodies, inside.are_free).sum()),
         max(missing, by_booleans),
         float(size.sum() / 2),
         float(size.sum() / 2),
@@ -104,43 +107,3 @@ def _area_of(solid: manifold3d.Manifold, source: int) -> float:
     ours = np.repeat(np.asarray(mesh.run_original_id, np.int64) == source, runs)
     a, b, c = np.moveaxis(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, np.int64)[ours]], 1, 0)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-
-
-class Inside:
-    """Which places are in the free space, and how far they are from rock."""
-
-    def __init__(self, volume: Volume) -> None:
-        """Index the facets."""
-        self._scene = ray_scene(volume.vertices, volume.faces, 1)
-        self._corners = volume.vertices[volume.faces]
-
-    def distance_m(self, places: np.ndarray) -> np.ndarray:
-        """Return the distance (n,) m from rock, negative in rock; of five parities of rays the most frequent counts."""
-        answer = self._scene.compute_signed_distance(places.astype(np.float32), nthreads=1, nsamples=5)
-        found: np.ndarray = -answer.numpy()
-        return found
-
-    def are_farther(self, places: np.ndarray, than_m: float) -> np.ndarray:
-        """Return which places (n, 3) m in the free space are farther from rock than a distance, m, of 0 or more.
-
-        Rays are counted for places that far from a facet alone, as they take most of the time.
-        """
-        away = self._scene.compute_distance(places.astype(np.float32), nthreads=1).numpy()
-        found: np.ndarray = away > than_m
-        found[found] = self.distance_m(places[found]) > than_m
-        return found
-
-    def are_in_rock(self, places: np.ndarray) -> np.ndarray:
-        """Return which places (n, 3) m are in rock.
-
-        Where rays say so, the solid angle of all facets decides, by the formula of van Oosterom and Strackee (1983):
-        rays that pass along facets miscount. It is 4 pi in the free space and 0 in rock.
-        """
-        found: np.ndarray = self.distance_m(places) < 0
-        for k in np.flatnonzero(found):
-            a, b, c = np.moveaxis(self._corners - places[k], 1, 0)
-            x, y, z = (np.linalg.norm(one, axis=1) for one in (a, b, c))
-            over = np.einsum("ij,ij->i", a, np.cross(b, c))
-            under = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
-            found[k] = 2 * np.arctan2(over, under).sum() < 2 * np.pi
-        return found

@@ -6,18 +6,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import NEAR_M
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import STEEPEST, Solid, Volume, pieces_of
 
 _SAMPLE_M = 0.25
@@ -150,14 +149,13 @@ def _tracks(volume: Volume, network: SurveyNetwork, floors: SectionFloors, shots
 
     Sections may state several floors of one place, as where two legs part; between these the floor is as stated.
     """
-    tree = shapely.STRtree(floors.outlines[shots])
     off, slope = [0.0], [0.0]
     for aside_m in (0.0, -_TRACK_M, _TRACK_M):
         places = leg_floor_samples(network, shots, _SAMPLE_M, aside_m)[0]
         hit, height = drop(volume.vertices, volume.faces, places + np.array([0, 0, _STEP_MOST_M]))
         on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (np.abs(height - places[:, 2]) < _STEP_MOST_M)
-        place, row = tree.query(shapely.points(places[:, :2]), predicate="intersects")
-        stated = floors.heights_at(shots[row], places[place, :2])
+        place, piece = floors.over(shots, places, _STOREY_M, _STOREY_M)
+        stated = floors.heights_at(piece, places[place, :2])
         near = np.abs(stated - places[place, 2]) < _STOREY_M
         low, high = places[:, 2].copy(), places[:, 2].copy()
         np.minimum.at(low, place[near], stated[near])
@@ -186,8 +184,7 @@ def _other_working(
     A prism on a station is the working of the legs near it.
     """
     some = np.flatnonzero([not piece.is_plumb for piece in pieces])
-    place, row = shapely.STRtree(floors.outlines[some]).query(shapely.points(places[:, :2]), predicate="intersects")
-    piece = some[row]
+    place, piece = floors.over(some, places, floors.tallest_m, 0.0)
     leg = np.array([one.shot for one in pieces])[piece]
     is_other = np.where(
         np.array([is_leg(one) for one in pieces])[piece],

@@ -58,4 +58,4 @@ def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     slabs = manifold3d.Manifold.batch_boolean(slabs_of(field, pieces, keys), manifold3d.OpType.Add)
     union = without_crumbs(manifold3d.Manifold.batch_boolean([slabs, *cut], manifold3d.OpType.Add))
     vertices, faces, key = mesh_of(union, keys)
-    return Volume(union, vertices, faces, key // len(FacetLabel), key % len(FacetLabel), pieces, numbers)
+    return Volume(vertices, faces, key // len(FacetLabel), key % len(FacetLabel), pieces)

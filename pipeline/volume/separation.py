@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import shapely
+
+from pipeline.guard.forked import in_shares
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
 _CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most
 _CELLS = 1e6
 _TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
+_LEAST_SHARE = 4000  # bodies, of one process
 
 
 @dataclass(frozen=True)
@@ -139,18 +143,31 @@ class Facets:
         Tried are a body's directions, the facets' planes and the products of edges, which is all there is of planes
         that can separate two convex bodies.
         """
-        found = []
-        for start in range(0, len(bodies), _TOGETHER):
-            some = bodies.some(slice(start, start + _TOGETHER))
-            body, facet = self.near(some.corners.min(axis=1), some.corners.max(axis=1))
-            other = self.owner[facet] != some.owner[body]
-            if tried is not None:
-                other &= ~tried[facet] | (facet > some.owner[body])
-            if of is not None:
-                other &= of[facet] == of[some.owner[body]]
-            pairs = self.crossing_pairs(some, body[other], facet[other], enough_m)
-            found.append(Contacts(pairs.body + start, pairs.facet, pairs.depth_m))
-        return Contacts.joined(found)
+
+        def some(first: int, end: int) -> list[Contacts]:
+            starts = range(first, end, _TOGETHER)
+            return [self._crossing(bodies, start, min(start + _TOGETHER, end), enough_m, tried, of) for start in starts]
+
+        return Contacts.joined(list(chain.from_iterable(in_shares(some, len(bodies), _LEAST_SHARE))))
+
+    def _crossing(
+        self,
+        bodies: ConvexBodies,
+        start: int,
+        end: int,
+        enough_m: float,
+        tried: np.ndarray | None,
+        of: np.ndarray | None,
+    ) -> Contacts:
+        some = bodies.some(slice(start, end))
+        body, facet = self.near(some.corners.min(axis=1), some.corners.max(axis=1))
+        other = self.owner[facet] != some.owner[body]
+        if tried is not None:
+            other &= ~tried[facet] | (facet > some.owner[body])
+        if of is not None:
+            other &= of[facet] == of[some.owner[body]]
+        pairs = self.crossing_pairs(some, body[other], facet[other], enough_m)
+        return Contacts(pairs.body + start, pairs.facet, pairs.depth_m)
 
     def crossing_pairs(
         self, some: ConvexBodies, body: np.ndarray, facet: np.ndarray, enough_m: float = np.inf

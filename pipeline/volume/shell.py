@@ -8,11 +8,12 @@ import manifold3d
 import numpy as np
 
 from pipeline.volume.keyed import near_facets, of_facets
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
+from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
-from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.union import Volume
 
@@ -44,7 +45,7 @@ def build_shell(volume: Volume) -> list[ShellPart]:
     The first shape counts that has nothing in the free space: the polygon moved 0.3 m into the rock along the ways of
     its corners, or less; the same cut along the bisectors of the rock's edges; a pyramid; a plate along the normal. If
     all have, it is the one with the least. A part is in the rock if a plane separates it from each facet but its own;
-    a boolean decides where one hardly touches. That holds for a mesh that does not cross itself.
+    where one hardly touches, the volume that it shares decides. That holds for a mesh that does not cross itself.
     """
     shell = _Shell(volume)
     surfaces = polygons_of(volume)
@@ -92,7 +93,8 @@ class _Shell:
     def __init__(self, volume: Volume) -> None:
         """Index the free space."""
         self.parts: list[ShellPart] = []
-        self._facets, self._tiles = Facets(volume.vertices, volume.faces), Tiles(volume.solid)
+        self._facets, self._volume = Facets(volume.vertices, volume.faces), volume
+        self._space: Inside | None = None
         self._rays = RaysIntoRock(volume.vertices, volume.faces)
 
     def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
@@ -120,8 +122,9 @@ class _Shell:
         depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
         inside, shared = self._inside(bodies), np.zeros(len(bodies))
         is_sliver = tried.areas_m2 <= SLIVER_M2  # of any normal: its part may be free, on no facet
-        for k in np.flatnonzero((is_sliver | (inside > 0)) & (inside < _SHALLOW_M)):
-            shared[k] = self._tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[k]))
+        for ask, are_free in ((~is_sliver & (inside > 0), _none), (is_sliver, self._are_free)):
+            some = np.flatnonzero(ask & (inside < _SHALLOW_M))
+            shared[some] = shared_m3(self._facets, list(bodies.corners[some]), are_free)
         least = np.where(is_sliver, _LEAST_M, THIN_M)
         good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
         count = bodies.counts()
@@ -149,7 +152,7 @@ class _Shell:
             solid = manifold3d.Manifold.hull_points(corners)
             if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
                 continue
-            shared = self._tiles.shared_m3(solid)
+            shared = float(shared_m3(self._facets, [corners], self._are_free)[0])
             least = THIN_M if area > SLIVER_M2 else 0.0
             if best is None or (depth < least, shared) < (best.depth_m < least, best.intrusion_m3):
                 best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
@@ -167,9 +170,18 @@ class _Shell:
             found[number].append(facet)
         return found
 
+    def _are_free(self, places: np.ndarray) -> np.ndarray:
+        """Return which places (n, 3) m are in the free space of a whole volume."""
+        self._space = self._space or Inside(self._volume)
+        return self._space.are_free(places)
+
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
         """Return how deep (n,) m a facet is in each body."""
         found = np.zeros(len(bodies))
         contacts = self._facets.crossing(bodies, _SHALLOW_M)
         np.maximum.at(found, contacts.body, contacts.depth_m)
         return found
+
+
+def _none(places: np.ndarray) -> np.ndarray:
+    return np.zeros(len(places), bool)

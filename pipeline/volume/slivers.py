@@ -17,16 +17,18 @@ _ROUNDS, _TRIES = 4, 3
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # after each of three, and before it
 
 
-def without_slivers(volume: Volume, short_m: float = _SHORT_M, stays: np.ndarray | None = None) -> Volume:
+def without_slivers(
+    volume: Volume, short_m: float = _SHORT_M, stays: np.ndarray | None = None, kept: np.ndarray | None = None
+) -> Volume:
     """Return the volume without edges shorter than `short_m`, m, and facets lower than that, where it stays closed.
 
     A short edge becomes one vertex, unless one of its ends `stays` (v,). A low facet gives its longest edge to the
     facet beyond, which is parted at its third corner, and keeps its label. What would turn another facet over, or cross
-    it, stays.
+    it, stays, and so do facets of `kept` (f,).
     """
     if stays is None:
         stays = np.zeros(len(volume.vertices), bool)
-    kept = np.zeros(len(volume.faces), bool)
+    kept = np.zeros(len(volume.faces), bool) if kept is None else kept.copy()
     before = volume.vertices, volume.faces
     for _ in range(_TRIES):
         found = _cleaned(volume, kept, stays, short_m)

@@ -8,7 +8,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
-from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
+from pipeline.volume.keyed import KeyedSolid, Neighbourhood, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Volume, without_crumbs
@@ -39,9 +39,12 @@ def without_thin_rock(volume: Volume, ways: np.ndarray) -> Volume:
         if not len(facets) or (number >= _ALWAYS and thin_m2 < _LEFT_M2):
             break
         changed = volume.vertices[volume.faces[facets]]
-        volume = without_slivers(_thickened(volume, facets, half_m))
+        about = Neighbourhood(volume, changed, 3 * half_m)
+        thick = _thickened(about, about.numbers(facets), half_m)
+        volume = about.put_back(without_slivers(thick, kept=about.at_border(thick)))
         some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
-    return volume
+    one = keyed(volume, volume.vertices, volume.label)
+    return volume_of(KeyedSolid(without_crumbs(one.solid), one.keys), volume)
 
 
 def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:
@@ -81,12 +84,14 @@ def _frames(volume: Volume, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return normal, along, np.cross(normal, along)
 
 
-def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
-    """Return the volume without what is before some of its facets: prisms with bevelled edges, wider than the facet.
+def _thickened(about: Neighbourhood, facets: np.ndarray, half_m: float) -> Volume:
+    """Return a volume without what is before some of its facets: prisms with bevelled edges, wider than the facet.
 
-    They are twice as deep as `half_m`, and so much wider on each side.
+    They are twice as deep as `half_m`, and so much wider on each side. Pockets that they cut off become rock.
     """
+    volume = about.volume
     one = keyed(volume, volume.vertices, volume.label)
+    border = [number for number, key in one.keys.items() if key // len(FacetLabel) == about.border]
     corners = volume.vertices[volume.faces[facets]]
     normal, along, across = _frames(volume, facets)
     ring = np.stack([along + across, across - along, -along - across, along - across], axis=1)
@@ -96,22 +101,9 @@ def _thickened(volume: Volume, facets: np.ndarray, half_m: float) -> Volume:
         body = manifold3d.Manifold.hull_points((points[:, None] + spread).reshape(-1, 3)).as_original()
         keys[body.original_id()] = len(FacetLabel) * int(volume.source[k]) + FacetLabel.WALL
         bodies.append(body)
-    solid = _without(one.solid, bodies)
+    cut = manifold3d.Manifold.batch_boolean([one.solid, *bodies], manifold3d.OpType.Subtract)
+    solid = without_crumbs(cut, _POCKET_M3, [body.original_id() for body in bodies], border)
     found = volume_of(KeyedSolid(solid, keys), volume)
     up = found.normals[:, 2] > _ROOF_NZ * np.linalg.norm(found.normals, axis=1)
     found.label[up & (found.label == FacetLabel.WALL)] = FacetLabel.ROOF
     return found
-
-
-def _without(free: manifold3d.Manifold, rock: list[manifold3d.Manifold]) -> manifold3d.Manifold:
-    """Return the free space without some rock, and without the pockets that the rock cuts off."""
-    parts = free.decompose()
-    small = [part for part in parts if part.volume() <= _POCKET_M3]  # nobody cut these off
-    if small:
-        free = manifold3d.Manifold.compose([part for part in parts if part.volume() > _POCKET_M3])
-    cut = manifold3d.Manifold.batch_boolean([free, *rock], manifold3d.OpType.Subtract)
-    left = without_crumbs(cut, _POCKET_M3)
-    if not small:
-        return left
-    others = manifold3d.Manifold.batch_boolean([manifold3d.Manifold.compose(small), *rock], manifold3d.OpType.Subtract)
-    return manifold3d.Manifold.compose([left, others])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,6 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.errors import GeometryError
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.tubes import Tube, solids_through
 
@@ -23,6 +25,7 @@ _LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof 
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
+_CRUMB_M3 = 1e-9  # of a shell, at least: the volume of a wall of no thickness is rounding
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 
 
@@ -50,21 +53,33 @@ class Solid:
 
 @dataclass(frozen=True)
 class Volume:
-    """The free space: its solid, and for each facet of its mesh the convex piece it comes from and its label."""
+    """The free space: a closed mesh, and for each of its facets the convex piece it comes from and its label."""
 
-    solid: manifold3d.Manifold
     vertices: np.ndarray
     faces: np.ndarray
     source: np.ndarray  # (f,) number of the piece in `pieces`
     label: np.ndarray  # (f,) of FacetLabel
     pieces: list[Solid]
-    numbers: dict[int, int]  # manifold3d's number of a hull to that of its piece
 
     @cached_property
     def normals(self) -> np.ndarray:
         """Return twice the area times the normal (f, 3) out of the free space, m2."""
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
         return np.cross(b - a, c - a)
+
+    @cached_property
+    def solid(self) -> manifold3d.Manifold:
+        """Return the free space as a solid, which is made of the mesh when it is first asked for.
+
+        Raises
+        ------
+        GeometryError
+            If the mesh is not closed, or a facet is turned over.
+        """
+        solid = manifold3d.Manifold(manifold3d.Mesh64(self.vertices, self.faces.astype(np.uint64))).as_original()
+        if solid.status() != manifold3d.Error.NoError:
+            raise GeometryError(f"volume: its mesh encloses no space ({solid.status().name})")
+        return solid
 
 
 def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
@@ -107,7 +122,7 @@ def label_facets(solid: manifold3d.Manifold, pieces: list[Solid], numbers: dict[
     label = np.where(
         (z < _FLOOR_NZ) & drivable, FacetLabel.FLOOR, np.where(z > -_FLOOR_NZ, FacetLabel.ROOF, FacetLabel.WALL)
     )
-    return Volume(solid, vertices, faces, source, label, pieces, numbers)
+    return Volume(vertices, faces, source, label, pieces)
 
 
 def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,10 +133,14 @@ def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.nda
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64), source
 
 
-def without_crumbs(solid: manifold3d.Manifold, least_m3: float = 0.0) -> manifold3d.Manifold:
+def without_crumbs(
+    solid: manifold3d.Manifold, least_m3: float = _CRUMB_M3, cut_by: list[int] | None = None, border: Sequence[int] = ()
+) -> manifold3d.Manifold:
     """Return the solid without its shells of a volume up to `least_m3`, m3.
 
     A shell of rock that floats in the free space has a volume below 0: it is a gap between hulls, and becomes free.
+    With surfaces `cut_by`, by manifold3d's numbers, only shells of free space go that these bound; with those of a
+    `border`, only shells that it does not bound.
     """
     mesh = solid.to_mesh64()
     vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64)
@@ -131,11 +150,16 @@ def without_crumbs(solid: manifold3d.Manifold, least_m3: float = 0.0) -> manifol
     shell = part[faces[:, 0]]
     about = vertices[np.unique(part, return_index=True)[1]][shell]
     a, b, c = np.moveaxis(vertices[faces] - about[:, None], 1, 0)
-    is_kept = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count) > least_m3
+    volume = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count)
+    is_kept = volume > least_m3
+    surface = np.repeat(mesh.run_original_id, np.diff(np.asarray(mesh.run_index).astype(int)) // 3)
+    is_kept[shell[np.isin(surface, border)]] = True
+    if cut_by is not None:
+        others = np.setdiff1d(shell, shell[np.isin(surface, cut_by)])
+        is_kept[others] |= volume[others] > _CRUMB_M3
     if count == 1 or is_kept.all():
         return solid
-    # Each solid of `decompose` has all the numbers of the whole surface: 4 GB in a cave of 13 km.
-    return manifold3d.Manifold.compose([_some(mesh, vertices, faces, shell == k) for k in np.flatnonzero(is_kept)])
+    return _some(mesh, vertices, faces, is_kept[shell])  # `decompose` takes 4 GB in a cave of 13 km
 
 
 def _some(mesh: manifold3d.Mesh64, vertices: np.ndarray, faces: np.ndarray, kept: np.ndarray) -> manifold3d.Manifold:

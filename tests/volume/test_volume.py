@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import manifold3d
 import numpy as np
 import pytest
 
@@ -11,7 +10,6 @@ from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.rock.tiles import Tiles
 from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
@@ -160,12 +158,6 @@ def test_a_facet_reaches_into_a_body_as_deep_as_it_is_moved_into_it():
     assert len(Facets(touching, faces).crossing(bodies).body) == 0
     found = Facets(touching - [0, 0, 0.05], faces).crossing(bodies)
     assert found.depth_m == pytest.approx([0.05])
-
-
-def test_what_a_part_shares_with_the_free_space_is_the_same_of_tiles_that_are_cut_on_the_way(box):
-    _, volume, _ = box
-    part = manifold3d.Manifold.cube([1, 1, 1]).translate([0, 0, float(volume.vertices[:, 2].min()) - 0.5])
-    assert Tiles(volume.solid).shared_m3(part) == pytest.approx((part ^ volume.solid).volume(), rel=1e-9)
 
 
 def test_a_leaning_shaft_stands_plumb_on_its_lower_floor(tmp_path):

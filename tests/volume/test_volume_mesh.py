@@ -78,7 +78,7 @@ def test_slivers_beside_each_other_in_one_plane_all_go():
     faces = np.array(flat + [(b, a, tip) for a, b in zip(rim, np.roll(rim, -1).tolist(), strict=True)])
     solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
     none = np.zeros(len(faces), int)
-    found = without_slivers(Volume(solid, vertices, faces, none, none, [], {}))
+    found = without_slivers(Volume(vertices, faces, none, none, []))
     corners = found.vertices[found.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     assert (np.linalg.norm(found.normals, axis=1) > 0.003 * longest).all()

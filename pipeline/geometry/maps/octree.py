@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -90,13 +90,6 @@ class Columns:
         """Return some of the columns."""
         return Columns(self.east[which], self.north[which], self.base[which], self.layers[which])
 
-    @property
-    def numbers(self) -> np.ndarray:
-        """Return a number (k,) that only an equal column has."""
-        return ((self.east << _DEPTH + 1 | self.north) << _DEPTH + 1 | self.base) * (self.layers.max(initial=0) + 1) + (
-            self.layers
-        )
-
 
 def build_octree(columns: Columns, cell_m: float) -> Octree:
     """Build the octree of free columns, enclosed by one voxel of rock on all sides.
@@ -144,26 +137,37 @@ def _voxels(columns: Columns, east: int, north: int) -> tuple[np.ndarray, np.nda
     """Return the codes, in order, and the states of a block's voxels; rock is one voxel thick."""
     low, high = int(columns.base.min(initial=_CENTRE)) - 1, int((columns.base + columns.layers).max(initial=_CENTRE))
     z = _spread(np.arange(low, high + 1)) << 2
-    numbers = np.sort(columns.numbers)
+    order = np.lexsort((columns.base, columns.north, columns.east))
+    columns = columns.some(order)
+    keys = _places(columns.east, columns.north, columns.base)
 
-    def stacked(i: int, j: int, ends: int, some: np.ndarray) -> np.ndarray:
-        """Return the codes of columns moved i voxels to the east and j to the north, longer by `ends` at both ends."""
-        moved = replace(columns, east=columns.east + i, north=columns.north + j)
-        moved = moved.some(some & (moved.east >> _BLOCK == east) & (moved.north >> _BLOCK == north))
-        count = moved.layers + 2 * ends
-        up = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(moved.base - ends, count)
-        return np.repeat(_spread(moved.east) | _spread(moved.north) << 1, count) | z[up - low]
+    def stacked(i: int, j: int, base: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return the codes from one height to before another of columns moved i voxels to the east, j to the north."""
+        to_east, to_north = columns.east + i, columns.north + j
+        some = (to_east >> _BLOCK == east) & (to_north >> _BLOCK == north) & (end > base)
+        count = (end - base)[some]
+        up = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(base[some], count)
+        return np.repeat(_spread(to_east[some]) | _spread(to_north[some]) << 1, count) | z[up - low]
 
-    inside = _distinct(stacked(0, 0, 0, np.ones(len(columns), bool)))
+    inside = _distinct(stacked(0, 0, columns.base, columns.base + columns.layers))
     rock = []
+    below, above = columns.base - 1, columns.base + columns.layers + 1
     for i, j in product((-1, 0, 1), repeat=2):
-        beside = replace(columns, east=columns.east + i, north=columns.north + j).numbers
-        at = np.minimum(np.searchsorted(numbers, beside), len(numbers) - 1)
-        rock.append(stacked(i, j, 1, (numbers[at] != beside) | ((i, j) == (0, 0))))  # else the rock of that column
+        # The column there that begins highest below this one's end: what both have is free.
+        at = np.searchsorted(keys, _places(columns.east + i, columns.north + j, above), "right") - 1
+        there = (columns.east[at] == columns.east + i) & (columns.north[at] == columns.north + j)
+        begins = np.where(there, np.clip(columns.base[at], below, above), above)
+        ends = np.where(there, np.clip(columns.base[at] + columns.layers[at], begins, above), above)
+        rock += [stacked(i, j, below, begins), stacked(i, j, ends, above)]
     solid = _distinct(np.concatenate(rock))
     place = np.minimum(np.searchsorted(inside, solid), len(inside) - 1)
     solid = solid[inside[place] != solid] if len(inside) else solid
     return _sorted([(inside, np.full(len(inside), FREE, np.uint8)), (solid, np.full(len(solid), OCCUPIED, np.uint8))])
+
+
+def _places(east: np.ndarray, north: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Return a number for each voxel, in the order of the keys."""
+    return (east << _DEPTH + 1 | north) << _DEPTH + 1 | base
 
 
 def _sorted(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:

@@ -125,8 +125,8 @@ class LegWays:
 
     def pass_over(self, one: list[int], two: list[int], legs: set[int]) -> bool:
         """Return whether some of the legs pass from one patch to the other; legs that share a section are one way."""
-        pairs = [(a, b) for a in one for b in two if a == b or (min(a, b) in self._goes_on and abs(a - b) == 1)]
-        return any(a in legs and b in legs for a, b in pairs)
+        ours, theirs = ([k for k in some if k in legs] for some in (one, two))
+        return any(a == b or (abs(a - b) == 1 and min(a, b) in self._goes_on) for a in ours for b in theirs)
 
 
 def _best(

@@ -14,6 +14,7 @@ _LEAST_M2 = 1e-4  # of an outline that has an inside
 _TURNS = 12  # of Newton's method, which finds a place between two sections
 _BEYOND = 0.3  # of the leg's length and width: places are not looked for farther outside
 _NO_AREA_M2 = 1e-9
+_SPARE_M = 1e-6  # of heights that are only compared
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,25 @@ class SectionFloors:
         """Return the least height (n,) m of each piece over its floor."""
         least: np.ndarray = self._talls.min(axis=1)
         return least
+
+    @property
+    def tallest_m(self) -> float:
+        """Return the most height, m, of any piece over its floor."""
+        return float(self._talls.max())
+
+    def over(
+        self, pieces: np.ndarray, places: np.ndarray, below_m: float, above_m: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pairs of a place (n, 3) m and one of some pieces whose outline holds it, by their numbers.
+
+        Pieces of other storeys are left out: legs whose floors are nowhere from so far below a place to so far above.
+        """
+        tree = shapely.STRtree(self.outlines[pieces])
+        place, row = tree.query(shapely.points(places[:, :2]), predicate="intersects")
+        piece, height = pieces[row], places[place, 2]
+        low, high = self._ends.min(axis=1)[piece], self._ends.max(axis=1)[piece]
+        near = ~self._between[piece] | ((high >= height - below_m - _SPARE_M) & (low <= height + above_m + _SPARE_M))
+        return place[near], piece[near]
 
     def tall_at(self, pieces: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return the heights (n,) m over the floors of pieces (n,) at places (n, 2) m, one for each."""

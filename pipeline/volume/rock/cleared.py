@@ -1,4 +1,4 @@
-"""Which convex parts planes keep out of the free space; the others are to be measured by booleans."""
+"""Which convex parts planes keep out of the free space; the others are to be measured."""
 
 from __future__ import annotations
 

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
+from pipeline.guard.forked import in_shares
 from pipeline.volume.rock.shapes import Polygons, halving_planes, shaped
 
 _SHARE = 0.95  # of the way from a polygon's middle to its corners and edges: where rays go
 _DEEP_M = 0.03  # of a part, at least: rays hit next to nothing in thinner ones
+_LEAST_SHARE = 4000  # polygons, of one process
 _INSIDE_M = 2e-4  # of what is hit, from the faces of a part: rays have 32 bits, 0.03 mm at 500 m
 
 
@@ -33,23 +35,33 @@ class RaysIntoRock:
         They go from the polygon to its moved copy, and across between the two. The others are to be tried in full, and
         so are all thin ones.
         """
-        found = np.zeros(len(polygons), bool)
         if kind not in ("moved", "cut") or depth_m < _DEEP_M:
-            return found
-        count = polygons.corners.shape[1]
-        corners = shaped(polygons, "moved", depth_m).corners
-        start, end = _spread(corners[:, :count]), _spread(corners[:, count:])
-        half = (start + end) / 2
-        start = np.concatenate([start, np.repeat(half[:, :1], half.shape[1] - 1, axis=1)], axis=1)
-        way = np.concatenate([end, half[:, 1:]], axis=1) - start
-        start += _INSIDE_M * way / np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-9)
-        rays = np.concatenate([start, way], axis=2).astype(np.float32)
-        share = self._scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
-        body, ray = np.nonzero(share < 1)
-        some, row = np.unique(body, return_inverse=True)
-        hit = start[body, ray] + share[body, ray, None] * way[body, ray]
-        found[body[_depth_in(polygons.some(some), row, hit, kind, depth_m) > _INSIDE_M]] = True
-        return found
+            return np.zeros(len(polygons), bool)
+        scene = self._scene  # made before processes share it
+
+        def some(first: int, end: int) -> np.ndarray:
+            return _blocked(scene, polygons.some(np.arange(first, end)), kind, depth_m)
+
+        return np.concatenate([np.zeros(0, bool), *in_shares(some, len(polygons), _LEAST_SHARE)])
+
+
+def _blocked(scene: Any, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
+    """Return what `RaysIntoRock.blocked` does, of facets that rays meet."""
+    found = np.zeros(len(polygons), bool)
+    count = polygons.corners.shape[1]
+    corners = shaped(polygons, "moved", depth_m).corners
+    start, end = _spread(corners[:, :count]), _spread(corners[:, count:])
+    half = (start + end) / 2
+    start = np.concatenate([start, np.repeat(half[:, :1], half.shape[1] - 1, axis=1)], axis=1)
+    way = np.concatenate([end, half[:, 1:]], axis=1) - start
+    start += _INSIDE_M * way / np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-9)
+    rays = np.concatenate([start, way], axis=2).astype(np.float32)
+    share = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
+    body, ray = np.nonzero(share < 1)
+    some, row = np.unique(body, return_inverse=True)
+    hit = start[body, ray] + share[body, ray, None] * way[body, ray]
+    found[body[_depth_in(polygons.some(some), row, hit, kind, depth_m) > _INSIDE_M]] = True
+    return found
 
 
 def _depth_in(polygons: Polygons, number: np.ndarray, places: np.ndarray, kind: str, depth_m: float) -> np.ndarray:

@@ -1,8 +1,7 @@
-"""The free space cut into boxes of few facets, so that a part meets few of them."""
+"""Boxes of few facets of the free space, in which booleans are taken."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import manifold3d
@@ -32,39 +31,15 @@ class Tile:
         return self.halves
 
 
-class Tiles:
-    """The free space in boxes, cut only where a part is measured."""
-
-    def __init__(self, solid: manifold3d.Manifold) -> None:
-        """Begin with the whole solid."""
-        self._root = _node(solid)
-
-    def drawn(self, count: int, rng: np.random.Generator) -> list[Tile]:
-        """Return at most `count` different tiles, drawn by halves; their boxes are `low` and `high`."""
-        found: dict[int, Tile] = {}
-        for _ in range(count):
-            node = self._root
-            while halves := node.cut():
-                node = halves[int(rng.integers(len(halves)))]
-            found[id(node)] = node
-        return list(found.values())
-
-    def near(self, low: np.ndarray, high: np.ndarray) -> Iterator[manifold3d.Manifold]:
-        """Return the pieces of the free space that reach into a box."""
-        stack = [self._root]
-        while stack:
-            node = stack.pop()
-            if not ((node.low < high).all() and (node.high > low).all()):
-                continue
-            halves = node.cut()
-            stack += halves
-            if not halves:
-                yield node.solid
-
-    def shared_m3(self, part: manifold3d.Manifold) -> float:
-        """Return the volume that a part shares with the free space."""
-        bounds = np.array(part.bounding_box())
-        return sum(abs((part ^ one).volume()) for one in self.near(bounds[:3], bounds[3:]))
+def drawn_tiles(solid: manifold3d.Manifold, count: int, rng: np.random.Generator) -> list[Tile]:
+    """Return at most `count` different boxes of a free space, drawn by halves; it is cut only on the way to them."""
+    root, found = _node(solid), dict[int, Tile]()
+    for _ in range(count):
+        node = root
+        while halves := node.cut():
+            node = halves[int(rng.integers(len(halves)))]
+        found[id(node)] = node
+    return list(found.values())
 
 
 def _node(solid: manifold3d.Manifold) -> Tile:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.volume.enclosure import Inside
 from pipeline.volume.floor_error import ON_WALL_M
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 from pipeline.volume.world.topology import LegNetwork
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import manifold3d
 import numpy as np
 
 from minexplore.floors.volume_arrays import VolumeFacets
-from pipeline.errors import GeometryError
 from pipeline.volume.union import Volume
 
 SPARE_M = 1.0  # between the volume and the edge of the world's box in plan
@@ -31,11 +29,10 @@ def closed_volume(facets: VolumeFacets) -> Volume:
     GeometryError
         If the mesh is not closed, or a facet is turned over.
     """
-    solid = manifold3d.Manifold(manifold3d.Mesh64(facets.vertices, facets.faces.astype(np.uint64))).as_original()
-    if solid.status() != manifold3d.Error.NoError:
-        raise GeometryError(f"volume: its mesh encloses no space ({solid.status().name})")
-    faces = facets.faces.astype(np.int64)
-    return Volume(solid, facets.vertices, faces, facets.leg.astype(np.int64), facets.label.astype(np.int64), [], {})
+    faces, leg, label = (column.astype(np.int64) for column in (facets.faces, facets.leg, facets.label))
+    volume = Volume(facets.vertices, faces, leg, label, [])
+    _ = volume.solid  # which raises the error
+    return volume
 
 
 def world_box(facets: VolumeFacets) -> tuple[float, float, float, float]:

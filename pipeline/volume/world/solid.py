@@ -61,7 +61,7 @@ def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
     found = solid.to_mesh64()
     vertices = np.array(found.vert_properties, np.float64, order="C")
     faces = np.array(found.tri_verts, np.int64, order="C")
-    return Volume(solid, vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [], {})
+    return Volume(vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [])
 
 
 def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:

@@ -19,7 +19,7 @@ from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.world import World, load_world
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from tests.volumes import HEADER, TEE, build_volume, spiral_with_side_drift
 

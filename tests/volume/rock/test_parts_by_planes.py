@@ -14,12 +14,15 @@ from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import shaped
+from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
-from pipeline.volume.rock.tiles import Tiles
+from pipeline.volume.rock.tiles import drawn_tiles
+from pipeline.volume.separation import Facets
 from pipeline.volume.shell import build_shell
 from tests.heights import HEADER
 
@@ -45,6 +48,10 @@ def beside(tmp_path_factory):
     return built(BESIDE, tmp_path_factory.mktemp("beside"))
 
 
+def shared_of(volume, bodies):
+    return shared_m3(Facets(volume.vertices, volume.faces), bodies, Inside(volume).are_free)
+
+
 def outward_of(volume, parts):
     unit = volume.normals / np.linalg.norm(volume.normals, axis=1, keepdims=True)
     return -unit[[part.facets[0] for part in parts]]
@@ -52,10 +59,10 @@ def outward_of(volume, parts):
 
 def test_planes_clear_every_part_that_booleans_find_in_the_rock_and_no_part_that_is_moved_into_the_drift(drift):
     volume, parts = drift
-    tiles, outward = Tiles(volume.solid), outward_of(volume, parts)
+    outward = outward_of(volume, parts)
     assert len(parts_not_cleared(volume, PartCorners.of([part.corners for part in parts]), outward)) == 0
     moved = [part.corners + 0.01 * way for part, way in zip(parts, outward, strict=True)]
-    assert all(tiles.shared_m3(manifold3d.Manifold.hull_points(one)) > 1e-4 for one in moved)
+    assert (shared_of(volume, moved) > 1e-4).all()
     assert parts_not_cleared(volume, PartCorners.of(moved), outward).tolist() == list(range(len(parts)))
 
 
@@ -101,21 +108,21 @@ def test_a_facet_that_two_parts_cover_in_halves_is_covered(drift):
 
 @pytest.mark.parametrize("kind", ["moved", "cut"])
 def test_rays_block_deep_parts_between_two_drifts_and_none_that_fits(beside, kind):
-    rays, tiles = RaysIntoRock(beside.vertices, beside.faces), Tiles(beside.solid)
+    rays = RaysIntoRock(beside.vertices, beside.faces)
     blocked = {}
     for depth in (0.3, 0.08):
         blocked[depth] = 0
         for polygons in RockSurfaces(beside, polygons_of(beside)).polygons():
             bodies = shaped(polygons, kind, depth)
-            for n in np.flatnonzero(rays.blocked(polygons, kind, depth)):
-                blocked[depth] += 1
-                assert tiles.shared_m3(manifold3d.Manifold.hull_points(bodies.corners[n])) > 0
+            found = rays.blocked(polygons, kind, depth)
+            blocked[depth] += found.sum()
+            assert (shared_of(beside, list(bodies.corners[found])) > 0).all()
     assert blocked[0.3] > 0
     assert blocked[0.08] == 0
 
 
 def test_drawn_boxes_are_different_parts_of_the_free_space(beside):
-    drawn = Tiles(beside.solid).drawn(100, np.random.default_rng(0))
+    drawn = drawn_tiles(beside.solid, 100, np.random.default_rng(0))
     assert sum(tile.solid.volume() for tile in drawn) <= beside.solid.volume() * (1 + 1e-9)
     assert len({tuple(tile.low) for tile in drawn}) == len(drawn)
 
@@ -179,11 +186,10 @@ def test_parts_behind_facets_that_are_a_micrometre_off_one_plane_have_nothing_in
     volume, _ = drift
     off = 1e-7 * np.random.default_rng(0).integers(0, 4, volume.vertices.shape) * [0, 0, 1.0]
     vertices = volume.vertices + off
-    solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, volume.faces.astype(np.uint64))).as_original()
-    uneven = dataclasses.replace(volume, vertices=vertices, solid=solid)
+    uneven = dataclasses.replace(volume, vertices=vertices)
     parts = build_shell(uneven)
     assert any(len(part.facets) > 1 for part in parts)
-    assert sum(Tiles(solid).shared_m3(manifold3d.Manifold.hull_points(part.corners)) for part in parts) < 1e-10
+    assert shared_of(uneven, [part.corners for part in parts]).sum() < 1e-10
     assert measure_enclosure(uneven, parts, 4, np.random.default_rng(0)).missing_m2 < 1e-3
 
 
@@ -206,14 +212,15 @@ def test_no_part_repeats_its_last_corner(tmp_path):
 
 
 def test_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
-    for module in ("crossings", "rock.faces", "rock.cleared"):
+    for module in ("separation", "rock.faces", "rock.cleared", "rock.rays"):
         monkeypatch.setattr(f"pipeline.volume.{module}._LEAST_SHARE", 5)
-    parts, found, twice = build_shell(beside), {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
+    found, twice = {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
     for cores in (1, 2, 3):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)))
+        parts = build_shell(beside)
         figures = measure_enclosure(beside, parts, 4, np.random.default_rng(0))
         crossing = crossing_facets(twice, np.concatenate([beside.faces, beside.faces + len(twice) // 2]), 1e-6)
-        found[cores] = (figures, crossing.tolist())
+        found[cores] = (figures, crossing.tolist(), [part.corners.tolist() for part in parts])
     assert len(parts) >= 20  # four shares at least
     assert len(found[1][1]) > 20
     assert found[1] == found[2] == found[3]

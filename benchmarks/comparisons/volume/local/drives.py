@@ -17,7 +17,7 @@ from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotation_matrices
 from minexplore.volume.choice import StepChoice
 from minexplore.volume.models import FEET, code_of
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 from pipeline.volume.world.proof.physics import places_for_robots, stand
 

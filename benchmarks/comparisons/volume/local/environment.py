@@ -19,8 +19,8 @@ from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import CASES, LEVEL
 from benchmarks.comparisons.volume.local.drives import LevelDrive, StepCost, VolumeDrive, hard_driving
 from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
-from pipeline.volume.enclosure import Inside
 from pipeline.volume.floors import solve_floors
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart, build_shell
 from pipeline.volume.union import Volume
 from pipeline.volume.world.parts import without_refused

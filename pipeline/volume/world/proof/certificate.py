@@ -22,7 +22,8 @@ from pipeline.store.files import describe_field
 from pipeline.store.verify import verify_world
 from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
 from pipeline.volume.areas import solid_of_floors
-from pipeline.volume.enclosure import Inside, measure_enclosure
+from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m

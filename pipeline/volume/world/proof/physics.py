@@ -12,8 +12,8 @@ from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
 from minexplore.task import TaskParams
-from pipeline.volume.enclosure import Inside
 from pipeline.volume.height_field.leg_lines import drop
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 

@@ -12,7 +12,7 @@ from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.mesh_checks import join_meshes
 from pipeline.types import Mesh
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 
 _SAMPLES = 200_000  # points of the scan, and places on the surface

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from minexplore.physics.robot import ROCK_BIT, RobotParams
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.proof.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand

@@ -20,7 +20,7 @@ from pipeline.surface.relief.joints import JointedRock, relief_of_joints
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.types import Image
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock

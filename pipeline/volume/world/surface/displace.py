@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from pipeline.surface.mesh.displacement import Bounds, Room, bound_by_room, damp
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.surface.fine import FineRock
 
 _RADIUS_M, _FACTOR = 0.6, 0.5  # about a crossing, as the rough surface of a level mine has it

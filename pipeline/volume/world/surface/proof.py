@@ -16,7 +16,7 @@ from pipeline.metrics.rock.sampling import sample_triangles
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.mesh_checks import find_crossings, join_meshes
 from pipeline.types import Mesh
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
 from pipeline.volume.world.surface.narrow import Balls, balls_along, places_along

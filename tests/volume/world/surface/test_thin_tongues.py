@@ -14,7 +14,7 @@ from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges,
 from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.relief_source import bounds_of
 from pipeline.types import NO_PICTURE
-from pipeline.volume.enclosure import Inside
+from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
