@@ -11,6 +11,7 @@ _OF_ROCK = ("texture", "relief")
 OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
 JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the height of the upper cut
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
+_TO_PLAN = ".length_ratio"  # of a cut to the plan's wall: where passages cross, walls are not on a floor's border
 
 
 def is_measured(group: str, params: ValidationParams) -> bool:
@@ -38,7 +39,9 @@ def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dic
     """Return the limits on the groups of metrics that are measured and judged, by the mine's flat figures."""
     judged = () if why_rock_is_not_judged(params, figures) else _OF_ROCK
     if is_volume(figures):
-        return params.volume.applying(figures) | _of_groups(params, judged if "texture.draws" in figures else ())
+        rock = _of_groups(params, judged if "texture.draws" in figures else ())
+        own = {name: limit for name, limit in rock.items() if not name.endswith(_TO_PLAN)}
+        return params.volume.applying(figures) | own
     groups = {name.partition(".")[0] for name in params.limits}
     return _of_groups(params, {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)})
 

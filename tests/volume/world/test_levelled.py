@@ -136,6 +136,8 @@ def test_rock_is_judged_in_long_mines_that_were_surveyed_or_drawn(figures, judge
     assert any(name.startswith(("texture.", "relief.")) for name in limits) == judged
     assert "rock.shown" in limits
     assert not any(name.startswith(("walls.", "topology.", "per_m2.")) for name in limits)
+    assert not any(name.endswith(".length_ratio") for name in limits)
+    assert any(name.endswith(".length_ratio") for name in applying_limits(PARAMS, {"topology.drift_m": 300.0}))
     found = why_rock_is_not_judged(PARAMS, figures)
     assert (found is None) == (why is None)
     assert why is None or why in found
