@@ -64,7 +64,7 @@ def test_what_a_stage_began_ends_if_the_one_before_fails(monkeypatch, tmp_path, 
 
 
 def _with_later(monkeypatch, later, second):
-    """Let a world have two stages, of which the first writes a picture later."""
+    """Give a world two stages; a forked process of the first makes its file `seen`, which is written later."""
     stages = [
         Stage(
             "survey",
