@@ -63,7 +63,10 @@ def prepared(whole: bool) -> Iterator[dict[str, str]]:
 
 
 def run(name: str, begun: Forked[Any] | None = None) -> int:
-    """Run a stage, with what it has begun, or the report, in this process; return the exit code."""
+    """Run a stage or the report in this process, and return the exit code.
+
+    `begun` is the work of the stage that already runs in another process.
+    """
     sys.argv = [name]
     if name == REPORT:
         sys.argv = ["pipeline", name]

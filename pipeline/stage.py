@@ -145,7 +145,7 @@ def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | 
 
 
 def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tuple[dict[str, str], dict[str, Any]]:
-    """Return the hashes of a stage's inputs, and what it returns."""
+    """Run the function of a stage; return the hashes of its inputs, and its outputs."""
     with ThreadPoolExecutor(1) as pool:
         if stage.reads:  # stage 1 reads none: beside a thread, its survey's reader would start an interpreter
             pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it

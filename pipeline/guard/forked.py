@@ -53,7 +53,7 @@ class Forked(Generic[_T]):
                 )  # about threads; none of them holds what `work` needs
                 process.start()
             self._process = process
-            self._work = None  # what it works on is the other process's
+            self._work = None  # the other process holds it now
             out.close()
 
     def __enter__(self) -> Forked[_T]:

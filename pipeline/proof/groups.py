@@ -11,7 +11,8 @@ _OF_ROCK = ("texture", "relief")
 OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
 JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the height of the upper cut
 _OF_CERTIFICATE = ("areas", "collision", "certificate")
-_TO_PLAN = ".length_ratio"  # of a cut to the plan's wall: where passages cross, walls are not on a floor's border
+# of a cut to the wall in plan: in a volume that wall is not the border of the floor everywhere
+_TO_PLAN = ".length_ratio"
 
 
 def is_measured(group: str, params: ValidationParams) -> bool:

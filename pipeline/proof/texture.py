@@ -19,7 +19,7 @@ from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
 from pipeline.metrics.rock.published import REAL_SWEEP
-from pipeline.metrics.rock.sampling import add_noise, faces_near, sample_triangles, unit_normals
+from pipeline.metrics.rock.sampling import faces_near, sample_triangles
 from pipeline.metrics.rock.texture import (
     REAL,
     RockPoints,
@@ -36,6 +36,7 @@ from pipeline.metrics.rock.texture import (
     wall_wavelength_m,
 )
 from pipeline.params.validation import TextureReportParams
+from pipeline.proof.sampled import Sampled, number_of_points, sample_pieces
 from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
 
 _Heat = list[tuple[float, float, float]]  # easting and northing, m, and mean sigma, m
@@ -172,7 +173,7 @@ def measure_texture(
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
     _require_both(pieces)
-    everywhere = sample_triangles(walls, _count(walls, params.wall_points, params.points_per_m2), rng)[0]
+    everywhere = sample_triangles(walls, number_of_points(walls, params.wall_points, params.points_per_m2), rng)[0]
     with ExitStack() as processes:
         whole = processes.enter_context(Forked(partial(_read_whole, everywhere, params), apart))
         del everywhere
@@ -181,7 +182,7 @@ def measure_texture(
         for places in draws_of_places(drifts, params):
             near = [faces_near(piece, places, _reach_m(places, drifts, params)) for piece in pieces]
             _require_both(near)
-            on_walls, on_roof = _sample(near, params, rng)
+            on_walls, on_roof = sample_pieces(near, params, rng)
             if not draws:
                 wall = between(on_walls.points, params.wall_z_m)
                 wall = wall[:: max(1, len(wall) // _WALL_POINTS)]
@@ -201,33 +202,8 @@ def _require_both(pieces: list[np.ndarray]) -> None:
         raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
 
 
-@dataclass(frozen=True)
-class _Cloud:
-    """Points (n, 3) m of a piece, the triangles (k, 3, 3) m that they were drawn on, and which (n,)."""
-
-    points: np.ndarray
-    triangles: np.ndarray
-    face: np.ndarray
-
-    def with_noise(self, params: TextureReportParams, rng: np.random.Generator) -> np.ndarray:
-        """Return the points, moved by the paper's noise."""
-        noise_m = params.noise_normal_m, params.noise_in_plane_m
-        points = self.points.copy()
-        add_noise(points, unit_normals(self.triangles), self.face, *noise_m, rng)
-        return points
-
-
-def _sample(pieces: list[np.ndarray], params: TextureReportParams, rng: np.random.Generator) -> list[_Cloud]:
-    """Draw points of walls and roof, given as triangles (n, 3, 3) m."""
-    found = []
-    for triangles, most in zip(pieces, (params.wall_points, params.roof_points), strict=True):
-        points, face = sample_triangles(triangles, _count(triangles, most, params.points_per_m2), rng)
-        found.append(_Cloud(points, triangles, face))
-    return found
-
-
 def _measure_draw(
-    walls: _Cloud, roofs: _Cloud, params: TextureReportParams, rng: np.random.Generator, apart: bool
+    walls: Sampled, roofs: Sampled, params: TextureReportParams, rng: np.random.Generator, apart: bool
 ) -> Draw:
     """Measure one draw without wavelengths: as it is, perhaps in a forked process, and with the paper's noise."""
 
@@ -298,11 +274,6 @@ def draws_of_places(drifts: Drifts, params: TextureReportParams) -> list[np.ndar
     count = int(min(params.draws, max(1.0, drifts.length_m // params.draw_m)))
     places = stretch_centres(drifts, count * params.stretches)
     return [places[k::count] for k in range(count)]
-
-
-def _count(triangles: np.ndarray, most: int, per_m2: float) -> int:
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return max(1000, min(most, int(per_m2 * np.linalg.norm(sides, axis=1).sum() / 2)))
 
 
 def _heat(points: np.ndarray) -> _Heat:

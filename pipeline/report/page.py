@@ -47,7 +47,7 @@ _TEXTURE = [
     ("validation/texture.png", "The six texture axes of the rock, world against real rock."),
     ("surface/roughness.png", "Roughness over wavelength."),
     ("surface/sections.png", "Cross-sections of drifts: the smooth surface, and the rough surface over it."),
-    ("validation/heat.png", "Roughness along the walls."),
+    ("validation/heat.png", "Roughness along the walls. Storeys of a mine with heights are drawn side by side."),
 ]
 
 
