@@ -30,6 +30,7 @@ ADDRESS = "MINEXPLORE_PREPARED"  # the environment's variable with the path of t
 REPORT = "report"
 _LONGEST_NAME = 64
 _STREAMS = (0, 1, 2)
+_KILLED = 256 - signal.SIGKILL  # the exit code of a command that was killed
 _LATER = (  # what stages and the report load while they run
     "pipeline.report.page",
     "pipeline.report.figures.replay",
@@ -80,6 +81,7 @@ def _serve(listener: socket.socket, parent: int, whole: bool) -> int:
     die_with_parent(parent)
     stages = import_module("stages.__main__").load_stages()
     begun: dict[str, Forked[Any] | None] = {}
+    server = os.getpid()
     for name in _LATER:
         import_module(name)
     import_module("pipeline.geometry.ray_scene").load_open3d()
@@ -93,7 +95,8 @@ def _serve(listener: socket.socket, parent: int, whole: bool) -> int:
             child = os.fork()
             if not child:
                 listener.close()
-                _exit(partial(_run_with, name, streams, own))
+                asked.close()  # whoever asks notices the end of the process that answers
+                _exit(partial(_run_with, name, streams, own, server))
             for stream in streams:
                 os.close(stream)
             code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -113,8 +116,9 @@ def _begin(stage: Stage) -> Forked[Any] | None:
     return None
 
 
-def _run_with(name: str, streams: list[int], begun: Forked[Any] | None) -> int:
-    """Run a command whose standard input, output and errors are these."""
+def _run_with(name: str, streams: list[int], begun: Forked[Any] | None, server: int) -> int:
+    """Run a command whose standard input, output and errors are these; it ends with the server."""
+    die_with_parent(server)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for own, given in zip(_STREAMS, streams, strict=True):
         os.dup2(given, own)
@@ -135,12 +139,18 @@ def _exit(work: Callable[[], int]) -> NoReturn:
 
 
 def _ask(address: str, name: str) -> int:
-    """Let the prepared process run a command; return its exit code."""
+    """Let the prepared process run a command; return its exit code. If there is no such process, run it here."""
     with socket.socket(socket.AF_UNIX) as asked:
-        asked.connect(address)
+        try:
+            asked.connect(address)
+        except OSError:
+            return run(name)
         socket.send_fds(asked, [name.encode()], list(_STREAMS))
         answer = asked.recv(1)
-    return answer[0] if answer else 1
+    code = answer[0] if answer else _KILLED
+    if code == _KILLED:
+        print(f"{name}: the system ended it, perhaps for want of memory", file=sys.stderr)
+    return code
 
 
 def main() -> int:

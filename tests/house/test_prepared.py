@@ -57,6 +57,27 @@ with prepared(whole=sys.argv[1] == "whole") as environment:
 print(open("artifacts/compile3d/b.json").read())
 """
 
+_KILLS = """
+import os, signal, subprocess, sys, types
+import stages.__main__ as listed
+from pipeline import prepared, stage
+
+def main(*given):
+    os.kill(os.getpid() if sys.argv[1:] == ["command"] else os.getppid(), signal.SIGKILL)
+    signal.pause()
+
+def run(name, begun):
+    sys.argv[1:] = killed
+    main()
+
+killed = sys.argv[1:]
+listed.load_stages = list
+prepared.run = run
+with prepared.prepared(whole=False) as environment:
+    done = subprocess.run([sys.executable, "-m", "pipeline.prepared", "contours"], env=environment)
+print(done.returncode)
+"""
+
 
 def _run(command, folder, **env):
     return subprocess.run(
@@ -93,6 +114,22 @@ def test_a_command_hands_its_streams_to_the_process_of_the_address_and_ends_with
                 asked.send(bytes([7]))
             assert client.communicate() == (b"out", b"error")
     assert (name, client.returncode) == (b"contours", 7)
+
+
+def test_a_command_runs_alone_if_the_prepared_process_is_gone(tmp_path):
+    alone = _run(_CONTOURS, tmp_path)
+    with socket.socket(socket.AF_UNIX) as gone:
+        gone.bind(str(tmp_path / "s"))
+    for address in ("s", "nothing"):
+        done = _run(_CONTOURS, tmp_path, **{ADDRESS: str(tmp_path / address)})
+        assert (done.returncode, done.stderr) == (2, alone.stderr)
+
+
+@pytest.mark.parametrize("kills", ["command", "server"])
+def test_a_command_that_the_system_kills_says_so(tmp_path, kills):
+    done = _run([sys.executable, "-c", _KILLS, kills], tmp_path)
+    assert done.stdout == "247\n"
+    assert done.stderr == "contours: the system ended it, perhaps for want of memory\n"
 
 
 @pytest.mark.parametrize(
