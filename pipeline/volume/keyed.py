@@ -19,7 +19,7 @@ from pipeline.volume.union import Volume, mesh_of
 _ROUNDS = 4
 _BEYOND_M = 0.0137  # of a box beyond the facets in it: on no plane of theirs
 _BESIDE_M = 0.1  # of facets that cross: facets so near are not simplified
-_TOGETHER = 1000  # boxes of which all pairs are looked for, at most a million
+_TOGETHER = 1000  # boxes of which all pairs are looked for, and boxes whose pairs with facets are
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,13 @@ def near_facets(corners: np.ndarray, places: np.ndarray, reach_m: float) -> np.n
     least, most = least - reach_m, most + reach_m
     some = boxes_near(low, high, least, most)
     tree = shapely.STRtree(shapely.box(*low[some, :2].T, *high[some, :2].T))
-    other, row = tree.query(shapely.box(*least[:, :2].T, *most[:, :2].T))
-    facet = some[row]
-    beside = (low[facet, 2] < most[other, 2]) & (high[facet, 2] > least[other, 2])
     found = np.zeros(len(corners), bool)
-    found[facet[beside]] = True
+    for start in range(0, len(least), _TOGETHER):
+        bottom, top = least[start : start + _TOGETHER], most[start : start + _TOGETHER]
+        other, row = tree.query(shapely.box(*bottom[:, :2].T, *top[:, :2].T))
+        facet = some[row]
+        beside = (low[facet, 2] < top[other, 2]) & (high[facet, 2] > bottom[other, 2])
+        found[facet[beside]] = True
     return found
 
 
