@@ -57,7 +57,7 @@ def build_shell(volume: Volume) -> list[ShellPart]:
     left = shell.begin(RockSurfaces.of_facets(volume, facets))
     for kind, depth_m in SHAPES:
         left = shell.fit(left, kind, depth_m)
-    parts = shell.parts + [shell.least(polygons.some([n])) for polygons in left for n in range(len(polygons))]
+    parts = shell.parts + [part for polygons in left for part in shell.least(polygons)]
     return sorted(parts, key=lambda part: part.facets[0])
 
 
@@ -142,25 +142,29 @@ class _Shell:
         fits[numbers[~good]] = False
         return fits
 
-    def least(self, polygon: Polygons) -> ShellPart:
-        """Return the part of the shape that has least in the free space, of those of 2 cm if there are any."""
-        facets, area = self.facets_of(int(polygon.numbers[0])), float(polygon.areas_m2[0])
-        best: ShellPart | None = None
+    def least(self, polygons: Polygons) -> list[ShellPart]:
+        """Return the part of the shape that has least in the free space of each, of those of 2 cm if there are any."""
+        best: dict[int, ShellPart] = {}
+        least = np.where(polygons.areas_m2 > SLIVER_M2, THIN_M, 0.0).tolist()
         for kind, depth_m in _THINNEST:
-            corners = shaped(polygon, kind, depth_m).corners[0]
-            depth = float(((corners - polygon.corners[0, 0]) @ polygon.normals[0]).max())
-            solid = manifold3d.Manifold.hull_points(corners)
-            if depth < _LEAST_M or solid.is_empty() or solid.volume() <= 0:
-                continue
-            shared = float(shared_m3(self._facets, [corners], self._are_free)[0])
-            least = THIN_M if area > SLIVER_M2 else 0.0
-            if best is None or (depth < least, shared) < (best.depth_m < least, best.intrusion_m3):
-                best = ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area, shared)
-        if best is None:  # a facet without an area
-            corners = polygon.corners[0]
-            corners = np.concatenate([corners, corners + _THINNEST[0][1] * polygon.normals[0]])
-            return ShellPart(corners, facets, "none", 0.0, area, 0.0)
-        return best
+            bodies = shaped(polygons, kind, depth_m)
+            corners = [body[:count] for body, count in zip(bodies.corners, bodies.counts().tolist(), strict=True)]
+            some = np.flatnonzero([_has_volume(body) for body in corners]).tolist()
+            shared = shared_m3(self._facets, [corners[n] for n in some], self._are_free).tolist()
+            for n, free_m3 in zip(some, shared, strict=True):
+                depth = float(((corners[n] - polygons.corners[n, 0]) @ polygons.normals[n]).max())
+                area, facets = float(polygons.areas_m2[n]), self.facets_of(int(polygons.numbers[n]))
+                part = ShellPart(corners[n], facets, f"{kind} {depth_m:g}", depth, area, free_m3)
+                if depth >= _LEAST_M and (n not in best or _is_better(part, best[n], least[n])):
+                    best[n] = part
+        return [best.get(n) or self._flat(polygons, n) for n in range(len(polygons))]
+
+    def _flat(self, polygons: Polygons, number: int) -> ShellPart:
+        """Return a part of no depth behind a facet without an area."""
+        corners = polygons.corners[number]
+        corners = np.concatenate([corners, corners + _THINNEST[0][1] * polygons.normals[number]])
+        facets = self.facets_of(int(polygons.numbers[number]))
+        return ShellPart(corners, facets, "none", 0.0, float(polygons.areas_m2[number]), 0.0)
 
     def reached(self, polygons: Polygons) -> dict[int, list[int]]:
         """Return for each surface of one facet the facets that its part of 2 cm reaches."""
@@ -181,6 +185,16 @@ class _Shell:
         contacts = self._facets.crossing(bodies, _SHALLOW_M)
         np.maximum.at(found, contacts.body, contacts.depth_m)
         return found
+
+
+def _has_volume(corners: np.ndarray) -> bool:
+    solid = manifold3d.Manifold.hull_points(corners)
+    return not solid.is_empty() and solid.volume() > 0
+
+
+def _is_better(one: ShellPart, other: ShellPart, least_m: float) -> bool:
+    """Return whether a part has less in the free space than another; one that is less deep than `least_m` is worse."""
+    return (one.depth_m < least_m, one.intrusion_m3) < (other.depth_m < least_m, other.intrusion_m3)
 
 
 def _none(places: np.ndarray) -> np.ndarray:

@@ -1,5 +1,7 @@
 """What of a volume is about some facets, and the volume that convex parts share with it."""
 
+import tracemalloc
+
 import manifold3d
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import pytest
 from benchmarks.comparisons.volume.cases import CASES
 from pipeline.errors import GeometryError
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.keyed import Neighbourhood
+from pipeline.volume.keyed import Neighbourhood, boxes_apart
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.separation import Facets
@@ -24,6 +26,44 @@ def corners_of(volume):
     rows = zip(volume.vertices[volume.faces].tolist(), volume.label.tolist(), volume.source.tolist(), strict=True)
     turned = ((corners[(k := corners.index(min(corners))) :] + corners[:k], *more) for corners, *more in rows)
     return sorted(turned)
+
+
+def joined_one_by_one(low, high):
+    """Return boxes, one about all that meet each other, each where the first of them was."""
+    boxes = list(zip(low, high, strict=True))
+    while pair := next(
+        (
+            (i, j)
+            for i, (a, b) in enumerate(boxes)
+            for j, (c, d) in enumerate(boxes[:i])
+            if (a <= d).all() and (c <= b).all()
+        ),
+        None,
+    ):
+        (a, b), (c, d) = boxes.pop(pair[0]), boxes[pair[1]]
+        boxes[pair[1]] = (np.minimum(a, c), np.maximum(b, d))
+    return tuple(map(np.array, zip(*boxes, strict=True)))
+
+
+@pytest.mark.parametrize("together", [10, 1000])
+def test_boxes_that_meet_become_one_whether_or_not_they_are_taken_by_halves(together, monkeypatch):
+    monkeypatch.setattr("pipeline.volume.keyed._TOGETHER", together)
+    rng = np.random.default_rng(0)
+    low = rng.uniform(0, 10, (300, 3))
+    high = low + rng.uniform(0, 0.9, (300, 3))
+    found, wanted = boxes_apart(low, high), joined_one_by_one(low, high)
+    assert 1 < len(wanted[0]) < 280
+    for ours, theirs in zip(found, wanted, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_boxes_of_which_all_meet_take_no_memory_for_each_pair():
+    low = np.random.default_rng(0).random((8000, 3))
+    tracemalloc.start()
+    found = boxes_apart(low, low + 1)
+    assert tracemalloc.get_traced_memory()[1] < 200_000_000  # 64 million pairs of numbers would take 1 GB
+    tracemalloc.stop()
+    np.testing.assert_array_equal(found, [[low.min(axis=0)], [low.max(axis=0) + 1]])
 
 
 @pytest.mark.parametrize("facet", [0, 40, 99])

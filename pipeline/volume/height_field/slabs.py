@@ -90,8 +90,25 @@ class PassageFloors:
         self._bottom = np.minimum(field.heights_m, field.low_m) - _UNDER_M
         triangle, piece = field.surface.of_pieces
         order = np.argsort(piece, kind="stable")
-        self._triangles = triangle[order]
-        self._starts = np.searchsorted(piece[order], np.arange(len(pieces) + 1))
+        self._triangles, piece = triangle[order], piece[order]
+        self._starts = np.searchsorted(piece, np.arange(len(pieces) + 1))
+        self._join(piece)
+
+    def _join(self, piece: np.ndarray) -> None:
+        """Join the triangles of each piece (n,) along their common edges: parts, their vertices and their rims.
+
+        All pieces are joined at once: a call for each takes most of its time to begin.
+        """
+        some, surface = self._triangles, self._surface
+        mate, key = surface.mate.reshape(-1, 3)[some], piece * len(surface.spots) + some
+        wanted = piece[:, None] * len(surface.spots) + mate // 3
+        at = np.minimum(np.searchsorted(key, wanted), max(len(some) - 1, 0))
+        self._is_rim = (mate < 0) | (key[at] != wanted)
+        own = np.arange(3 * len(some)).reshape(-1, 3)
+        mates = np.column_stack([own[~self._is_rim], (3 * at + mate % 3)[~self._is_rim]])
+        self._corners, pairs = weld(len(some), mates), mates // 3
+        links = coo_matrix((np.ones(len(pairs)), pairs.T), (len(some), len(some)))
+        self._part = connected_components(links, directed=False)[1]
 
     def cut(self, solid: manifold3d.Manifold, numbers: list[int]) -> manifold3d.Manifold:
         """Return the solid of some pieces without what is below their floors' slabs.
@@ -140,17 +157,18 @@ class PassageFloors:
 
         A steep leg goes on beyond the walls. What is cut from it ends within the slab: no rock is left between them.
         """
-        some = self._triangles[self._starts[number] : self._starts[number + 1]]
+        rows = np.arange(self._starts[number], self._starts[number + 1])
         surface = self._surface
-        ours, back = surface.lines[0].reshape(-1, 3)[some].ravel(), surface.lines[1]
-        for part in _connected(surface, some):
-            corners = weld(len(part), _mates_within(surface, part))
-            places = np.zeros((corners.max() + 1, 2))
-            vertex = np.zeros(len(places), int)
-            places[corners], vertex[corners] = surface.plan_m[surface.corners[part]], surface.corners[part]
-            own = np.setdiff1d(np.arange(corners.size), _mates_within(surface, part).ravel())
+        ours, back = surface.lines[0].reshape(-1, 3)[self._triangles[rows]].ravel(), surface.lines[1].reshape(-1, 3)
+        for kind in np.unique(self._part[rows]):
+            some = rows[self._part[rows] == kind]
+            part, own = self._triangles[some], np.flatnonzero(self._is_rim[some])
+            found, corners = np.unique(self._corners[some], return_inverse=True)
+            corners, vertex = corners.reshape(-1, 3), np.zeros(len(found), int)
+            vertex[corners] = surface.corners[part]
+            places = surface.plan_m[vertex]
             lines = shapely.linestrings(np.stack([places[x.ravel()[own]] for x in (corners, _next(corners))], axis=1))
-            out = ~np.isin(back.reshape(-1, 3)[part].ravel()[own], ours)
+            out = ~np.isin(back[part].ravel()[own], ours)
             out &= ~shapely.dwithin(shapely.centroid(lines), stays, _ON_SECTION_M)
             aside = aside_m * _ways_out(own[out], corners, places)
             slab = _mesh_over(
@@ -218,13 +236,6 @@ def _mates_within(surface: FloorSurface, some: np.ndarray) -> np.ndarray:
     at = np.minimum(np.searchsorted(some, mate // 3), len(some) - 1)
     within = (mate > edge) & (some[at] == mate // 3)
     return np.column_stack([own, 3 * at + mate % 3])[within]
-
-
-def _connected(surface: FloorSurface, some: np.ndarray) -> list[np.ndarray]:
-    """Return the parts of some triangles that are joined along edges."""
-    pairs, n = _mates_within(surface, some) // 3, len(some)
-    count, part = connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), (n, n)), directed=False)
-    return [some[part == k] for k in range(count)]
 
 
 def _parts(surface: FloorSurface) -> np.ndarray:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
+from pipeline.volume.rock.solid_angle import SolidAngle
 from pipeline.volume.union import Volume
 
 
@@ -14,7 +17,12 @@ class Inside:
     def __init__(self, volume: Volume) -> None:
         """Index the facets."""
         self._scene = ray_scene(volume.vertices, volume.faces, 1)
-        self._corners = volume.vertices[volume.faces]
+        self._mesh = volume.vertices, volume.faces
+
+    @cached_property
+    def _angle(self) -> SolidAngle:
+        """Part the facets into blocks: most questions need none."""
+        return SolidAngle(*self._mesh)
 
     def distance_m(self, places: np.ndarray) -> np.ndarray:
         """Return the distance (n,) m from rock, negative in rock; of five parities of rays the most frequent counts."""
@@ -35,25 +43,11 @@ class Inside:
     def are_in_rock(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in rock; the solid angle decides, as rays along facets miscount."""
         found: np.ndarray = self.distance_m(places) < 0
-        found[found] = ~self._are_enclosed(places[found])
+        found[found] = ~self._angle.are_enclosed(places[found])
         return found
 
     def are_free(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in the free space; the solid angle decides where rays say so."""
         found: np.ndarray = self.distance_m(places) > 0
-        found[found] = self._are_enclosed(places[found])
-        return found
-
-    def _are_enclosed(self, places: np.ndarray) -> np.ndarray:
-        """Return for which places (n, 3) m the solid angle of all facets is 4 pi; it is 0 in rock.
-
-        The formula is that of van Oosterom and Strackee (1983).
-        """
-        found = np.zeros(len(places), bool)
-        for k, place in enumerate(places):
-            a, b, c = np.moveaxis(self._corners - place, 1, 0)
-            x, y, z = (np.linalg.norm(one, axis=1) for one in (a, b, c))
-            over = np.einsum("ij,ij->i", a, np.cross(b, c))
-            under = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
-            found[k] = 2 * np.arctan2(over, under).sum() > 2 * np.pi
+        found[found] = self._angle.are_enclosed(places[found])
         return found

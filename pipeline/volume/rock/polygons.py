@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import chain
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
+from pipeline.guard.forked import in_shares
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
 
@@ -15,24 +19,50 @@ _PARALLEL = 1e-9  # of the cosine between facets of one plane
 _OF_EACH = 5e-6  # m, of all corners from the plane of each of its facets: the certificate takes 1e-5
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
+_LEAST_SHARE = 4000  # planes, of one process
 
 
 def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
     """Return convex polygons of coplanar facets with one label: their vertices in order, and their facets."""
     normal = volume.normals
     unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    faces = volume.faces.tolist()
-    ring, held = dict(enumerate(faces)), {k: [k] for k in range(len(faces))}
-    owner = {(face[i], face[(i + 1) % 3]): k for k, face in enumerate(faces) for i in range(3)}
-    places, units = list(map(tuple, volume.vertices.tolist())), list(map(tuple, unit.tolist()))
-    level = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]])
-    offset = level.tolist()
     beside = MeshEdges.of(volume).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
     flat = np.einsum("fx,fix->fi", unit, unit[beside]) > 1 - 2 * _PARALLEL
     flat &= volume.label[:, None] == volume.label[beside]
-    for facet, side in np.argwhere(flat).tolist():
+    facet, side = np.nonzero(flat)
+    links = coo_matrix((np.ones(len(facet)), (facet, beside[facet, side])), (len(flat), len(flat)))
+    count, plane = connected_components(links, directed=False)
+    rows, edges = np.argsort(plane, kind="stable"), np.argsort(plane[facet], kind="stable")
+    ends = np.arange(count + 1)
+    of_plane, first = np.searchsorted(plane[rows], ends), np.searchsorted(plane[facet[edges]], ends)
+    level = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]])
+
+    def some(start: int, end: int) -> list[tuple[list[int], list[int]]]:
+        facets, joints = rows[of_plane[start] : of_plane[end]], edges[first[start] : first[end]]
+        return _joined(volume, unit, level, facets, np.column_stack([facet[joints], side[joints]]))
+
+    found = chain.from_iterable(in_shares(some, count, _LEAST_SHARE))
+    return sorted(found, key=lambda polygon: polygon[1][0])
+
+
+def _joined(
+    volume: Volume, unit: np.ndarray, level: np.ndarray, facets: np.ndarray, joints: np.ndarray
+) -> list[tuple[list[int], list[int]]]:
+    """Return polygons of some facets (n,), joined across edges where that is possible.
+
+    `unit` (f, 3) and `level` (f,) m are the planes of all facets; `joints` (k, 2) are facets and the number of their
+    edge.
+    """
+    faces = dict(zip(facets.tolist(), volume.faces[facets].tolist(), strict=True))
+    ring, held = dict(faces), {k: [k] for k in faces}
+    owner = {(face[i], face[(i + 1) % 3]): k for k, face in faces.items() for i in range(3)}
+    corners = np.unique(volume.faces[facets])
+    places = dict(zip(corners.tolist(), map(tuple, volume.vertices[corners].tolist()), strict=True))
+    units = dict(zip(faces, map(tuple, unit[facets].tolist()), strict=True))
+    offset = dict(zip(faces, level[facets].tolist(), strict=True))
+    for facet, side in joints.tolist():
         a, b = faces[facet][side], faces[facet][(side + 1) % 3]
-        one, two = owner.get((a, b), -1), owner.get((b, a), -1)
+        one, two = owner[a, b], owner[b, a]
         if one == two or _dot(units[one], units[two]) < 1 - _PARALLEL:
             continue
         if max(abs(_dot(places[v], units[one]) - offset[one]) for v in ring[two]) > _FLAT:
@@ -40,8 +70,8 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
         joined = _spliced(ring[one], ring[two], a, b)
         if joined is None or not _is_convex([places[v] for v in joined], units[one]):
             continue
-        facets = held[one] + held[two]  # the plane of a narrow facet may be far off beyond it
-        if np.abs(volume.vertices[joined] @ unit[facets].T - level[facets]).max() > _OF_EACH:
+        both = held[one] + held[two]  # the plane of a narrow facet may be far off beyond it
+        if np.abs(volume.vertices[joined] @ unit[both].T - level[both]).max() > _OF_EACH:
             continue
         ring[one] = joined
         held[one] += held.pop(two)
@@ -63,15 +93,23 @@ def _spliced(one: list[int], two: list[int], a: int, b: int) -> list[int] | None
 
 def _is_convex(corners: list[tuple[float, ...]], normal: tuple[float, ...]) -> bool:
     """Return whether a ring turns left alone about its normal, and nowhere back. It is short: NumPy is slower."""
-    edges = []
-    for (x, y, z), (u, v, w) in zip(corners[-1:] + corners[:-1], corners, strict=True):
+    last, first = None, (0.0, 0.0, 0.0)
+    x, y, z = corners[-1]
+    for u, v, w in corners:
         size = max(math.hypot(u - x, v - y, w - z), 1e-30)
-        edges.append(((u - x) / size, (v - y) / size, (w - z) / size))
-    for last, edge in zip(edges, edges[1:] + edges[:1], strict=True):
-        (x, y, z), (u, v, w) = last, edge
-        if _dot((y * w - z * v, z * u - x * w, x * v - y * u), normal) <= -_STRAIGHT or _dot(last, edge) <= -0.999:
+        edge = (u - x) / size, (v - y) / size, (w - z) / size
+        if last is None:
+            first = edge
+        elif not _turns_left(last, edge, normal):
             return False
-    return True
+        last, x, y, z = edge, u, v, w
+    return last is not None and _turns_left(last, first, normal)
+
+
+def _turns_left(one: tuple[float, ...], two: tuple[float, ...], normal: tuple[float, ...]) -> bool:
+    """Return whether unit vector `two` goes left of `one` about a normal, or as good as straight on."""
+    (x, y, z), (u, v, w) = one, two
+    return _dot((y * w - z * v, z * u - x * w, x * v - y * u), normal) > -_STRAIGHT and _dot(one, two) > -0.999
 
 
 def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:

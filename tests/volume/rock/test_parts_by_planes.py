@@ -121,6 +121,14 @@ def test_rays_block_deep_parts_between_two_drifts_and_none_that_fits(beside, kin
     assert blocked[0.08] == 0
 
 
+def test_polygons_are_the_same_plane_by_plane(beside, monkeypatch):
+    whole = polygons_of(beside)
+    assert len(whole) < len(beside.faces)
+    shares = "pipeline.volume.rock.polygons.in_shares"
+    monkeypatch.setattr(shares, lambda work, count, least: [work(k, k + 1) for k in range(count)])
+    assert polygons_of(beside) == whole
+
+
 def test_drawn_boxes_are_different_parts_of_the_free_space(beside):
     drawn = drawn_tiles(beside.solid, 100, np.random.default_rng(0))
     assert sum(tile.solid.volume() for tile in drawn) <= beside.solid.volume() * (1 + 1e-9)
