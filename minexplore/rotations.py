@@ -5,6 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+_FEW = 3  # vectors that Python's numbers rotate in half the time that arrays take; both round alike
+
 
 def rotate_inverse(vectors: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Return the rows of `vectors` (n, 3) rotated by the inverse of `rotation` (3, 3).
@@ -12,9 +14,10 @@ def rotate_inverse(vectors: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     This is `vectors @ rotation`. BLAS may round that product differently for another n or on another processor; this
     function does not, so that one robot and many give the same numbers everywhere.
     """
-    if len(vectors) == 1:  # Python's numbers take a quarter of the time of arrays of one row, and round alike
-        (x, y, z), ((a, b, c), (d, e, f), (g, h, i)) = vectors[0].tolist(), rotation.tolist()
-        return np.array([[x * a + y * d + z * g, x * b + y * e + z * h, x * c + y * f + z * i]])
+    if len(vectors) <= _FEW:
+        (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+        turned = [(x * a + y * d + z * g, x * b + y * e + z * h, x * c + y * f + z * i) for x, y, z in vectors.tolist()]
+        return np.array(turned).reshape(-1, 3)
     return vectors[:, :1] * rotation[0] + vectors[:, 1:2] * rotation[1] + vectors[:, 2:] * rotation[2]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 Tile = tuple[int, ...]  # column and row, of a cube its layer too
@@ -10,6 +12,11 @@ Tile = tuple[int, ...]  # column and row, of a cube its layer too
 def tiles_at(places_m: np.ndarray, size_m: float) -> np.ndarray:
     """Return the column and row (n, 2) int of the tile under each place (n, 2) m, or the cube (n, 3) about (n, 3)."""
     return np.floor(places_m / size_m).astype(int)
+
+
+def tile_at(place_m: np.ndarray, size_m: float) -> Tile:
+    """Return the tile under one place (2,) m, or the cube about one (3,); see `tiles_at`."""
+    return tuple([math.floor(along / size_m) for along in place_m.tolist()])
 
 
 def group_by_tile(tiles: np.ndarray) -> list[tuple[Tile, np.ndarray]]:

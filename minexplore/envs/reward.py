@@ -20,10 +20,13 @@ def step_reward(before: np.ndarray, new: np.ndarray, total: int, collision: np.n
         Reachable cells. An episode that sees them all and touches nothing returns at most `CAP`.
     collision : (n,) bool
     """
-    gained = new > 0
-    reward = np.where(gained, new * COVERAGE_GAIN / total, -IDLE_PENALTY)
-    if gained.any():
-        for share, bonus in MILESTONES:
-            line = share * total
-            reward += bonus * ((before < line) & (before + new >= line))
-    return reward - COLLISION_PENALTY * collision
+    penalty = COLLISION_PENALTY * collision
+    if not np.count_nonzero(new):
+        return -IDLE_PENALTY - penalty
+    reward = np.where(new > 0, new * COVERAGE_GAIN / total, -IDLE_PENALTY)
+    after = before + new
+    for share, bonus in MILESTONES:
+        passed = (before < share * total) & (after >= share * total)
+        if passed.any():
+            reward += bonus * passed
+    return reward - penalty

@@ -53,8 +53,8 @@ class RobotBatch(RobotPlaces):
         self.stepper = PhysicsStepper(self.local_models, count, threads, self.ground.start_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
-        self.looked_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # the box of the places that each looked from
-        self.cells_seen = np.zeros(count, dtype=int)
+        self.looked_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # box of places from which each saw new cells
+        self.cells_seen, self._reachable = np.zeros(count, dtype=int), np.full(count, self.grid.total)
         self.previous = np.zeros((count, robot.COMMANDS))
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
 
@@ -147,12 +147,12 @@ class RobotBatch(RobotPlaces):
         if command.shape != wanted:
             raise ValueError(f"actions of shape {command.shape}: want {wanted}")
         finite = np.isfinite(command)
-        if not finite.all():
+        if np.count_nonzero(finite) < finite.size:
             i = int((~finite).any(axis=1).argmax())
             several = f"{_COUNTED[self.robot.COMMANDS]} finite numbers in [-1, 1]"
             raise ValueError(f"action of robot {i} = {command[i].tolist()}: want {several}")
         # The action space's 32 bits: what a policy computes may differ between processors in the last of 64.
-        return np.minimum(np.maximum(command[self._rows(robots)], -1.0), 1.0).astype(np.float32).astype(np.float64)
+        return command[self._rows(robots)].clip(-1.0, 1.0).astype(np.float32).astype(np.float64)
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots (k,) by one control step without casting beams.
@@ -200,8 +200,9 @@ class RobotBatch(RobotPlaces):
         ray, *cell = self._crossed(origin, directions, ranges)
         new = self.grid.mark(self.seen, robots[ray // self.task.beams], *cell)
         rows = self._rows(robots)
-        self.looked_m[rows, 0] = np.fmin(self.looked_m[rows, 0], origin[:, :2])
-        self.looked_m[rows, 1] = np.fmax(self.looked_m[rows, 1], origin[:, :2])
+        if np.count_nonzero(new):
+            self.looked_m[rows, 0] = np.fmin(self.looked_m[rows, 0], origin[:, :2])
+            self.looked_m[rows, 1] = np.fmax(self.looked_m[rows, 1], origin[:, :2])
         return ranges, new[rows]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -215,7 +216,7 @@ class RobotBatch(RobotPlaces):
     def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return ray numbers, and the indices of the cells that the beams pass through."""
         ends = origin[:, None] + directions * ranges[..., None]
-        starts = origin.repeat(self.task.beams, axis=0)
+        starts = origin if len(origin) == 1 else origin.repeat(self.task.beams, axis=0)
         return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
@@ -226,7 +227,7 @@ class RobotBatch(RobotPlaces):
         seen, attitude = self.cells_seen[rows].copy(), self._attitudes_of(now)
         return {
             "cells_seen": seen,
-            "cells_reachable": np.full(len(robots), self.grid.total),
+            "cells_reachable": self._reachable[rows].copy(),
             "coverage": seen / self.grid.total,
             "collision": np.asarray(collision),
             "collisions": self.collisions[rows].copy(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from minexplore.rotations import rotate_inverse, rotation_matrices
 from minexplore.world import World
 
 
-@dataclass(frozen=True)
-class Stances:
+class Stances(NamedTuple):
     """How k robots stand; read-only.
 
     Attributes
@@ -65,8 +64,8 @@ class RobotPlaces:
             level = rotation_matrices(pose[:, 3:])
             axes = rotate_inverse(level.transpose(0, 2, 1).reshape(-1, 3), self._R).reshape(level.shape)
             found = Stances(rotate_inverse(pose[:, :3] - self._t, self._R), level, axes)
-            for array in (found.places_m, level, axes):
-                array.flags.writeable = False
+            for array in found:
+                array.setflags(write=False)
             self._last = key, found
         return self._last[1]
 
@@ -94,7 +93,7 @@ class RobotPlaces:
         return self._attitudes_of(self._stances(robots))
 
     def _attitudes_of(self, now: Stances) -> np.ndarray:
-        return np.arcsin(np.minimum(np.maximum(now.level[:, 2, :2], -1.0), 1.0))
+        return np.arcsin(now.level[:, 2, :2].clip(-1.0, 1.0))
 
     def _speeds(self, robots: np.ndarray) -> np.ndarray:
         along = rotate_inverse(self.qvel[self._rows(robots), :3], self._R)

@@ -55,17 +55,18 @@ class PhysicsStepper:
         RuntimeError
             If MuJoCo warns of a robot's physics; the message names the robot and its state.
         """
-        groups = self._group(robots, self.models.tiles_of(places_m))
-        contacts = np.zeros((len(self.state), steps))
-        jobs: list[list[_Group]] = [[] for _ in range(self._threads)]
-        for k, group in enumerate(sorted(groups, key=lambda group: -len(group[1]))):
-            jobs[k % self._threads].append(group)
-
+        tiles = self.models.tiles_of(places_m)
+        if len(robots) == 1:  # there is nothing to group, nor to deal out to threads
+            self._forget(_KEPT_BATCHES)
+            return self._advance_group(0, tuple(tiles[0].tolist()), robots, steps)
+        groups = self._group(robots, tiles)
+        groups.sort(key=lambda group: -len(group[1]))
         self._forget(max(_KEPT_BATCHES, 2 * len(groups)))
+        touched = np.zeros(len(self.state), dtype=bool)
 
         def run(thread: int) -> None:
-            for tile, rows in jobs[thread]:
-                contacts[rows] = self._advance_group(thread, tile, rows, steps)
+            for tile, rows in groups[thread :: self._threads]:
+                touched[rows] = self._advance_group(thread, tile, rows, steps)
 
         if self._process != os.getpid():  # a fork takes no threads along: without new ones the child waits for ever
             self._process = os.getpid()
@@ -74,8 +75,7 @@ class PhysicsStepper:
             run(0)
         else:
             list(self._pool.map(run, range(self._threads)))
-        touched: np.ndarray = contacts[robots].max(axis=1) > 0
-        return touched
+        return touched[robots]
 
     def _group(self, robots: np.ndarray, tiles: np.ndarray) -> list[_Group]:
         """Return the robots of each tile, at most as many together as one call steps."""
@@ -91,17 +91,19 @@ class PhysicsStepper:
             self._batches.popitem(last=False)
 
     def _advance_group(self, thread: int, tile: Tile, rows: np.ndarray, steps: int) -> np.ndarray:
-        """Step robots of one tile; return how many contacts with rock each had in each step (k, steps)."""
+        """Step robots of one tile; return which had a contact with rock in any step (k,) bool."""
         count = len(rows)
+        own = rows if count > 1 else rows.item()
         batch = self._batch(thread, tile, alone=count == 1)
-        batch.state[:count] = self.state[rows]
+        batch.state[:count] = self.state[own]
         ids = None if count == batch.nsim else _NUMBERS[:count]
         record = batch.rollout(steps, record=("sensordata",), ids=ids)["sensordata"]
-        self.state[rows] = batch.state[:count]
+        self.state[own] = batch.state[:count]
         if np.count_nonzero(batch.warning[:count]):
             robot = rows[int(batch.warning[:count].reshape(count, -1).any(axis=1).argmax())]
             raise RuntimeError(f"robot {robot}: MuJoCo warns of its physics at state {self.qpos[robot].tolist()}")
-        return record[..., 0]
+        touched: np.ndarray = record[..., 0].any(axis=1)
+        return touched
 
     def _batch(self, thread: int, tile: Tile, alone: bool) -> Batch:
         """Return the batch of a thread and a tile; a robot alone has one of its own, which takes no list of rows."""

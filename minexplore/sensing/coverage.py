@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +20,10 @@ class CellGrid(Protocol):
     total: int
 
     def cells_crossed(self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float) -> tuple[np.ndarray, ...]:
-        """Return ray numbers of segments (n, 3) to (n, 3) m, and the indices in `reachable` of cells they cross."""
+        """Return ray numbers of segments (n, 3) to (n, 3) m, and the indices in `reachable` of cells they cross.
+
+        All may start at one place, (1, 3) m.
+        """
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells as seen by their observers; return how many are new to each."""
@@ -59,16 +64,18 @@ class CoverageGrid:
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return ray numbers, rows and columns of all cells that segments (n, 3) to (n, 3) pass through.
+        """Return ray numbers, rows and columns of all cells that segments (n, 3), or (1, 3), to (n, 3) m pass through.
 
         Exact: each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the
         cell of its middle.
         """
-        ray, row, col, _ = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
+        piece, cell, _ = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
         rows, cols = self.reachable.shape
+        col, row = cell[:, 0], cell[:, 1]
         # Seen as a number without sign, one below zero is beyond any end.
-        inside = (col.view(np.uint64) < cols) & (row.view(np.uint64) < rows)
-        return (ray, row, col) if inside.all() else (ray[inside], row[inside], col[inside])
+        piece &= col.view(np.uint64) < cols
+        piece &= row.view(np.uint64) < rows
+        return piece.nonzero()[0], row[piece], col[piece]
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells, rows and columns, as seen in `seen` (m, rows, cols) by their observers.
@@ -77,7 +84,7 @@ class CoverageGrid:
         """
         row, col = cell
         number = row * self.reachable.shape[1] + col
-        flat = observer * self.reachable.size + number
+        flat = number if len(seen) == 1 else observer * self.reachable.size + number
         view = seen.reshape(-1)
         unseen = flat[self.reachable.reshape(-1)[number] > view[flat]]
         if not len(unseen):
@@ -98,27 +105,41 @@ class CoverageGrid:
         return cells
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def cut_at_lines(
     origin_m: np.ndarray, cell_m: float, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return ray numbers, rows, columns and middles, as shares of segments, of the pieces between a grid's lines.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut segments (n, 2), or of one start (1, 2), to (n, 2) m, at most `longest_m` long, at a grid's lines.
 
-    Segments (n, 2) to (n, 2) m are at most `longest_m` long.
+    Returns
+    -------
+    piece : (n, k) bool
+        Whether there is a k-th piece of a segment; one has a length.
+    cell : (n, 2, k) int64
+        Column and row of each piece's middle.
+    middle : (n, k) float64
+        The middles, as shares of segments.
     """
     start = ((starts_m - origin_m) / cell_m)[..., None]
     step = ((ends_m - origin_m) / cell_m)[..., None] - start
-    lines = np.arange(1.0, int(np.ceil(longest_m / cell_m)) + 2)
-    along = np.where(step > 0, start, -start)  # on either axis, in the direction of the segment
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (np.floor(along) + lines - along) / np.abs(step)  # (n, 2, lines)
-    at = np.ones((len(start), 2 * len(lines) + 2))  # where pieces end; those beyond the end have no length
-    at[:, 0] = 0.0
-    at[:, 1:-1] = np.fmin(share, 1.0).reshape(len(start), -1)
+    lines = _numbers_to(math.ceil(longest_m / cell_m) + 1)
+    along = np.sign(step) * start  # on either axis, in the direction of the segment
+    share = (np.floor(along) + lines - along) / np.abs(step)  # (n, 2, lines)
+    at = np.empty((len(step), 2 * len(lines) + 2))  # where pieces end; those beyond the end have no length
+    at[:, 0], at[:, -1] = 0.0, 1.0
+    np.fmin(share, 1.0, out=at[:, 1:-1].reshape(share.shape))
     at.sort(axis=1)
-    middle = (at[:, 1:] + at[:, :-1]) / 2
-    cell = np.floor(start + middle[:, None] * step).astype(np.int64)
-    piece = at[:, 1:] > at[:, :-1]
-    return piece.nonzero()[0], cell[:, 1][piece], cell[:, 0][piece], middle[piece]
+    before, after = at[:, :-1], at[:, 1:]
+    middle = (after + before) / 2
+    return after > before, np.floor(start + middle[:, None] * step).astype(np.int64), middle
+
+
+@functools.cache
+def _numbers_to(last: int) -> np.ndarray:
+    """Return the numbers (last,) float64 from 1 to `last`; read-only."""
+    numbers = np.arange(1.0, last + 1)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
@@ -128,17 +149,21 @@ def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.n
         raise ValueError(f"{world.folder}: no place where the robot fits")
     places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
     seed = int(np.linalg.norm(places - centre_m, axis=1).argmin())
-    unseen = np.pad(standing, 1)  # a border of rock: no step leaves the grid
-    width = unseen.shape[1]
-    first = (row[seed] + 1) * width + col[seed] + 1
-    edge, left = np.array([first]), unseen.reshape(-1)
-    left[edge] = False
-    while len(edge):  # all cells that are one step farther at a time, side by side, so that none comes twice
-        sides = []
-        for step in (1, -1, width, -width):
-            beside = edge + step
-            beside = beside[left[beside]]
-            left[beside] = False
-            sides.append(beside)
-        edge = np.concatenate(sides)
-    return standing & ~unseen[1:-1, 1:-1]
+    # Runs of cells that are side by side in a row. Cells are numbered with a gap between rows.
+    width = standing.shape[1] + 1
+    cell = row * width + col
+    first = np.flatnonzero(np.diff(cell, prepend=-2) != 1)
+    start, end = cell[first], np.append(cell[first[1:] - 1], cell[-1]) + 1
+    # The runs beside each run in the next row.
+    low, high = end.searchsorted(start + width, side="right"), start.searchsorted(end + width)
+    one = np.arange(len(start)).repeat(high - low)
+    other = np.arange(len(one)) + (low - np.append(0, (high - low).cumsum()[:-1])).repeat(high - low)
+    group = np.arange(len(start))  # of each run: the number of the first run that it is known to be connected to
+    while (group[one] != group[other]).any():
+        np.minimum.at(group, np.maximum(group[one], group[other]), np.minimum(group[one], group[other]))
+        while (group[group] != group).any():
+            group = group[group]
+    connected = (group == group[first.searchsorted(seed, side="right") - 1]).repeat(end - start)
+    found = np.zeros_like(standing)
+    found[row[connected], col[connected]] = True
+    return found

@@ -57,6 +57,7 @@ class CubeGrid:
         Exact: each segment is cut at every plane of the grid that it crosses, and each piece names the cube of its
         middle.
         """
+        starts_m = np.broadcast_to(starts_m, ends_m.shape)
         start, step = starts_m / self.cell_m, (ends_m - starts_m) / self.cell_m
         lines = np.arange(1, int(np.ceil(longest_m / self.cell_m)) + 2)
         behind = np.where(step > 0, np.floor(start), np.ceil(start))

@@ -31,7 +31,7 @@ from minexplore.bundle import (
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
-from minexplore.tiles import Tile, group_by_tile, tiles_at
+from minexplore.tiles import Tile, group_by_tile, tile_at, tiles_at
 from minexplore.world import World, checked_world
 
 Backend = Literal["auto", "embree", "open3d"]
@@ -168,10 +168,11 @@ class Lidar:
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
         slope, height, beams = directions[..., 2], origins[:, None, 2], directions.shape[1]
-        level = np.full(slope.shape, np.inf)
-        np.divide(
-            np.where(slope < 0, self._floor_m - height, self._roof_m - height), slope, out=level, where=slope != 0
-        )
+        level = np.empty(slope.shape)
+        level.fill(self.range_m)
+        np.divide(self._floor_m - height, slope, out=level, where=slope < 0)
+        if self._roof_m < np.inf:
+            np.divide(self._roof_m - height, slope, out=level, where=slope > 0)
         starts = origins if len(origins) == 1 else origins.repeat(beams, axis=0)
         rock = self._to_rock(origins, starts, directions.reshape(-1, 3), beams).reshape(slope.shape)
         return np.minimum(np.minimum(rock, level), self.range_m)
@@ -181,16 +182,25 @@ class Lidar:
 
         Rays (n * beams, 3) start at `starts`, (n * beams, 3) m or a single one (1, 3).
         """
+        if len(origins) == 1:
+            found, face = self._hit_faces(tile_at(origins[0, :2], _TILE_M), starts, ways)
+        else:
+            found, face = self._hit_faces_of_many(origins, starts, ways, beams)
+        return plane_distances(self._planes, face, starts, ways, found) if len(self._planes) else found
+
+    def _hit_faces_of_many(
+        self, origins: np.ndarray, starts: np.ndarray, ways: np.ndarray, beams: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `hits` does, of rays whose origins (n, 3) m are in any tiles; see `_to_rock`."""
         groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
         if len(groups) == 1:
-            found, face = self._hit_faces(groups[0][0], starts, ways)
-            return plane_distances(self._planes, face, starts, ways, found) if len(self._planes) else found
+            return self._hit_faces(groups[0][0], starts, ways)
         found, face = np.empty((len(origins), beams), np.float32), np.empty((len(origins), beams), np.int32)
         by_robot, their_ways = starts.reshape(-1, beams, 3), ways.reshape(-1, beams, 3)
         for tile, rows in groups:
             hit = self._hit_faces(tile, by_robot[rows].reshape(-1, 3), their_ways[rows].reshape(-1, 3))
             found[rows], face[rows] = (each.reshape(-1, beams) for each in hit)
-        return plane_distances(self._planes, face.ravel(), starts, ways, found.ravel()) if len(self._planes) else found
+        return found.ravel(), face.ravel()
 
     def hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return distances (n,) float32 m to rock, inf for no hit, and the number (n,) of each hit face, else -1.
@@ -199,7 +209,7 @@ class Lidar:
         are the caster's own, in single precision, and not cut at `range_m`; level floors and roofs are left out.
         """
         start = origins if origins.ndim == 1 else origins[0]
-        return self._hit_faces(tuple(np.floor(start[:2] / _TILE_M).astype(int).tolist()), origins, directions)
+        return self._hit_faces(tile_at(start[:2], _TILE_M), origins, directions)
 
     def _hit_faces(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what `hits` does, of rays that start in a tile."""

@@ -31,9 +31,9 @@ def observe(
         Each draws the noise of one robot's beams, in the order of the beams.
     """
     near, far = task.range_m
-    noise = np.array([rng.standard_normal(task.beams) for rng in rngs])
-    noisy = np.minimum(np.maximum(ranges_m, near), far) + task.range_noise_m * noise
+    noise = np.concatenate([rng.standard_normal(task.beams) for rng in rngs]).reshape(len(rngs), -1)
+    noisy = ranges_m.clip(near, far) + task.range_noise_m * noise
     observed = np.zeros((len(ranges_m), task.beams + COMMANDS), np.float32)
-    observed[:, : task.beams] = np.minimum(np.maximum((noisy - near) / (far - near), 0.0), 1.0)
+    observed[:, : task.beams] = ((noisy - near) / (far - near)).clip(0.0, 1.0)
     observed[:, task.beams :: 2] = previous
     return observed

@@ -21,6 +21,7 @@ def face_planes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return planes
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def plane_distances(
     planes: np.ndarray, faces: np.ndarray, origins: np.ndarray, directions: np.ndarray, found_m: np.ndarray
 ) -> np.ndarray:
@@ -43,13 +44,12 @@ def plane_distances(
         The distance to the plane of the face. `found_m` where a ray hits nothing, or grazes a face so that the two
         differ by more than a millimetre.
     """
-    plane = planes[faces]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        exact = (plane[:, 3] - _dot(plane, origins)) / _dot(plane, directions)
-        return np.where(np.abs(exact - found_m) < _CAST_M, exact, found_m.astype(np.float64))
+    plane = planes.take(faces, axis=0)
+    exact = (plane[:, 3] - _dot(plane, origins)) / _dot(plane, directions)
+    return np.where(np.abs(exact - found_m) < _CAST_M, exact, found_m)
 
 
 def _dot(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Return products (n,) of rows by their first three numbers, in a fixed order of operations."""
-    product = one[:, :3] * two[:, :3]
+    product = one[:, :3] * two
     return product[:, 0] + product[:, 1] + product[:, 2]

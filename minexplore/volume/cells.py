@@ -42,16 +42,18 @@ class VolumeGrid:
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return ray numbers and cells that segments (n, 3) to (n, 3) m pass through.
+        """Return ray numbers and cells that segments (n, 3), or (1, 3), to (n, 3) m pass through.
 
         Each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the cell
         whose floor is the next under its middle, if the middle is under that cell's roof.
         """
-        ray, row, col, share = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
+        piece, at, middle = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
         rows, cols = self.shape
-        inside = np.flatnonzero((row >= 0) & (row < rows) & (col >= 0) & (col < cols))
-        ray, share, square = ray[inside], share[inside], row[inside] * cols + col[inside]
-        z = starts_m[ray, 2] + share * (ends_m[ray, 2] - starts_m[ray, 2])
+        col, row = at[:, 0], at[:, 1]
+        inside = piece & (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        ray, share, square = inside.nonzero()[0], middle[inside], row[inside] * cols + col[inside]
+        start_m = np.broadcast_to(starts_m, ends_m.shape)[ray, 2]
+        z = start_m + share * (ends_m[ray, 2] - start_m)
         start, end = self._first[square], self._first[square + 1]
         cell = np.full(len(ray), -1)
         for k in range(self._most):

@@ -19,6 +19,7 @@ from minexplore.bundle import (
     is_shade,
     puddle_geom,
 )
+from minexplore.physics.local_models import part_vertices
 from minexplore.world import World, load_world
 from pipeline.errors import ArtifactError
 from pipeline.export.labels import part_label, surface_label, water_label
@@ -80,7 +81,7 @@ def _facts(record: WorldRecord, licence: str) -> WorldFacts:
 
 def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, zones: list[str]) -> ConvexPart:
     is_box = geom.type == mujoco.mjtGeom.mjGEOM_BOX
-    corners = box_corners(np.array(geom.size)) if is_box else np.array(spec.mesh(geom.meshname).uservert).reshape(-1, 3)
+    corners = box_corners(np.array(geom.size)) if is_box else part_vertices(spec, geom)
     label = part_label(geom.name, geom.group, zones)
     return ConvexPart(geom.name, label.what, label.zone, float(geom.friction[0]), np.array(geom.pos), corners, is_box)
 

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from shapely import MultiLineString, Polygon
 
 from minexplore.bundle import MODEL, is_rock
+from minexplore.physics.local_models import part_vertices
 from pipeline.errors import ArtifactError
 from pipeline.geometry.rock.partition import Box, cut_lines
 from pipeline.mjcf.bundle import WorldRecord
@@ -34,7 +35,7 @@ def require_prisms(
     corners = cKDTree(_corners(free, record.world_m, tile_m))
     outlines = []
     for geom in (geom for geom in stated.geoms if is_rock(geom.name)):
-        vertices = np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) + geom.pos
+        vertices = part_vertices(stated, geom) + geom.pos
         where = f"{folder / MODEL}: geom {geom.name}"
         low, high = vertices[vertices[:, 2] < record.height_m / 2], vertices[vertices[:, 2] >= record.height_m / 2]
         if len(low) != len(high) or not (

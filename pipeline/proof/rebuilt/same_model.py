@@ -28,6 +28,7 @@ from minexplore.bundle import (
     smooth_mesh,
 )
 from minexplore.looks import SHADE_LEVELS
+from minexplore.physics.local_models import part_vertices
 from minexplore.schema import check_world
 from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
@@ -86,7 +87,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     """Return the specification of the world that the builder makes of the bundle's parts."""
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
     rock = [geom for geom in stated.geoms if is_rock(geom.name)]
-    vertices = [np.array(stated.mesh(geom.meshname).uservert).reshape(-1, 3) for geom in rock]
+    vertices = [part_vertices(stated, geom) for geom in rock]
     offsets = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int32)
     placed = np.concatenate([v + geom.pos for v, geom in zip(vertices, rock, strict=True)])
     meshes = {Path(name).stem: data for name, data in files.items() if name.startswith(MESHES)}

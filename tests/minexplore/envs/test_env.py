@@ -242,6 +242,16 @@ def test_cells_that_are_connected_are_those_of_a_labelled_picture():
     assert (_connected(world, standing, centre) == (labels == largest)).all()
 
 
+def test_beams_that_start_at_one_place_cross_the_cells_that_they_cross_one_by_one(ring: BuiltMine):
+    grid = CoverageGrid(load_world(ring.bundle), 2.0, 0.35, np.array([3.0, 3.0]), np.inf)
+    rng = np.random.default_rng(1)
+    for start in ([3.0, 3.0, 0.5], [4.0, 2.0, 0.5], [3.7, 9.1, 0.5]):
+        ends = start + np.append(rng.uniform(-7, 7, (40, 3)), [[5.0, 0, 0], [0, -5.0, 0], [0, 0, 0]], axis=0)
+        together = grid.cells_crossed(np.array([start]), ends, 10.0)
+        apart = grid.cells_crossed(np.array([start] * len(ends)), ends, 10.0)
+        np.testing.assert_array_equal(together, apart)
+
+
 def test_a_beam_crosses_exactly_the_cells_of_a_line(ring: BuiltMine):
     grid = CoverageGrid(load_world(ring.bundle), 2.0, 0.35, np.array([3.0, 3.0]), np.inf)
     start = np.array([[3.0, 3.0]])

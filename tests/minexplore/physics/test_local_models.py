@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from minexplore.physics.local_models import ALONE, LocalModels
+from minexplore.physics.local_models import ALONE, LocalModels, part_vertices
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.physics.robots import find_robot
 from minexplore.task import TaskParams
@@ -48,3 +48,10 @@ def test_a_model_of_all_rock_and_another_robot_keep_their_geoms(tee):
     assert not whole.opt.disableflags & ALONE
     models = LocalModels(world, TaskParams(), find_robot("husky"))
     assert models.model((5, 1)).ngeom == models.spec((5, 1)).compile().ngeom
+
+
+def test_vertices_that_are_counted_first_are_those_of_the_spec():
+    spec, stated = mujoco.MjSpec(), np.random.default_rng(0).normal(size=(5, 3)).astype(np.float32)
+    spec.add_mesh(name="part", uservert=stated.ravel())
+    geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="part")
+    np.testing.assert_array_equal(part_vertices(spec, geom), stated)

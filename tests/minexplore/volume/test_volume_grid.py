@@ -86,6 +86,15 @@ def test_a_sloping_beam_marks_cells_of_both_floors_of_a_shaft():
     assert (ray == 0).all()
 
 
+def test_beams_that_start_at_one_place_mark_what_they_mark_one_by_one():
+    grid = VolumeGrid(spans(strip([0.0] * 24, 7.0) + strip([4.0] * 8)), np.ones(32, bool), 2.0)
+    start = np.array([[0.5, 0.1, 4.5]])
+    ends = start + np.random.default_rng(0).uniform([-1, -1, -5], [6, 1, 2], (40, 3))
+    together = grid.cells_crossed(start, ends, 10.0)
+    np.testing.assert_array_equal(together, grid.cells_crossed(start.repeat(40, axis=0), ends, 10.0))
+    assert len(together[0]) > 40
+
+
 def test_marked_cells_count_once_and_can_be_forgotten():
     grid = VolumeGrid(spans(strip([0.0] * 24)), np.ones(24, bool), 2.0)
     seen = np.zeros((2, *grid.reachable.shape), bool)
