@@ -2,11 +2,16 @@
 
 Both drive the same commands in the same world. Processor time counts, so that other work on the machine matters less,
 and turns alternate, so that it matters to both.
+
+`python benchmarks/speed/two_codes.py --parts WORLD` prints what the parts of one robot's control step take, with the
+code that `PYTHONPATH` names.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
+import importlib
 import json
 import os
 import subprocess
@@ -30,6 +35,25 @@ _UNITS = {
     "64 robots at the entrance": "steps/s",
     "64 robots spread": "steps/s",
     "import, make, reset": "s",
+}
+
+
+# What is timed by its module and name, each without the others that it calls.
+_PARTS = {
+    "MuJoCo, 20 steps": "mujoco.batch:Batch.rollout",
+    "state to MuJoCo and back": "minexplore.physics.stepper:PhysicsStepper.advance",
+    "command to wheels": "minexplore.envs.robot_batch:RobotBatch.drive",
+    "places and axes": "minexplore.envs.robot_places:RobotPlaces._stances",
+    "beams: directions": "minexplore.envs.robot_batch:RobotBatch._cast",
+    "beams: Embree": "minexplore.sensing.lidar:Lidar._hit_faces",
+    "beams: floor and nearest": "minexplore.sensing.lidar:Lidar.cast",
+    "beams: distances by planes": "minexplore.sensing.lidar:plane_distances",
+    "cells that beams cross": "minexplore.envs.robot_batch:RobotBatch._crossed",
+    "cells marked": "minexplore.envs.robot_batch:RobotBatch._look",
+    "observation": "minexplore.envs.robot_batch:RobotBatch._observe",
+    "reward": "minexplore.envs.robot_batch:step_reward",
+    "info": "minexplore.envs.robot_batch:RobotBatch._info",
+    "checks, counters, end of episode": "minexplore.envs.env:MineEnv.step",
 }
 
 
@@ -97,6 +121,42 @@ def _rate(step: Callable[[np.ndarray], Any], robots: int, steps: int) -> float:
     return steps * robots / (time.process_time() - start)
 
 
+def parts(world: str, repeats: int = 8) -> dict[str, float]:
+    """Return what each of `_PARTS` takes, us a control step of one robot: of each step the least of all repeats."""
+    from minexplore.envs.env import MineEnv
+
+    spent, inner = dict.fromkeys(_PARTS, 0.0), [0.0]
+
+    def timed(part: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(call)
+        def run(*given: Any, **named: Any) -> Any:
+            inner.append(0.0)
+            start = time.perf_counter()
+            found = call(*given, **named)
+            whole = time.perf_counter() - start
+            spent[part] += whole - inner.pop()
+            inner[-1] += whole
+            return found
+
+        return run
+
+    for part, place in _PARTS.items():
+        module, _, path = place.partition(":")
+        *holder, name = path.split(".")
+        where = functools.reduce(getattr, holder, importlib.import_module(module))
+        setattr(where, name, timed(part, getattr(where, name)))
+    env, rng = MineEnv(world), np.random.default_rng(0)
+    actions = [np.array([rng.uniform(0.3, 1), rng.uniform(-1, 1)]) for _ in range(9)]
+    taken = np.zeros((repeats, _ALONE_STEPS, len(_PARTS)))
+    for steps in taken:
+        env.reset(seed=0)
+        for k, step in enumerate(steps):
+            spent.update(dict.fromkeys(_PARTS, 0.0))
+            env.step(actions[k // 10 % 9])
+            step[:] = list(spent.values())
+    return dict(zip(_PARTS, (1e6 * taken.min(axis=0).mean(axis=0)).tolist(), strict=True))
+
+
 def rows(before: list[dict[str, float]], after: list[dict[str, float]]) -> list[tuple[str, str, str, str]]:
     """Return a row a figure: its name, the medians of both codes, and the median of the ratios of their turns."""
     found = []
@@ -130,5 +190,8 @@ def main() -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--answer"]:
         answer(sys.argv[2])
+    elif sys.argv[1:2] == ["--parts"]:
+        for name, us in parts(sys.argv[2]).items():
+            print(f"{us:6.1f} us  {name}")
     else:
         main()

@@ -31,7 +31,7 @@ def observe(
         Each draws the noise of one robot's beams, in the order of the beams.
     """
     near, far = task.range_m
-    noise = np.concatenate([rng.standard_normal(task.beams) for rng in rngs]).reshape(len(rngs), -1)
+    noise = np.array([rng.standard_normal(task.beams) for rng in rngs])
     noisy = ranges_m.clip(near, far) + task.range_noise_m * noise
     observed = np.zeros((len(ranges_m), task.beams + COMMANDS), np.float32)
     observed[:, : task.beams] = ((noisy - near) / (far - near)).clip(0.0, 1.0)
