@@ -60,6 +60,11 @@ def environments() -> dict[str, dict[str, Any]]:
     return {**built_in, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if not is_built_in(env_id)}}
 
 
+def full_id(name: str) -> str:
+    """Return the id of an environment by its id, or by `NAME` of `MineXplore/NAME-v0`; another name as it is."""
+    return next((env_id for env_id in (name, f"MineXplore/{name}-v0") if env_id in environments()), name)
+
+
 def load(world: str | Path, source: str | Path | None = None, sha256: str | None = None) -> "World":
     """Check a world and read it; one of a corpus is fetched, and gets the id `MineXplore/corpus:NAME-v0`.
 

@@ -11,7 +11,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore import environments
+from minexplore import environments, full_id
 from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
@@ -22,6 +22,7 @@ from minexplore.record.policies import spread_command
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
+_ID = "as `list` names them, or NAME for MineXplore/NAME-v0"
 Policy = Callable[[np.ndarray], np.ndarray]
 
 
@@ -110,7 +111,7 @@ def main() -> int:
     timer = commands.add_parser("time", help=time_env.__doc__)
     recorder = commands.add_parser("record", help="Record one episode as MCAP for ROS 2, or show it in a browser.")
     for command in (player, timer, recorder):
-        command.add_argument("id", choices=list(environments()), metavar="ID", help="as `list` names them")
+        command.add_argument("id", type=full_id, choices=list(environments()), metavar="ID", help=_ID)
         command.add_argument("--world", help="a bundle, for MineXplore/World-v0")
         command.add_argument("--robot", choices=list(ROBOTS), help="another than the id's")
     player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")

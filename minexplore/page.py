@@ -88,6 +88,20 @@ its own. Which mine a seed draws does not depend on which mines are built; a dra
 Training refuses the mines of `validation` and `test`, and variants of the embedded mine.
 """
 
+_TEAM = """## A team
+
+`MineParallelEnv` has several robots in one mine that see and touch each other, as a `ParallelEnv` of PettingZoo:
+
+```python
+from minexplore.envs.multi_agent import MineParallelEnv
+
+team = MineParallelEnv(robots=4, world="chilean_mine")
+observations, infos = team.reset(seed=0)
+```
+
+`reward` is `"shared"` or `"individual"`; `world`, `task`, `robot`, `render_mode`, `camera` and `lidar` are as above.
+"""
+
 _WARP = """## Many robots on a GPU
 
 `sh requirements/setup.sh gpu` installs MuJoCo Warp and torch. The same task then runs on a CUDA device, all robots at
@@ -130,7 +144,7 @@ def page() -> str:
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
     use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     body, versions, history = rest.partition("## Version History")
-    more = f"{sensors_section()}\n{_FAMILY}\n{_WARP}\n{physics()}"
+    more = f"{sensors_section()}\n{_FAMILY}\n{_TEAM}\n{_WARP}\n{physics()}"
     return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{more}\n{versions}{history}\n"
 
 

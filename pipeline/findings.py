@@ -36,6 +36,7 @@ def findings_of(detected: Detection, conf: Path | None) -> list[Remark]:
         *_of_picture(detected),
         *_of_scale(detected),
         *_of_width(detected),
+        Remark("the floor is dry, mud and water in thirds from west to east, as in the paper", option="realism.zones"),
     ]
 
 

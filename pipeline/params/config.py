@@ -34,3 +34,13 @@ class Config(Params):
         if self.surface.overlay == "none" and (self.realism.floor or self.realism.furnish != "off"):
             raise ValueError("realism.floor and realism.furnish need visible rock (surface.overlay=rough)")
         return self
+
+    @model_validator(mode="after")
+    def _robot_fits_where_it_starts(self) -> Config:
+        start_m, robot_m = self.compile3d.spawn.clearance_m, self.validation.certificate.robot_radius_m
+        if start_m < robot_m:
+            raise ValueError(
+                f"compile3d.spawn.clearance_m = {start_m:g}: less than the robot's radius of {robot_m:g} m "
+                "(validation.certificate.robot_radius_m)"
+            )
+        return self

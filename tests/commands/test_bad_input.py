@@ -30,6 +30,7 @@ from tests.project import ROOT, TINY_STATIONS, message_of
         ("survey", "survey=plan", "data/raw/plan.jpg: missing; fetch it with `make data`"),
         ("survey", "survey.px_per_m=99 survey.margin_m=500", "at most 64000000"),
         ("compile3d", "compile3d.spawn.clearance_m=9", "nothing is 9 m from rock"),
+        ("compile3d", "compile3d.spawn.clearance_m=0.2", "less than the robot's radius of 0.35 m"),
         ("surface", "surface.roof_chamfer_m=3.4", "do not fit into 3.5 m"),
         ("realism", "", "compile3d/"),
     ],

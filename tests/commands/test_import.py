@@ -29,7 +29,11 @@ def test_a_mine_whose_configuration_cannot_be_written_leaves_no_file_and_no_fold
         import_mine(draft_import("x", Path("own.csv"), StatedOptions()), "drawn", "CC0")
     assert {path for path in project.rglob("*") if path.parent != project / "conf"} == before
     assert (project / "data/registry.txt").read_text() == "# name\tsha256\n"
-    assert capsys.readouterr().err == "read as a station survey; conf/survey/x.yaml overrules it\n"
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "read as a station survey; conf/survey/x.yaml overrules it"
+    assert said[1:] == [
+        "the floor is dry, mud and water in thirds from west to east, as in the paper; realism.zones overrules it"
+    ]
 
 
 def test_what_the_import_has_not_made_stays(project):

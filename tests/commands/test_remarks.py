@@ -110,4 +110,4 @@ def test_the_table_wraps_its_cells_and_holds_no_control_characters():
 def test_what_was_detected_is_listed_with_the_option_that_overrules_it(values, width_m, options):
     detected = Detection(values, {"scale": "of the bar"} if "scale" in values else {}, width_m=width_m)
     listed = findings_of(detected, ROOT / "conf/survey/x.yaml")
-    assert {remark.option for remark in listed[1:]} == options
+    assert {remark.option for remark in listed[1:]} == {*options, "realism.zones"}

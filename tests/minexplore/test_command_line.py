@@ -64,6 +64,11 @@ def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
     assert list(tmp_path.glob("*.mp4"))
 
 
+def test_a_short_name_is_the_id(tee: BuiltMine):
+    done = run("time", "World", "--world", str(tee.bundle), "--robots", "2", "--steps", "2")
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -29,6 +29,11 @@ def allowed():
     return compose(["+mine=own"]).validation
 
 
+def test_an_own_mine_has_no_dip_that_nobody_surveyed(owned):
+    assert json.loads((owned / RECORD).read_text())["tilt_deg"] == 0
+    assert compose(["survey=procedural"]).realism.tilt_deg == 5
+
+
 def claims_of(bundle, **changed):
     return MadeBy.model_validate({**json.loads((bundle / MADE_BY).read_text()), **changed})
 

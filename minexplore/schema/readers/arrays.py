@@ -18,6 +18,8 @@ _UNREADABLE = (
 )
 # Other methods need the memory that the archive states: LZMA up to 4 GB.
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_NAME_AT = 26  # in the header of a member: the lengths of its name and of its extra field, which follow
+_END, _END_SIGNATURE = "<4s4H2LH", b"PK\5\6"  # of an archive, with the bytes of its directory and of a comment
 
 
 def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most: int) -> dict[str, np.ndarray]:
@@ -36,7 +38,8 @@ def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most:
     Raises
     ------
     BundleError
-        If it is no archive of these arrays, is packed by another method than deflate, or an array is too large.
+        If it is no archive of these arrays, holds other bytes before, between or after them, is packed by another
+        method than deflate, or an array is too large.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -46,11 +49,25 @@ def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most:
             odd = {entry.compress_type for entry in archive.infolist()} - {*_METHODS}
             if odd:
                 raise BundleError(f"{file}: packed by method {min(odd)}, want 0 or 8")
+            if _bytes_of(archive, data) != len(data):
+                raise BundleError(f"{file}: holds other bytes than its arrays")
             return {name: _read_array(file, archive, name, *want, most) for name, want in table.items()}
     except BundleError:
         raise
     except _UNREADABLE as error:
         raise BundleError(f"{file}: cannot be read: no archive of arrays, or damaged") from error
+
+
+def _bytes_of(archive: zipfile.ZipFile, data: bytes) -> int:
+    """Return how many bytes the members, the directory and the end of an archive take; 0 if it does not end there."""
+    signature, *_, directory, _, comment = struct.unpack_from(_END, data, len(data) - struct.calcsize(_END))
+    if signature != _END_SIGNATURE or comment:
+        return 0
+    count = directory + struct.calcsize(_END)
+    for entry in archive.infolist():
+        name, extra = struct.unpack_from("<2H", data, entry.header_offset + _NAME_AT)
+        count += _NAME_AT + 4 + name + extra + entry.compress_size
+    return int(count)
 
 
 def _read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:

@@ -134,7 +134,8 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
     raise GeometryError(
         f"spawn: within {radius_m:g} m of the entrance ({entrance_m[0]:.1f}, {entrance_m[1]:.1f}) nothing is "
         f"{clearance_m:g} m from rock, in all of the mine at most {roomiest:.2f} m; --start (survey.entrance_m) moves "
-        "the entrance, compile3d.spawn.clearance_m states less, --half-width widens drifts of lines"
+        "the entrance, compile3d.spawn.clearance_m states less, compile3d.grid_cell_m=0.05 looks closer, --half-width "
+        "widens drifts of lines"
     )
 
 

@@ -172,6 +172,8 @@ def test_binary_files_are_checked_before_anything_decodes_them(files):
         ("meshes/smooth_walls.msh", mesh_with(mesh, len(mesh) - 4, face), "a face of vertex"),
         ("meshes/smooth_walls.msh", mesh[:-4], "do not match its size"),
         ("occupancy.npz", b"no archive", "cannot be read: no archive of arrays, or damaged"),
+        ("occupancy.npz", b"MZ" + files["occupancy.npz"], "holds other bytes than its arrays"),
+        ("occupancy.npz", files["occupancy.npz"] + bytes(1000), "holds other bytes than its arrays"),
         ("occupancy.npz", grid_with(files, free=zeros), "at most 100000000 values"),
         ("occupancy.npz", grid_with(files, cell_m=np.array(1e-9)), "cell_m = 1e-09, want 0.05 to 2"),
         ("occupancy.npz", grid_with(files, more=np.zeros(1)), "holds"),
