@@ -168,8 +168,7 @@ class Lidar:
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return ranges (n, beams) m, at most `range_m`, of unit rays (n, beams, 3) from (n, 3)."""
         slope, height, beams = directions[..., 2], origins[:, None, 2], directions.shape[1]
-        level = np.empty(slope.shape)
-        level.fill(self.range_m)
+        level = np.full(slope.shape, self.range_m)
         np.divide(self._floor_m - height, slope, out=level, where=slope < 0)
         if self._roof_m < np.inf:
             np.divide(self._roof_m - height, slope, out=level, where=slope > 0)
@@ -182,16 +181,15 @@ class Lidar:
 
         Rays (n * beams, 3) start at `starts`, (n * beams, 3) m or a single one (1, 3).
         """
-        if len(origins) == 1:
-            found, face = self._hit_faces(tile_at(origins[0, :2], _TILE_M), starts, ways)
-        else:
-            found, face = self._hit_faces_of_many(origins, starts, ways, beams)
+        found, face = self._hit_faces_by_tile(origins, starts, ways, beams)
         return plane_distances(self._planes, face, starts, ways, found) if len(self._planes) else found
 
-    def _hit_faces_of_many(
+    def _hit_faces_by_tile(
         self, origins: np.ndarray, starts: np.ndarray, ways: np.ndarray, beams: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what `hits` does, of rays whose origins (n, 3) m are in any tiles; see `_to_rock`."""
+        if len(origins) == 1:
+            return self._hit_faces(tile_at(origins[0, :2], _TILE_M), starts, ways)
         groups = group_by_tile(tiles_at(origins[:, :2], _TILE_M))
         if len(groups) == 1:
             return self._hit_faces(groups[0][0], starts, ways)
@@ -208,8 +206,7 @@ class Lidar:
         The rays (n, 3) float32 start at one place (3,) m, or at places (n, 3) m about the first one's tile. Distances
         are the caster's own, in single precision, and not cut at `range_m`; level floors and roofs are left out.
         """
-        start = origins if origins.ndim == 1 else origins[0]
-        return self._hit_faces(tile_at(start[:2], _TILE_M), origins, directions)
+        return self._hit_faces(tile_at(origins.reshape(-1, 3)[0, :2], _TILE_M), origins, directions)
 
     def _hit_faces(self, tile: Tile, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what `hits` does, of rays that start in a tile."""
