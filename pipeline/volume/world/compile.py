@@ -28,7 +28,7 @@ from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
-from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
+from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
 _NAMED = 5  # stations that a message names
@@ -107,6 +107,7 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     if network.repairs:
         more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
         warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
+    require_flat_leg(network)
     solved = solve_floors(network)
     volume = in_mine_frame(solved, offset)
     cells = cells_of(volume, params.grid_cell_m, robot_size(params.volume))

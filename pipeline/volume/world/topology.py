@@ -62,6 +62,22 @@ def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[Su
     return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
 
 
+def require_flat_leg(network: SurveyNetwork) -> None:
+    """Refuse a survey without a leg that is flat enough for a floor; `GeometryError` names the flattest.
+
+    Every robot starts on a floor, and the foot of a shaft alone is none.
+    """
+    grades = network.grades
+    flattest = int(grades.argmin())
+    if grades[flattest] > STEEPEST:
+        rise, most = (math.degrees(math.atan(grade)) for grade in (grades[flattest], STEEPEST))
+        raise GeometryError(
+            "no leg is flat enough for a floor, on which every robot starts, a quadrotor too: the flattest, "
+            f"{network.leg_name(flattest)}, rises by {rise:.1f} deg, a floor by at most {most:.0f} deg; add the leg where "
+            "robots start"
+        )
+
+
 def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
     """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
     graph: nx.MultiGraph = nx.MultiGraph(network.shots.tolist())
