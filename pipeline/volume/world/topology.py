@@ -73,8 +73,8 @@ def require_flat_leg(network: SurveyNetwork) -> None:
         rise, most = (math.degrees(math.atan(grade)) for grade in (grades[flattest], STEEPEST))
         raise GeometryError(
             "no leg is flat enough for a floor, on which every robot starts, a quadrotor too: the flattest, "
-            f"{network.leg_name(flattest)}, rises by {rise:.1f} deg, a floor by at most {most:.0f} deg; add the leg where "
-            "robots start"
+            f"{network.leg_name(flattest)}, rises by {rise:.1f} deg, a floor by at most {most:.0f} deg; add the leg "
+            "where robots start"
         )
 
 
