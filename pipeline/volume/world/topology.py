@@ -13,6 +13,7 @@ from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import SurveyedLegs
+from pipeline.volume.height_field.assumed_roofs import lower_assumed_roofs
 from pipeline.volume.network import SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
 from pipeline.volume.world.reach import components_of
@@ -56,9 +57,9 @@ class LegNetwork:
 def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
     """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin.
 
-    Heights and widths that nobody measured are `up_m` and `half_m`.
+    Heights and widths that nobody measured are `up_m` and `half_m`; heights are less under floors that pass over them.
     """
-    network = network_of(legs_of(surveyed), up_m, half_m)
+    network = lower_assumed_roofs(network_of(legs_of(surveyed), up_m, half_m))
     return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
 
 

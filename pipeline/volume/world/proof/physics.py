@@ -18,8 +18,8 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 ROBOTS = 12
-# Rise over run. On an even plane of 0.2 the robot creeps by up to 18 mm in 5 s, of 0.25 by 27, of 0.35 by 54: its wheels
-# turn under its weight, and its castors bear some of it and have no friction. On steeper floors it slides.
+# Rise over run. On an even plane of 0.2 the robot creeps by up to 18 mm in 5 s, of 0.25 by 27, of 0.35 by 54: its
+# wheels turn under its weight, and its castors bear some of it and have no friction. On steeper floors it slides.
 STEEPEST = 0.2
 _PLANE_M, _APART_M = 3.0, 10.0  # half a side of an even plane, and between two
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m
