@@ -20,8 +20,11 @@ CASTOR_M = 0.05  # radius
 _CASTOR_GAP_M = 0.001  # under a castor on a level floor: the wheels carry the robot, and it leans by at most 0.22 deg
 # Of a castor on a floor with heights; the robot weighs 490 N. On a ramp of 12 % it bears 50 N and does not give. Where
 # two facets meet at 8 deg both castors are 20 mm up and leave the wheels half of the weight. The damping bounds the
-# lean when a robot brakes: with 100 N s/m it was 7 deg half of the time, with 4,000 it is 0.5.
+# lean when a robot brakes: with 100 N s/m it is 7.7 deg at most, with 4,000 it is 1.2. MuJoCo's contacts do not see the
+# damping, which in a step of 5 ms is as heavy as 20 kg. Beside a castor of 1 kg they were too soft: a robot on a bend
+# rocked at 7 Hz and crept by 2.5 mm/s. With 20 kg on the spring, which no floor bears, it rests.
 _PRELOAD_N, _STIFFNESS_NPM, _DAMPING_NSPM, _TRAVEL_M = 100.0, 1000.0, 4000.0, 0.03
+_ARMATURE_KG = 20.0
 # MuJoCo's friction creeps by 5 mm/s on a ramp of 12 %; with these by 0.8 mm/s, of which 0.7 are the wheels' servos.
 _IMPRATIO, _FIRM = 10.0, (0.99, 0.99, 0.001, 0.5, 2.0)
 _SPANS = {
@@ -232,7 +235,7 @@ def _spring(spec: mujoco.MjSpec, castor: mujoco.MjsGeom) -> None:
         stiffness=[_STIFFNESS_NPM, 0, 0],
         springref=-_PRELOAD_N / _STIFFNESS_NPM,
         damping=[_DAMPING_NSPM, 0, 0],
-        armature=1.0,
+        armature=_ARMATURE_KG,
     )
     sprung = {
         key: getattr(castor, key) for key in ("name", "type", "size", "mass", "group", "priority", "condim", "rgba")

@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.compose import CONF, compose
+from pipeline.errors import GeometryError, MineError
 from pipeline.import_mine import DATA, draft_import, import_mine
+from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.config import Config
 from pipeline.params.stated import StatedOptions
 from pipeline.store.registry import OWN_REGISTRY
-from pipeline.types import Image
+from pipeline.types import Image, SurveyedLegs
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,22 @@ def _scratch_project() -> Iterator[None]:
 
 
 def _read(config: Config) -> Image:
-    """Run stage 1 and what stage 2 finds, in memory, and return the plan."""
+    """Run stage 1 and what stage 2 finds, in memory, and return the plan; refuse legs that are all too steep."""
     from stages.contours import find_workings
     from stages.survey import STAGE
 
     made = STAGE.run(config.survey)
     find_workings(config.contours, **made)
+    if len(made["network"]) and not len(made["solid"]) and not len(made["floors"]):
+        _require_flat_leg(config.compile3d, made["network"], (made["survey"].sources or [made["survey"].name])[0])
     return made["plan"]
+
+
+def _require_flat_leg(params: Compile3dParams, legs: SurveyedLegs, subject: str) -> None:
+    """Refuse legs that are all too steep, as stage 3 does, with the survey's file."""
+    from pipeline.volume.world.topology import mine_network, require_flat_leg
+
+    try:
+        require_flat_leg(mine_network(legs, params.height_m, params.volume.half_width_m)[0])
+    except MineError as error:
+        raise GeometryError(f"{subject}: {error}") from error

@@ -10,12 +10,11 @@ from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.floors import NEAR_M
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.mesh_edges import MeshEdges
-from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.network import NEAR_M, SurveyNetwork
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import STEEPEST, Solid, Volume, pieces_of
 
@@ -71,6 +70,7 @@ class InOtherWorking:
     """A leg that lies in the deeper working of another, so that the floor under it is the other's.
 
     `share` is that of the leg's samples, `off_m` the floor's largest height over the survey, which is at `place_m`.
+    `is_assumed` says whether nobody measured the other's roof.
     """
 
     leg: str
@@ -78,6 +78,7 @@ class InOtherWorking:
     share: float
     off_m: float
     place_m: tuple[float, float, float]
+    is_assumed: bool
 
 
 @dataclass(frozen=True)
@@ -214,7 +215,9 @@ def _in_other_working(
         these = np.flatnonzero(listed)[number == k]
         worst = these[np.argmax(np.abs(off[these]))]
         names = network.leg_name(leg), network.leg_name(working)
-        yield InOtherWorking(*names, len(these) / int(count[leg]), float(off[worst]), _triple(places[worst]))
+        is_assumed = bool(network.roof_assumed[working].any())
+        share = len(these) / int(count[leg])
+        yield InOtherWorking(*names, share, float(off[worst]), _triple(places[worst]), is_assumed)
 
 
 def _steps(

@@ -11,13 +11,12 @@ from pipeline.volume.height_field.heights import solve_heights
 from pipeline.volume.height_field.leg_lines import along_legs, way_samples
 from pipeline.volume.height_field.slabs import PassageFloors, slabs_of
 from pipeline.volume.keyed import simplified
-from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.network import NEAR_M, SurveyNetwork
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Solid, Volume, mesh_of, pieces_of, solids_of, without_crumbs
 
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
-NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 _SAMPLE_M = 0.1  # along the ways on which no rock is put
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 _STEEP_NZ = 0.7  # of a floor's, at least: where it is steeper, 4 mm along the normal are more in height

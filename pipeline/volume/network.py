@@ -15,6 +15,7 @@ from pipeline.survey.passages.legs import SurveyLeg
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
+NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
@@ -48,6 +49,8 @@ class SurveyNetwork:
         Distances left, right, up and down at either end.
     joined : (m, 2) bool
         Ends at which a shot shares its section with the one before or after it in its chain.
+    roof_assumed : (m, 2) bool
+        Ends at which nobody measured the distance up.
     names : tuple of str
         Of the stations.
     skipped : int
@@ -61,6 +64,7 @@ class SurveyNetwork:
     across: np.ndarray
     lrud_m: np.ndarray
     joined: np.ndarray
+    roof_assumed: np.ndarray
     names: tuple[str, ...]
     skipped: int = 0
     repairs: tuple[str, ...] = ()
@@ -121,7 +125,12 @@ class SurveyNetwork:
         kept = (np.linalg.norm((self.ends_m - middle)[:, :, :2], axis=2) < radius_m).all(axis=1)
         joined = self.joined & np.column_stack([np.roll(kept, 1), np.roll(kept, -1)])
         return replace(
-            self, shots=self.shots[kept], across=self.across[kept], lrud_m=self.lrud_m[kept], joined=joined[kept]
+            self,
+            shots=self.shots[kept],
+            across=self.across[kept],
+            lrud_m=self.lrud_m[kept],
+            joined=joined[kept],
+            roof_assumed=self.roof_assumed[kept],
         )
 
     def near_legs(self, reach_m: float) -> NearLegs:
@@ -162,7 +171,7 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
     index: dict[str, int] = {}
     names: list[str] = []
     places: list[np.ndarray] = []
-    rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool]]] = []
+    rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool], np.ndarray]] = []
     repairs: list[str] = []
     skipped = 0
     for leg in legs:
@@ -170,6 +179,7 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
             raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
+        roofless = ~np.isfinite(lrud[:, 2])
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, up_m, 0.0])
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
@@ -188,13 +198,14 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
         across, joined = _sections(at[kept], lrud[kept, :2])
         for n, (i, j) in enumerate(pairwise(kept)):
             ends = index[leg.stations[i]], index[leg.stations[j]]
-            rows.append((ends, across[n], lrud[[i, j]], (joined[n], joined[n + 1])))
+            rows.append((ends, across[n], lrud[[i, j]], (joined[n], joined[n + 1]), roofless[[i, j]]))
     if not rows:
         raise InputError(f"no leg of {len(legs)} has a length of {_NO_LENGTH_M:g} m or more")
-    shots, left, walls, shared = (np.array(column) for column in zip(*rows, strict=True))
+    shots, left, walls, shared, assumed = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    return SurveyNetwork(around - middle, shots, left, walls, shared, tuple(names), skipped, tuple(repairs))
+    named = tuple(names)
+    return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, named, skipped, tuple(repairs))
 
 
 def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:

@@ -79,3 +79,13 @@ def test_what_new_refuses_is_refused_and_leaves_nothing(project, capsys, words, 
     assert err.splitlines()[-1].startswith("new: ")  # after the table
     assert set(files(project)) == set(before)
     assert not (project / "artifacts").exists()
+
+
+def test_a_mine_of_steep_legs_only_is_refused_before_it_is_built(project, capsys):
+    header = "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\n"
+    (project / "own.csv").write_text(header + "A,a,0,0,1.5,1.5,100\nA,b,0,0,1.5,1.5,50\n")
+    before = files(project)
+    assert dry_run("--from", "own.csv") == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert "own.csv: no leg is flat enough for a floor" in last
+    assert files(project) == before

@@ -100,6 +100,18 @@ def test_a_robot_rests_and_climbs_on_a_sloping_junction(tmp_path):
     assert found.both_off_s < 0.05
 
 
+def test_robots_do_not_rock_where_a_level_drift_bends_into_a_ramp(tmp_path):
+    rows = "A,1,-32.927,-222.855,2,2,10,3.5,0\nA,2,27.073,-222.855,2,2,10,3.5,0\nA,3,27.073,-182.855,2,2,12,3.5,0\n"
+    volume = solve_floors(built(rows, tmp_path)[0])
+    found = physics.measure_standing(volume, build_shell(volume), np.random.default_rng(0))
+    assert found.rest_m < 0.005
+    number, place = found.rest_at
+    assert 0 <= number < physics.ROBOTS
+    low, high = volume.vertices.min(axis=0), volume.vertices.max(axis=0)
+    assert (low < place).all()
+    assert (place < high).all()
+
+
 def test_where_no_robot_fits_none_moves_and_none_climbs(tmp_path):
     _, crawl = built("A,1,0,0,0.1,0.1,0,0.2,0\nA,2,5,0,0.1,0.1,0,0.2,0\n", tmp_path)
     found = physics.measure_standing(crawl, build_shell(crawl), np.random.default_rng(0))

@@ -60,12 +60,13 @@ def beside_itself(network: SurveyNetwork, length_m: float) -> SurveyNetwork:
     step = np.ptp(network.places_m, axis=0) * [0, 1, 0] + [0, _APART_M, 0]
     places = np.concatenate([network.places_m + k * step for k in range(count)])
     shots = np.concatenate([network.shots + k * len(network.places_m) for k in range(count)])
-    across, lrud, joined = (
-        np.concatenate([one] * count)[kept] for one in (network.across, network.lrud_m, network.joined)
+    across, lrud, joined, assumed = (
+        np.concatenate([one] * count)[kept]
+        for one in (network.across, network.lrud_m, network.joined, network.roof_assumed)
     )
     joined[-1, 1] = False
     middle = np.round((places.min(axis=0) + places.max(axis=0)) / 2)
-    return SurveyNetwork(places - middle, shots[kept], across, lrud, joined, network.names * count)
+    return SurveyNetwork(places - middle, shots[kept], across, lrud, joined, assumed, network.names * count)
 
 
 def measure(name: str) -> Row:

@@ -16,6 +16,7 @@ from pipeline.survey.passages.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
     Rows,
+    beyond_ends,
     fill_down,
     fill_sides,
     fill_up,
@@ -66,23 +67,33 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
                 "--half-width)"
             )
         splays = splays_by_node(survey, plan.node)
-        rows = [
-            (chain, walls_across(plan.places[chain], [splays.get(node) for node in chain])) for chain in plan.chains()
-        ]
+        chains = plan.chains()
+        _warn_of_splays_beyond(path, plan, chains, splays)
+        rows = [(nodes, walls_across(plan.places[nodes], [splays.get(node) for node in nodes])) for nodes in chains]
     rows = _with_roofs(path, fill_down(_with_sides(path, rows, half_width_m), plan.places))
     heights = {
         plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
         for nodes, walls in rows
         for node, w in zip(nodes, walls, strict=True)
     }
-    chains: list[Chain] = [
+    drawn: list[Chain] = [
         [
             (plan.names[node], (float(plan.places[node, 0]), float(plan.places[node, 1])), (float(w[0]), float(w[1])))
             for node, w in zip(nodes, walls, strict=True)
         ]
         for nodes, walls in rows
     ]
-    return legs_of_chains(path, chains, heights)
+    return legs_of_chains(path, drawn, heights)
+
+
+def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], splays: dict[int, np.ndarray]) -> None:
+    """Warn of splays that end beyond the last stations of passages: what they measured there is not built."""
+    count, farthest, end = beyond_ends(chains, plan.places, splays)
+    if end is not None:
+        warn_user(
+            f"{path.name}: {count} splays point beyond ends of passages, which are built to their last stations: the "
+            f"farthest is {farthest:.1f} m beyond {plan.names[end]}; a leg to a station there builds that part"
+        )
 
 
 class _StationPlan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,8 @@ from scipy.sparse.linalg import spsolve
 
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
+_BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
+_PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
 
@@ -52,6 +54,36 @@ def walls_across(places_m: np.ndarray, splays: list[np.ndarray | None]) -> np.nd
             if len(plumb):
                 row[column] = plumb.max()
     return walls
+
+
+def beyond_ends(
+    chains: list[list[int]], places_m: np.ndarray, splays: dict[int, np.ndarray]
+) -> tuple[int, float, int | None]:
+    """Return how many splays end beyond the ends of passages, how far, m, the farthest does, and from which node.
+
+    A passage ends where one leg alone does, square to that leg in plan: what lies ahead is in no section. Splays within
+    45 deg of plumb measure the roof or the floor and do not count.
+
+    Parameters
+    ----------
+    chains : rows of nodes
+    places_m : (n, 3) m, of the nodes
+    splays : arrays (k, 3) m by node
+    """
+    count, farthest, at = 0, 0.0, None
+    legs = Counter(node for chain in chains for pair in pairwise(chain) for node in pair)
+    for chain in chains:
+        for end, before in ((chain[0], chain[1]), (chain[-1], chain[-2])):
+            step = (places_m[end] - places_m[before])[:2]
+            run = float(np.linalg.norm(step))
+            if legs[end] > 1 or end not in splays or run < _PLUMB_M:
+                continue
+            level = np.abs(splays[end][:, 2]) <= np.hypot(*splays[end][:, :2].T)
+            ahead = np.append(splays[end][level, :2] @ step / run, 0.0)
+            count += int((ahead > _BEYOND_M).sum())
+            if ahead.max() > max(farthest, _BEYOND_M):
+                farthest, at = float(ahead.max()), end
+    return count, farthest, at
 
 
 def measured(walls: np.ndarray) -> np.ndarray:

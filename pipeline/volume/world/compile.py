@@ -16,6 +16,7 @@ from pipeline.store.codecs import Bundle, encode
 from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedLegs, lines_of
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
+from pipeline.volume.height_field.assumed_roofs import ROCK_M
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
@@ -28,7 +29,7 @@ from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
-from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
+from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
 _NAMED = 5  # stations that a message names
@@ -107,10 +108,26 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     if network.repairs:
         more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
         warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
+    _warn_of_lowered(network, params.height_m)
+    require_flat_leg(network)
     solved = solve_floors(network)
     volume = in_mine_frame(solved, offset)
     cells = cells_of(volume, params.grid_cell_m, robot_size(params.volume))
     return _VolumeDraft(solved, volume, offset, cells, surveyed, network, False)
+
+
+def _warn_of_lowered(network: SurveyNetwork, height_m: float) -> None:
+    """Print how many stations have an assumed roof that is lower than `height_m`, as a floor passes over it."""
+    up = network.lrud_m[:, :, 2]
+    lowered = network.roof_assumed & (up < height_m)
+    if lowered.any():
+        tall = np.where(lowered, network.lrud_m[:, :, 2:].sum(axis=2), np.inf)
+        leg, end = np.unravel_index(tall.argmin(), tall.shape)
+        warn_user(
+            f"compile3d: {len(np.unique(network.shots[lowered]))} stations without a measured roof have one lower than "
+            f"{height_m:g} m (compile3d.height_m), as floors pass over them: {tall[leg, end]:.2f} m over the floor at "
+            f"{network.names[network.shots[leg, end]]}, with {ROCK_M:g} m of rock over it"
+        )
 
 
 def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _VolumeDraft:

@@ -13,6 +13,7 @@ from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import SurveyedLegs
+from pipeline.volume.height_field.assumed_roofs import lower_assumed_roofs
 from pipeline.volume.network import SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
 from pipeline.volume.world.reach import components_of
@@ -56,10 +57,26 @@ class LegNetwork:
 def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
     """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin.
 
-    Heights and widths that nobody measured are `up_m` and `half_m`.
+    Heights and widths that nobody measured are `up_m` and `half_m`; heights are less under floors that pass over them.
     """
-    network = network_of(legs_of(surveyed), up_m, half_m)
+    network = lower_assumed_roofs(network_of(legs_of(surveyed), up_m, half_m))
     return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
+
+
+def require_flat_leg(network: SurveyNetwork) -> None:
+    """Refuse a survey without a leg that is flat enough for a floor; `GeometryError` names the flattest.
+
+    Every robot starts on a floor, and the foot of a shaft alone is none.
+    """
+    grades = network.grades
+    flattest = int(grades.argmin())
+    if grades[flattest] > STEEPEST:
+        rise, most = (math.degrees(math.atan(grade)) for grade in (grades[flattest], STEEPEST))
+        raise GeometryError(
+            "no leg is flat enough for a floor, on which every robot starts, a quadrotor too: the flattest, "
+            f"{network.leg_name(flattest)}, rises by {rise:.1f} deg, a floor by at most {most:.0f} deg; add the leg "
+            "where robots start"
+        )
 
 
 def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:

@@ -156,6 +156,18 @@ def test_a_survey_without_cross_sections_gets_its_walls_from_splays(tmp_path):
     np.testing.assert_allclose(legs[0].walls_m, [[3.0, 2.0]] * 3, atol=0.011)
 
 
+@needs_cavern
+def test_splays_of_a_dome_beyond_the_last_station_are_listed_with_the_farthest(tmp_path, capsys):
+    dome = "".join(f"2 .. 8 {turn} {clino}\n" for turn in range(0, 360, 30) for clino in (-10, 0, 30, 60))
+    path = write(tmp_path, {"a.svx": f"1 2 30 90 0\n{dome}2 .. 8 - UP\n2 .. 2 - DOWN\n1 .. 2 0 0\n1 .. 2 180 0\n"})
+    read_passages(path)
+    line = next(line for line in capsys.readouterr().err.splitlines() if "splays" in line)
+    assert line == (
+        "a.svx: 15 splays point beyond ends of passages, which are built to their last stations: the farthest is 8.0 m "
+        "beyond 2; a leg to a station there builds that part"
+    )
+
+
 COMPASS = """MINE
 SURVEY NAME: A
 SURVEY DATE: 7 10 2001

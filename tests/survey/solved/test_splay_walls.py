@@ -6,6 +6,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.splay_walls import (
+    beyond_ends,
     fill_down,
     fill_sides,
     fill_up,
@@ -24,6 +25,16 @@ def test_a_station_with_splays_to_one_side_stands_at_the_other_wall():
     walls = walls_across(ROW, splays)
     np.testing.assert_allclose(walls, [[1.0, 0, NAN, 1.1], [NAN] * 4, [0, 1.2, 0.8, NAN]])
     assert usual_half_width_m([([0, 1, 2], walls)]) == pytest.approx(0.55)
+
+
+def test_splays_ahead_of_the_end_of_a_passage_are_counted_and_those_of_walls_and_other_stations_are_not():
+    places = np.vstack([ROW, [20, 0, -9.0], [10, 7, 0]])
+    ahead = np.array([[8.0, 0, 0], [4, 3, 2], [4, 3, 6], [0.9, 2, 0], [-3, 1, 0], [0, 0, 9]])
+    assert beyond_ends([[0, 1, 2]], places, {2: ahead, 1: ahead}) == (2, 8.0, 2)
+    assert beyond_ends([[2, 1, 0]], places, {0: -ahead, 2: ahead / 2}) == (4, 8.0, 0)
+    assert beyond_ends([[0, 1, 2]], places, {0: ahead * [0, 1, 1]}) == (0, 0.0, None)
+    assert beyond_ends([[0, 1], [1, 2], [1, 4]], places, {1: ahead}) == (0, 0.0, None)  # a junction
+    assert beyond_ends([[0, 1, 2, 3]], places, {3: ahead}) == (0, 0.0, None)  # the foot of a shaft
 
 
 def test_sides_are_interpolated_where_most_stations_were_measured_and_stated_elsewhere():

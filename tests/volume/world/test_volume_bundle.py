@@ -64,6 +64,34 @@ def test_a_mine_that_is_a_crawl_throughout_is_refused_with_what_a_robot_needs(tm
         compile_volume(CONFIG.compile3d, legs)
 
 
+STEEP = {
+    "a plumb leg": (["A,a,0,0,100,1.5,1.5,,", "A,b,0,0,50,1.5,1.5,,"], "a to b, rises by 90.0 deg"),
+    "60 deg": (["A,a,0,0,100,1.5,1.5,,", "A,b,28.868,0,50,1.5,1.5,,"], "a to b, rises by 60.0 deg"),
+    "two plumb legs": (
+        ["A,a,0,0,100,1.5,1.5,,", "A,b,0,0,50,1.5,1.5,,", "B,b,0,0,50,1.5,1.5,,", "B,c,0,0,20,1.5,1.5,,"],
+        "a to b, rises by 90.0 deg",
+    ),
+    "a zigzag": (
+        ["A,a,0,0,100,2,2,,", "A,b,20,0,80,2,2,,", "A,c,40,0,105,2,2,,", "A,d,60,0,80,2,2,,"],
+        "a to b, rises by 45.0 deg",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", STEEP)
+def test_a_mine_of_steep_legs_only_is_refused_with_the_flattest(tmp_path, case):
+    rows, flattest = STEEP[case]
+    legs = legs_of_table(HEADER + "".join(f"{row}\n" for row in rows), tmp_path)
+    with pytest.raises(GeometryError, match=rf"a\.csv: no leg is flat enough .* {flattest}, a floor by at most 20 deg"):
+        compile_volume(CONFIG.compile3d, legs, subject="a.csv")
+
+
+def test_a_steep_mine_with_one_flat_leg_is_built(tmp_path):
+    rows = "A,a,0,0,100,1.5,1.5,,\nA,b,0,0,50,1.5,1.5,,\nB,b,0,0,50,1.5,1.5,,\nB,c,20,0,50,1.5,1.5,,\n"
+    start = json.loads(compile_volume(CONFIG.compile3d, legs_of_table(HEADER + rows, tmp_path))["spawn.json"])
+    assert start["anchor_m"][2] == pytest.approx(0, abs=0.01)
+
+
 def test_floor_parts_are_cut_at_the_borders_and_keep_their_volume():
     corners = np.array([[x, y, z] for x in (0.0, 10.0) for y in (0.0, 2.0) for z in (-0.3, 0.0)])
     cut = cut_floors(collect_labelled([corners, corners + 20], [FacetLabel.FLOOR, FacetLabel.WALL]), [4.0, 7.0, 25.0])

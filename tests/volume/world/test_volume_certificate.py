@@ -9,10 +9,14 @@ import pytest
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
 from pipeline.export.scene import box_corners
+from pipeline.metrics.limits import breaches
+from pipeline.params.validation import Limit
 from pipeline.proof.certificate import certify
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
+from pipeline.volume.world.proof.certificate import _standing
 from pipeline.volume.world.proof.compiled import compare_model
+from pipeline.volume.world.proof.physics import RobotsAtRest
 from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
 
 # A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
@@ -170,3 +174,10 @@ def test_robots_and_balls_escape_where_the_largest_wall_is_left_out(ramp, opened
     mutant = with_parts(opened, lambda k, corners: None if k == largest else corners)
     found = validated(mutant, ramp.legs, robot_contacts=6000, ball_contacts=3000)
     assert broken(found) >= {"robots.escapes", "balls.escapes"}
+
+
+def test_the_message_of_robots_that_do_not_rest_names_the_robot_and_its_place():
+    figures = {"standing": _standing(RobotsAtRest(0.0123, 1.0, 0.0, (4, (68.45, 12.117, 0.035))))}
+    assert breaches(figures, {"standing.rest_mm": Limit(max=10)}) == [
+        "standing.rest_mm = 12.3: limit <= 10, robot 5 of 12 at (68.45, 12.12, 0.04) m"
+    ]

@@ -33,7 +33,7 @@ from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.floor import floor_figures
 from pipeline.volume.world.proof.fronts import Fronts, fronts_of
-from pipeline.volume.world.proof.physics import measure_standing
+from pipeline.volume.world.proof.physics import ROBOTS, RobotsAtRest, measure_standing
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
 from pipeline.volume.world.proof.region import region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
@@ -236,8 +236,7 @@ def _bodies(
     found: dict[str, Any] = {}
     region = region_of(volume, parts, params.most_parts, rng)
     if params.robot_contacts:
-        rest = measure_standing(volume, region.parts, rng, region.targets)
-        found["standing"] = {"rest_mm": round(_MM * rest.rest_m, 6), "climb_share": round(rest.climb_share, 6)}
+        found["standing"] = _standing(measure_standing(volume, region.parts, rng, region.targets))
     count = _PLACES if len(parts) > params.most_parts else 1
     places = [region_of(volume, parts, params.most_parts // count, rng) for _ in range(count)]
     if params.robot_contacts:
@@ -249,6 +248,15 @@ def _bodies(
         thrown = (throw_balls(volume, one.parts, asked, False, rng, targets=one.targets) for one in places)
         found["balls"] = _thrown(sum(thrown, Throws()))
     return found
+
+
+def _standing(found: RobotsAtRest) -> dict[str, Any]:
+    """Return the figures of robots at rest, and which moved farthest and where it stood, in the mine frame."""
+    figures: dict[str, Any] = {"rest_mm": round(_MM * found.rest_m, 6), "climb_share": round(found.climb_share, 6)}
+    if found.rest_at is None:
+        return figures
+    number, place = found.rest_at
+    return figures | {"rest_at": "robot {} of {} at ({:.2f}, {:.2f}, {:.2f}) m".format(number + 1, ROBOTS, *place)}
 
 
 def _drives(params: VolumeProofParams, world: VolumeBundle, parts: list[ShellPart], reach: MapReach) -> dict[str, Any]:

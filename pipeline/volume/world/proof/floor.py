@@ -17,6 +17,7 @@ from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.topology import mine_network
 
 _MM = 1e3
+_ASSUMED = ", whose roof is assumed"
 _NAMED = 10  # pairs of legs that break through each other
 
 
@@ -27,12 +28,17 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
     about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
     found = measure_floor(about, network)
     through = [
-        *(f"{k.leg} through {k.other} ({k.off_m:+.2f} m at {_at(k.place_m, offset)})" for k in found.elsewhere),
+        *(
+            f"{k.leg} through {k.other} ({k.off_m:+.2f} m at {_at(k.place_m, offset)}{_ASSUMED * k.is_assumed})"
+            for k in found.elsewhere
+        ),
         *(f"{k.leg} on {k.other} ({k.step_m:.2f} m at {_at(k.place_m, offset)})" for k in found.ledges if not k.meet),
     ]
     named = ", ".join(through[:_NAMED] + [f"and {len(through) - _NAMED} more"] * (len(through) > _NAMED))
     if through:
-        warn_user(f"validation: {len(through)} pairs of legs break through each other's floors, as surveyed: {named}")
+        assumed = sum(k.is_assumed for k in found.elsewhere)
+        why = f", {assumed} of them where compile3d.height_m is the roof" if assumed else ", as surveyed"
+        warn_user(f"validation: {len(through)} pairs of legs break through each other's floors{why}: {named}")
     figures = {
         "error_mm": round(_MM * found.error_m, 6),
         "median_mm": round(_MM * found.median_m, 6),

@@ -18,8 +18,8 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 ROBOTS = 12
-# Rise over run. On an even plane of 0.2 the robot creeps by up to 18 mm in 5 s, of 0.25 by 34, of 0.3 by 49: its wheels
-# turn under its weight, and its castors bear some of it and have no friction. On steeper floors it slides.
+# Rise over run. On an even plane of 0.2 the robot creeps by up to 18 mm in 5 s, of 0.25 by 27, of 0.35 by 54: its
+# wheels turn under its weight, and its castors bear some of it and have no friction. On steeper floors it slides.
 STEEPEST = 0.2
 _PLANE_M, _APART_M = 3.0, 10.0  # half a side of an even plane, and between two
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m
@@ -102,12 +102,14 @@ def stand(data: mujoco.MjData, model: mujoco.MjModel, name: str, place: np.ndarr
 class RobotsAtRest:
     """Largest way, m, of robots at rest in 5 s; share that gain height at 0.15 m/s; longest time, s, off both wheels.
 
-    The way is that beyond the way on an even plane as steep (`creep_on_planes`).
+    The way is that beyond the way on an even plane as steep (`creep_on_planes`). `rest_at` is the number of the robot
+    that moved farthest and where it stood, m; None if none was judged.
     """
 
     rest_m: float
     climb_share: float
     both_off_s: float
+    rest_at: tuple[int, tuple[float, float, float]] | None = None
 
 
 def measure_standing(
@@ -145,7 +147,11 @@ def measure_standing(
         off = np.where(touching, 0.0, off + model.opt.timestep)
         longest = np.maximum(longest, off)
     gained = data.qpos[here][:, 2] - before[:, 2] > 0
-    return RobotsAtRest(float(rest.max(initial=0.0)), float(gained.mean()), float(longest.max()))
+    farthest = int(rest.argmax())
+    x, y, z = places[chosen[farthest]].tolist()
+    return RobotsAtRest(
+        max(0.0, float(rest[farthest])), float(gained.mean()), float(longest.max()), (farthest, (x, y, z))
+    )
 
 
 def creep_on_planes(axes: np.ndarray) -> np.ndarray:
