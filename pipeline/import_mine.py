@@ -35,6 +35,8 @@ _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 # YAML or this project gives these words another meaning.
 _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
 
+_DRAWN_ISLAND_M2 = 1.0  # in a drawing a hole is a pillar; a picture, whose limit is 10 m2, has specks
+
 
 @dataclass(frozen=True)
 class ImportDraft:
@@ -280,6 +282,8 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
     lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
+    if detected.values["kind"] == "vector":
+        lines.append(_line(f"  min_island_m2: {_DRAWN_ISLAND_M2}", "smaller holes in the workings are filled, m2"))
     return "\n".join(lines) + "\n"
 
 

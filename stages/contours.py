@@ -23,8 +23,15 @@ from pipeline.geometry.floor.simplified_outline import (
     simplify_by_wall_error,
 )
 from pipeline.geometry.network.plan_network import plan_network, seen_network
-from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
-from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
+from pipeline.geometry.outline.binarize import (
+    binarize,
+    clean_mask,
+    fill_islands,
+    left_out,
+    pieces_of,
+    require_workings,
+)
+from pipeline.geometry.outline.components import choose_component, choose_mask_component, filled_islands, mend
 from pipeline.geometry.outline.half_level import cover_of, trace_half_level
 from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.outline.trace import trace_outline
@@ -168,6 +175,9 @@ def _find(params: ContoursParams, plan: Image, survey: Survey, workings: Working
         return _Traced(Polygon(), raw, cleaned)
     components = mend(workings.polygons, params.bridge_m, params.min_island_m2)
     chosen = choose_component(components, places)
+    islands = filled_islands(workings.polygons, chosen, params.min_island_m2)
+    middles = [(island.area, *island.representative_point().coords[0]) for island in islands]
+    _warn_of_islands(middles, params.min_island_m2)
     raw = fill_polygon(workings.polygons, frame) & ~_touching(components, chosen, frame)
     return _Traced(chosen, raw, fill_polygon(chosen, frame))
 
@@ -253,7 +263,23 @@ def _read_mask(
     margin = params.annotation_margin_m * scale
     raw = binarize(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
     drawn = clean_mask(raw, params.bridge_m * scale, params.despeck_m * scale)
-    return raw, fill_islands(choose_mask_component(drawn, frame, places), params.min_island_m2 * scale**2)
+    chosen = choose_mask_component(drawn, frame, places)
+    cleaned = fill_islands(chosen, params.min_island_m2 * scale**2)
+    islands = pieces_of(cleaned & ~chosen, scale**2)
+    middles = [(px / scale**2, *frame.to_mine(np.array([place]))[0].tolist()) for px, *place in islands]
+    _warn_of_islands(middles, params.min_island_m2)
+    return raw, cleaned
+
+
+def _warn_of_islands(islands: list[tuple[float, float, float]], min_island_m2: float) -> None:
+    """Warn of the islands that are filled, each by its area (m2) and its place (m, mine frame), the largest first."""
+    if islands:
+        area, x, y = islands[0]
+        warn_user(
+            f"contours: {len(islands)} islands in the workings are smaller than {min_island_m2:g} m2 and are filled, "
+            f"{sum(a for a, _, _ in islands):.1f} m2 in all (the largest, {area:.1f} m2, at ({x:.1f}, {y:.1f})); "
+            "contours.min_island_m2 keeps them"
+        )
 
 
 def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
