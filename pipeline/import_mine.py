@@ -17,6 +17,7 @@ from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
+from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
@@ -85,6 +86,7 @@ def require_name(name: str) -> None:
 def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
     """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
+    The section states the rules of the floor that `reading_by` has and that are not the default ones.
     `warn_user` lists what is guessed, with the option that overrules it: the survey section only where it `is_kept`.
 
     Raises
@@ -108,6 +110,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         require_plain_file(stated.trajectory)
         copies |= _targets(stated.trajectory, [stated.trajectory], DATA / name)
         detected.values["trajectory"] = copies[stated.trajectory].as_posix()
+    detected.values.update(floor_rules().model_dump(exclude_defaults=True))
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
     for remark in findings_of(detected, conf if is_kept else None):

@@ -142,7 +142,9 @@ def _heights(leg: SurveyLeg) -> np.ndarray:
 
 
 def _places(leg: SurveyLeg) -> np.ndarray:
-    return np.column_stack([leg.positions_m, _heights(leg)[:, 0]])
+    """Return the stations' places (n, 3) m; those without elevations are at 0."""
+    heights = np.zeros(len(leg.stations)) if leg.heights_m is None else leg.heights_m[:, 0]
+    return np.column_stack([leg.positions_m, heights])
 
 
 def _length_m(leg: SurveyLeg) -> float:

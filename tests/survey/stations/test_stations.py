@@ -4,6 +4,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
+from pipeline.survey.detect import detect_here
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
@@ -53,7 +54,10 @@ def test_a_byte_order_mark_and_windows_line_ends_are_accepted(tmp_path):
         ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) is at \(0, 0\) in line 2"),
         ("A,a,0,0,2,2\nA,b,5,0,2,2\nA,c,9,0,2,2\nA,b,5,0,2,2\n", r":5: station b occurs twice in leg A"),
         ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A have one position"),
-        ("A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n", "legs B share no station with leg A"),
+        (
+            "A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n",
+            r"legs B share no station with leg A: the nearest are a at \(0\.0, 0\.0\) and c at \(0\.0, 50\.0\), 50",
+        ),
         (
             "A,a,0,0,2,2\nA,b,9,0,2,2\nB,b,9,0,2,2\nB,c,9,9,2,2\nB,d,5,9,2,2\nB,e,5,-9,2,2\n",
             r"leg A \(a to b\) crosses leg B \(d to e\) at \(5\.00, 0\.00\)",
@@ -226,9 +230,39 @@ def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is
     assert "built is the one of 30 m about a; --piece (survey.piece) builds another: 20 m about c" in (
         capsys.readouterr().err
     )
-    path.write_text(path.read_text().replace(",7\n", ",5\n"))
-    with pytest.raises(InputError, match="legs B share no station with leg A"):
-        read_vector_survey(params)
+
+
+@pytest.mark.parametrize("heights", ["", "5"])
+def test_pieces_of_a_level_table_are_built_and_listed_as_those_with_heights(tmp_path, capsys, heights):
+    path = tmp_path / "a.csv"
+    rows = [("A", "a", 0, 0), ("A", "b", 30, 0), ("B", "c", 0, 50), ("B", "d", 20, 50)]
+    column = ",elevation_m" if heights else ""
+    text = [",".join(map(str, (*row, 2, 2, *heights))) for row in rows]
+    path.write_text("\n".join([HEADER.strip() + column, *text]))
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    params = params.model_copy(update={"file": path.as_posix()})
+    read = read_vector_survey(params)
+    assert (len(read.legs), len(read.workings.geoms), read.workings.bounds[3] < 3) == (0, 1, True)
+    assert "built is the one of 30 m about a; --piece (survey.piece) builds another: 20 m about c" in (
+        capsys.readouterr().err
+    )
+    for piece in ("c", (0.0, 51.0, 0.0 if not heights else 5.0)):
+        assert read_vector_survey(params.model_copy(update={"piece": piece})).workings.bounds[1] > 40
+    assert detect_here(str(path), {"piece": "c"}).values["values"]["piece"] == "c"
+    with pytest.raises(InputError, match="no station has this name; names like it are"):
+        read_vector_survey(params.model_copy(update={"piece": "e"}))
+
+
+def test_heights_under_the_step_are_listed_with_the_option_that_builds_them(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER.strip()},elevation_m\nA,a,0,0,2,2,10\nA,b,40,0,2,2,10.9\n")
+    assert not detect_here(str(path), {}).values["has_heights"]
+    told = capsys.readouterr().err
+    assert "its elevations differ by 0.90 m, no more than 1 m, and it is built level; survey.flat_step_m=0" in told
+    assert detect_here(str(path), {}, {"flat_step_m": 0.0}).values["has_heights"]
+    path.write_text(path.read_text().replace("10.9", "10"))
+    assert not detect_here(str(path), {}).values["has_heights"]
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(
