@@ -98,7 +98,8 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
     conf = survey_file(name)
     if conf.is_file():
         _require_kept(conf, stated)
-        warn_user(Remark(f"{conf} exists and is kept; remove it to detect the file again"))
+        again = f"remove it to detect the file again, and {DATA / name} to read another file"
+        warn_user(Remark(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}"))
         return ImportDraft(name, None)
     detected = detect_survey(source, stated)
     copies = _targets(source, detected.files, DATA / name)
@@ -285,8 +286,8 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
     lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
-    if detected.values["kind"] == "vector":
-        lines.append(_line(f"  min_island_m2: {_DRAWN_ISLAND_M2}", "smaller holes in the workings are filled, m2"))
+    smallest = _line(f"  min_island_m2: {_DRAWN_ISLAND_M2}", "smaller holes in the workings are filled, m2")
+    lines += [smallest] if detected.values["kind"] == "vector" else []
     return "\n".join(lines) + "\n"
 
 

@@ -116,14 +116,6 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     return _part_at_necks(as_polygons(shapely.union_all([whole, *grown])))
 
 
-def filled_islands(workings: MultiPolygon, chosen: Polygon, min_island_m2: float) -> list[Polygon]:
-    """Return the islands of workings that `mend` fills in a chosen component (m), the largest first; no slivers."""
-    holes = [Polygon(ring) for component in as_polygons(workings).geoms for ring in component.interiors]
-    small = [hole for hole in holes if _SLIVER_M2 <= hole.area < min_island_m2]
-    inside = [hole for hole in small if chosen.covers(hole.representative_point())]
-    return sorted(inside, key=lambda hole: -hole.area)
-
-
 def _part_at_necks(workings: MultiPolygon) -> MultiPolygon:
     """Return workings without necks, which part a component, and without spikes; others stay as they are."""
     parted: list[Polygon] = []

@@ -253,6 +253,58 @@ def test_pieces_of_a_level_table_are_built_and_listed_as_those_with_heights(tmp_
         read_vector_survey(params.model_copy(update={"piece": "e"}))
 
 
+def read_table(tmp_path, text, **values):
+    """Return the reading of a table of stations."""
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    return read_vector_survey(params.model_copy(update={"file": write(tmp_path, text).as_posix(), **values}))
+
+
+FULL = "A,a,0,0,2,2{0}\nA,b,40,0,2,2{0}\nA,c,80,0,2,2{1}\n"
+
+
+@pytest.mark.parametrize("column", ["", ",elevation_m"])
+@pytest.mark.parametrize("unknown", ["", "-"])
+def test_a_wall_that_was_not_measured_is_taken_as_in_other_surveys_and_listed(tmp_path, capsys, column, unknown):
+    text = HEADER.strip() + column + "\n" + (FULL.format(",5", ",9") if column else FULL.format("", ""))
+    whole = read_table(tmp_path, text).workings
+    assert capsys.readouterr().err == ""
+    one = read_table(tmp_path, text.replace("40,0,2,2", f"40,0,2,{unknown}")).workings
+    assert one.symmetric_difference(whole).area < 1e-6
+    assert "1 of 6 distances left and right are not stated; on a side that half of a leg's" in capsys.readouterr().err
+    side = text.replace(",0,2,2", f",0,2,{unknown}")
+    with pytest.raises(InputError, match=r"no station has a distance to both walls; state it \(survey\.half_width_m"):
+        read_table(tmp_path, side)
+    assert read_table(tmp_path, side, half_width_m=3.0).workings.bounds[1] == pytest.approx(-3.0)
+    assert "3 of 3 stations of passages have no measured wall beside them; 3.00 m" in capsys.readouterr().err
+
+
+def test_repeated_rows_are_left_out_and_two_names_of_one_place_are_one_station(tmp_path, capsys):
+    once = HEADER + "A,a,0,0,2,2\nA,b,40,0,2,2\nB,b,40,0,2,2\nB,c,40,50,2,2\n"
+    whole = read_table(tmp_path, once).workings
+    assert capsys.readouterr().err == ""
+    twice = once.replace("A,b,40,0,2,2\n", "A,b,40,0,2,2\n" * 2)
+    assert read_table(tmp_path, twice).workings.equals(whole)
+    assert "1 rows repeat the row before, the first in line 4; left out" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r":4: station b occurs twice in leg A"):
+        read_table(tmp_path, once.replace("B,b,40", "A,b,40,0,2,3\nB,b,40"))
+    read = read_table(tmp_path, once.replace("B,b,40,0", "B,b2,40.008,0")).workings
+    assert read.symmetric_difference(whole).area < 1.0
+    told = capsys.readouterr().err
+    assert "1 stations have another name in another leg and are one with it, the first b2 and b at (40.0, 0.0)" in told
+    assert "pieces" not in told
+    with pytest.raises(InputError, match="stations a and b of leg A have one position"):
+        read_table(tmp_path, once.replace("A,b,40,0", "A,b,0,0").replace("B,b,40,0", "B,b,0,0"))
+
+
+def test_columns_in_feet_are_read_as_metres_and_listed(tmp_path, capsys):
+    metres = read_table(tmp_path, f"{HEADER}A,a,0,0,3.048,3.048\nA,b,30.48,0,3.048,3.048\n").workings
+    feet = f"{HEADER.replace('_m', '_ft')}A,a,0,0,10,10\nA,b,100,0,10,10\n"
+    assert read_table(tmp_path, feet).workings.symmetric_difference(metres).area < 1e-9
+    assert "4 columns are in feet of 0.3048 m (easting_ft, northing_ft, left_ft, right_ft)" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r":2: left_m = 'ten' is not a number"):
+        read_table(tmp_path, feet.replace("10,10\nA,b", "ten,10\nA,b"))
+
+
 def test_heights_under_the_step_are_listed_with_the_option_that_builds_them(tmp_path, capsys):
     path = tmp_path / "a.csv"
     path.write_text(f"{HEADER.strip()},elevation_m\nA,a,0,0,2,2,10\nA,b,40,0,2,2,10.9\n")
