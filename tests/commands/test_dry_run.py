@@ -116,3 +116,23 @@ def test_islands_that_are_filled_in_a_picture_are_listed(project, capsys):
     cv2.imwrite("plan.png", plan)
     assert dry_run("--from", "plan.png") == 0
     assert "2 islands in the workings are smaller than 10 m2" in " ".join(capsys.readouterr().err.split())
+
+
+RISE = {
+    "own.csv": "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\nA,a,0,0,2,2,10\nA,b,40,0,2,2,10.9\n",
+    "own.geojson": shapely.to_geojson(Polygon([(0, 0, 10), (40, 0, 10.9), (40, 4, 10.9), (0, 4, 10)])),
+    "own.plt": "M 0 0 0 Sa P 6 6 6 0\nD 0 140 2 Sb P 6 6 6 0\n",
+}
+
+
+@pytest.mark.parametrize("name", RISE)
+def test_a_rise_under_a_metre_is_listed_unless_an_override_builds_it(project, capsys, name):
+    (project / name).write_text(RISE[name])
+    unit = ["--unit", "m"] if name == "own.geojson" else []
+    assert dry_run("--from", name, *unit) == 0
+    err = " ".join(capsys.readouterr().err.split())
+    assert "m, no more than 1 m, and it is built level survey.flat_step_m=0" in err
+    assert dry_run("--from", name, *unit, "survey.flat_step_m=0") == 0
+    assert "built level" not in capsys.readouterr().err
+    assert dry_run("--from", name, *unit, "survey.flat_step_m=-1") == 2
+    assert "survey.flat_step_m = -1" in capsys.readouterr().err
