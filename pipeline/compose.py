@@ -24,6 +24,7 @@ from minexplore.physics.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
 from pipeline.memory import keep_memory
 from pipeline.params.config import Config
+from pipeline.params.floor_rules import FloorRules
 from pipeline.params.reading.composed import root_overrides
 from pipeline.params.reading.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
@@ -98,6 +99,19 @@ def compose_after_root(more: list[str]) -> Config:
         if root and (not more or _is_refused(root)):
             raise ParamsError(f"{ROOT_PARAMS}: {error}; correct its overrides, or clear them by `make all`") from error
         raise
+
+
+def floor_rules_of(overrides: list[str]) -> FloorRules:
+    """Return the rules of the floor with what overrides state of them (`survey.flat_step_m=0`).
+
+    Raises
+    ------
+    ParamsError
+        As `compose`.
+    """
+    names = set(FloorRules.model_fields)
+    own = [text for text in overrides if text.partition("=")[0].removeprefix("survey.") in names]
+    return FloorRules(**compose(own).survey.model_dump(include=names)) if own else FloorRules()
 
 
 def _is_refused(overrides: list[str]) -> bool:

@@ -17,6 +17,7 @@ from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
+from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
@@ -34,6 +35,8 @@ DATA = Path("data/mines")
 _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 # YAML or this project gives these words another meaning.
 _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
+
+_DRAWN_ISLAND_M2 = 1.0  # in a drawing a hole is a pillar; a picture, whose limit is 10 m2, has specks
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,7 @@ def require_name(name: str) -> None:
 def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
     """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
+    The section states the rules of the floor that `reading_by` has and that are not the default ones.
     `warn_user` lists what is guessed, with the option that overrules it: the survey section only where it `is_kept`.
 
     Raises
@@ -94,7 +98,8 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
     conf = survey_file(name)
     if conf.is_file():
         _require_kept(conf, stated)
-        warn_user(Remark(f"{conf} exists and is kept; remove it to detect the file again"))
+        again = f"remove it to detect the file again, and {DATA / name} to read another file"
+        warn_user(Remark(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}"))
         return ImportDraft(name, None)
     detected = detect_survey(source, stated)
     copies = _targets(source, detected.files, DATA / name)
@@ -106,6 +111,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         require_plain_file(stated.trajectory)
         copies |= _targets(stated.trajectory, [stated.trajectory], DATA / name)
         detected.values["trajectory"] = copies[stated.trajectory].as_posix()
+    detected.values.update(floor_rules().model_dump(exclude_defaults=True))
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
     for remark in findings_of(detected, conf if is_kept else None):
@@ -280,6 +286,8 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
         else:
             lines.append(_line(f"  {key}: {json.dumps(value)}", remarks.get(key)))
     lines += ["contours:", _line("  components: largest", "or spawn: the component at entrance_m; or [[x, y], ...]")]
+    smallest = _line(f"  min_island_m2: {_DRAWN_ISLAND_M2}", "smaller holes in the workings are filled, m2")
+    lines += [smallest] if detected.values["kind"] == "vector" else []
     return "\n".join(lines) + "\n"
 
 

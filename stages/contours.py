@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -23,9 +22,10 @@ from pipeline.geometry.floor.simplified_outline import (
     simplify_by_wall_error,
 )
 from pipeline.geometry.network.plan_network import plan_network, seen_network
-from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, left_out, require_workings
+from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, require_workings
 from pipeline.geometry.outline.components import choose_component, choose_mask_component, mend
 from pipeline.geometry.outline.half_level import cover_of, trace_half_level
+from pipeline.geometry.outline.left_out import drawn_islands, islands_of, unconnected_m2, warn_of_islands
 from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
@@ -118,7 +118,7 @@ def find_workings(
         return
     with _named(survey):
         found = _find(params, plan, survey, workings)
-    _unconnected_m2(found.raw, found.cleaned, survey.frame)
+    unconnected_m2(found.raw, found.cleaned, survey.frame)
 
 
 @contextmanager
@@ -168,6 +168,7 @@ def _find(params: ContoursParams, plan: Image, survey: Survey, workings: Working
         return _Traced(Polygon(), raw, cleaned)
     components = mend(workings.polygons, params.bridge_m, params.min_island_m2)
     chosen = choose_component(components, places)
+    warn_of_islands(islands_of(workings.polygons, chosen, params.min_island_m2), params.min_island_m2)
     raw = fill_polygon(workings.polygons, frame) & ~_touching(components, chosen, frame)
     return _Traced(chosen, raw, fill_polygon(chosen, frame))
 
@@ -212,7 +213,7 @@ def _measure_areas(outline: Polygon | MultiPolygon, traced: _Traced, frame: Fram
         outside_m2=round(shapely.box(*frame.extent_m).difference(outer).area, 3),
         islands=count_islands(outline),
         traced_tunnel_m2=round(traced.workings.area, 3),
-        unconnected_m2=round(_unconnected_m2(traced.raw, traced.cleaned, frame), 3),
+        unconnected_m2=round(unconnected_m2(traced.raw, traced.cleaned, frame), 3),
     )
 
 
@@ -253,20 +254,10 @@ def _read_mask(
     margin = params.annotation_margin_m * scale
     raw = binarize(plan, threshold, params.annotation_chroma, margin, survey.ignore_boxes_px)
     drawn = clean_mask(raw, params.bridge_m * scale, params.despeck_m * scale)
-    return raw, fill_islands(choose_mask_component(drawn, frame, places), params.min_island_m2 * scale**2)
-
-
-def _unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
-    """Return the area of unconnected drawn pieces, and print where the largest is: a drift may be missing."""
-    pieces = left_out(raw, cleaned, frame.px_per_m**2)
-    if not pieces:
-        return 0.0
-    area, (x, y) = sum(p[0] for p in pieces) / frame.px_per_m**2, frame.to_mine(np.array([pieces[0][1:]]))[0]
-    warn_user(
-        f"contours: {area:.1f} m2 in {len(pieces)} drawn pieces are connected to nothing and are left out (the "
-        f"largest, {pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f})); contours.bridge_m closes gaps"
-    )
-    return area
+    chosen = choose_mask_component(drawn, frame, places)
+    cleaned = fill_islands(chosen, params.min_island_m2 * scale**2)
+    warn_of_islands(drawn_islands(cleaned & ~chosen, frame), params.min_island_m2)
+    return raw, cleaned
 
 
 STAGE = Stage(

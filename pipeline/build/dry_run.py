@@ -9,11 +9,12 @@ from contextlib import chdir, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.compose import CONF, compose
+from pipeline.compose import CONF, compose, floor_rules_of
 from pipeline.errors import GeometryError, MineError
 from pipeline.import_mine import DATA, draft_import, import_mine
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.config import Config
+from pipeline.params.floor_rules import reading_by
 from pipeline.params.stated import StatedOptions
 from pipeline.store.registry import OWN_REGISTRY
 from pipeline.types import Image, SurveyedLegs
@@ -50,7 +51,8 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
     MineError
         As `new`, as far as stage 2 finds the workings.
     """
-    draft = draft_import(name, source, stated, is_kept=False)
+    with reading_by(floor_rules_of(overrides)):
+        draft = draft_import(name, source, stated, is_kept=False)
     if draft.section is None:
         return DryRun([], _read(compose([f"survey={name}", *overrides])))
     copies = {file.absolute(): target for file, target in draft.copies.items()}

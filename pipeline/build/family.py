@@ -106,7 +106,8 @@ def variants(
 ) -> list[Member]:
     """Return variants of one mine; stations, widths and height vary within the errors of the survey.
 
-    `world_params` are the mine's parameters (`pipeline.worlds.world_params`); variants use its height and entrance.
+    `world_params` are the mine's parameters (`pipeline.worlds.world_params`); variants use its height, its entrance
+    and its smallest islands.
     """
     members, entrance_m = [], world_params.get("survey.entrance_m")
     entrance = "null" if entrance_m is None else f"[{entrance_m[0]},{entrance_m[1]}]"
@@ -119,6 +120,7 @@ def variants(
             f"survey.workings={workings.as_posix()}",
             f"survey.name={name}-{split}-{i:04d}",
             f"survey.entrance_m={entrance}",
+            f"contours.min_island_m2={world_params['contours.min_island_m2']:g}",
             f"compile3d.height_m={height:.2f}",
         ]
         members.append(Member(f"{name}/{split}/{i:04d}", split, seed, f"variant of {name}", [*own, *overrides]))

@@ -103,13 +103,15 @@ def _make(
     overrides: list[str],
     detected: Path | None,
 ) -> None:
-    from pipeline.compose import compose
+    from pipeline.compose import compose, floor_rules_of
     from pipeline.errors import LimitError
     from pipeline.guard.forked import Forked
     from pipeline.import_mine import draft_import, import_mine
+    from pipeline.params.floor_rules import reading_by
     from pipeline.worlds import WORLDS, describe_start, env_id
 
-    draft = draft_import(name, source, stated)
+    with reading_by(floor_rules_of(overrides)):
+        draft = draft_import(name, source, stated)
     existed, failure = (WORLDS / name).exists(), None
     default = Forked(lambda: compose([]))  # for the report, while this process composes the mine's
     imported = import_mine(draft, origin, licence)

@@ -93,7 +93,7 @@ class StatedOptions(Params):
         PieceOption | None, _option("--piece", FileKind.VECTOR, FileKind.STATIONS, metavar="STATION or E,N,Z")
     ] = Field(
         default=None,
-        description="which piece of a survey with heights is built, by a station of it; default: the longest",
+        description="which piece of a survey is built, by a station of it or a place; default: the longest",
     )
     volume: Annotated[bool | None, _option("--volume", FileKind.VECTOR)] = Field(
         default=None, description="build the solids in a DXF file"

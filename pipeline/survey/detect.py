@@ -12,6 +12,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
+from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
@@ -54,7 +55,7 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
     path : Path
         Any file that stage 1 reads, in any folder.
     stated : StatedOptions
-        What the user states about the file; None is nothing.
+        What the user states about the file; None is nothing. The rules of the floor are those of `reading_by`.
 
     Returns
     -------
@@ -74,16 +75,17 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         require_read(path, FileKind.CLOUD, stated)
         return detect_cloud(path, stated)
     require_read(path, kind_of(path), stated)
-    arguments = {"path": str(path), "stated": stated.values()}
+    arguments = {"path": str(path), "stated": stated.values(), "rules": floor_rules().model_dump()}
     scratch_bytes = reader_limits().scratch_bytes if is_solved(path) else 0
     payload = run_limited("detect", arguments, str(path), scratch_bytes=scratch_bytes)
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
 
 
-def detect_here(path: str, stated: dict[str, Any]) -> Payload:
+def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None = None) -> Payload:
     """Detect how a file should be read in this process; `detect_survey` has limits."""
-    found = _detect(Path(path), StatedOptions.model_validate(stated))
+    with reading_by(FloorRules.model_validate(rules or {})):
+        found = _detect(Path(path), StatedOptions.model_validate(stated))
     files = [str(file) for file in found.files]
     values = {name: value for name, value in vars(found).items() if name != "picture"} | {"files": files}
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
@@ -129,8 +131,7 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
         "origin": "of the mine frame, in the file's coordinates",
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
     }
-    if len(read.legs):
-        values["piece"], remarks["piece"] = stated.piece, _PIECE
+    values["piece"], remarks["piece"] = stated.piece, _PIECE
     if grades is not None:
         values["grade"] = grades
         remarks["grade"] = "rise over run of legs, in the order of their stations"

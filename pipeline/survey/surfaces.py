@@ -20,6 +20,7 @@ from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.stated import FileKind
 from pipeline.survey.formats import shape_reader, suffixes_of
+from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.geodata import companions
@@ -109,6 +110,7 @@ def wall_heights(
     z = shapely.get_coordinates(shapes, include_z=True)[:, 2] * georeference.metres_per_unit
     known = np.isfinite(z)
     if not known.any() or np.ptp(z[known]) <= floor_rules().flat_step_m:
+        warn_of_level(path, z)
         return None
     lines = [line for shape in moved for line in _lines_of(shape)]
     points = np.column_stack([shapely.get_coordinates(lines), z])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -32,11 +32,10 @@ from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import (
     SurveyLeg,
     build_workings,
-    require_connected,
     require_no_crossing,
     warn_of_shafts,
 )
-from pipeline.survey.passages.relief import has_relief
+from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights
@@ -174,7 +173,7 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
     whole = read_whole(path, params)
     _require_short(path, whole.legs)
     if whole.is_level:
-        built = _level_workings(path, whole.legs, params)
+        built = _level_workings(path, whole, params)
         shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
         place = Georeference("m", 1.0, georeference.origin, whole.crs)
         return _Workings(as_polygons(shapely.union_all(shapes)), place)
@@ -194,27 +193,28 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     )
     legs = plan_legs(path, survey, params.half_width_m)
     _require_short(path, legs)
-    if not has_relief(legs):
-        return _Workings(as_polygons(_level_workings(path, legs, params)), georeference)
-    piece = built_piece(path, WholeSurvey(legs, is_level=False, is_named=False), params.piece)
+    whole = WholeSurvey(legs, not has_relief(legs), is_named=False)
+    if whole.is_level:
+        return _Workings(as_polygons(_level_workings(path, whole, params)), georeference)
+    piece = built_piece(path, whole, params.piece)
     surveyed = whole_in_frame(piece, params, (0.0, 0.0))
     return _Workings(seen_from_above(path, surveyed), georeference, legs=surveyed)
 
 
 def _level_workings(
-    path: Path, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
+    path: Path, whole: WholeSurvey, params: PassageSurveyParams | CentrelineSurveyParams
 ) -> BaseGeometry:
-    """Return the workings of legs whose floors are level, seen from above, without shafts."""
-    is_drawn = params.kind == "centrelines"
-    if params.piece is not None and not is_drawn:
-        raise InputError(f"{path}: survey.piece is read with heights; the floors of this survey are level")
-    driven = [leg for leg in legs if not leg.is_plumb]
-    warn_of_shafts(path, [leg for leg in legs if leg.is_plumb])
+    """Return the workings of a piece of a survey whose floors are level, seen from above, without shafts."""
+    driven = [leg for leg in whole.legs if not leg.is_plumb]
+    warn_of_shafts(path, [leg for leg in whole.legs if leg.is_plumb])
     if not driven:
         raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    if not is_drawn:
-        require_connected(path, driven)
     require_no_crossing(path, driven)
+    is_drawn = params.kind == "centrelines"  # pieces of lines are parted by their walls, not by names of stations
+    if not is_drawn:
+        driven = built_piece(path, replace(whole, legs=driven), params.piece).legs
+    if all(leg.heights_m is not None for leg in driven):
+        warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]))
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")

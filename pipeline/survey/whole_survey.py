@@ -20,7 +20,7 @@ from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
 from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
-from pipeline.survey.solved.plan_view import plan_legs
+from pipeline.survey.solved.plan_view import plan_legs, with_sides
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
@@ -52,8 +52,9 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
     """Read a station survey, with elevations or without; `InputError` if it cannot be read."""
     if path.suffix.lower() == ".csv":
         legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None)
+        _warn_of_empty(path, legs)
         if not has_relief(legs):
-            return WholeSurvey(legs, is_level=True)
+            return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
     if is_solved(path):
         survey = solve_file(path)
@@ -62,6 +63,31 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
         return WholeSurvey(legs, not has_relief(legs), tuple(entrances_of(survey)), crs)
     legs, crs = leg_reader(path)(path, params.half_width_m)
     return WholeSurvey(legs, not has_relief(legs), (), crs)
+
+
+def _warn_of_empty(path: Path, legs: list[SurveyLeg]) -> None:
+    """Warn of walls that a table of stations does not state: their number, and what they are taken as."""
+    walls = np.concatenate([leg.walls_m for leg in legs])
+    if empty := int(np.isnan(walls).sum()):
+        warn_user(
+            f"{path.name}: {empty} of {walls.size} distances left and right are not stated; on a side that half of a "
+            "leg's stations have they are interpolated, else --half-width M states them"
+        )
+
+
+def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -> list[SurveyLeg]:
+    """Return legs without elevations, or level ones, with a distance to both walls at each station, as `plan_legs`."""
+    if not any(np.isnan(leg.walls_m).any() for leg in legs if not leg.is_plumb):
+        return legs
+    driven = [leg for leg in legs if not leg.is_plumb]
+    unknown = [np.full((len(leg.stations), 2), np.nan) for leg in driven]
+    rows = [
+        (list(range(len(leg.stations))), np.column_stack([leg.walls_m, roof]))
+        for leg, roof in zip(driven, unknown, strict=True)
+    ]
+    filled = with_sides(path, rows, half_width_m)
+    walled = [replace(leg, walls_m=walls[:, :2]) for leg, (_, walls) in zip(driven, filled, strict=True)]
+    return walled + [leg for leg in legs if leg.is_plumb]
 
 
 def entrances_of(survey: SolvedSurvey) -> list[str]:
@@ -142,7 +168,9 @@ def _heights(leg: SurveyLeg) -> np.ndarray:
 
 
 def _places(leg: SurveyLeg) -> np.ndarray:
-    return np.column_stack([leg.positions_m, _heights(leg)[:, 0]])
+    """Return the stations' places (n, 3) m; those without elevations are at 0."""
+    heights = np.zeros(len(leg.stations)) if leg.heights_m is None else leg.heights_m[:, 0]
+    return np.column_stack([leg.positions_m, heights])
 
 
 def _length_m(leg: SurveyLeg) -> float:

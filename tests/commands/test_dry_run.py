@@ -5,9 +5,14 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+import shapely
+import yaml
+from shapely import Polygon
 
 from pipeline.__main__ import parse
 from pipeline.errors import run_command
+from pipeline.import_mine import draft_import
+from pipeline.params.stated import StatedOptions
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
 from tests.project import ROOT, TINY_STATIONS
@@ -89,3 +94,55 @@ def test_a_mine_of_steep_legs_only_is_refused_before_it_is_built(project, capsys
     last = capsys.readouterr().err.splitlines()[-1]
     assert "own.csv: no leg is flat enough for a floor" in last
     assert files(project) == before
+
+
+def room(side_m):
+    """Return a room of 30 by 30 m with two square pillars."""
+    pillars = [shapely.box(x, 7, x + side_m, 7 + side_m) for x in (7, 20)]
+    return Polygon(shapely.box(0, 0, 30, 30).exterior, [pillar.exterior for pillar in pillars])
+
+
+def test_drawn_pillars_of_a_square_metre_are_kept_and_smaller_ones_are_listed(project, capsys):
+    path = project / "room.geojson"
+    path.write_text(shapely.to_geojson(room(1.1)))
+    section = yaml.safe_load(draft_import("x", path, StatedOptions(unit="m")).section)
+    assert section["contours"]["min_island_m2"] == 1.0
+    assert dry_run("--from", "room.geojson", "--unit", "m") == 0
+    assert "islands" not in capsys.readouterr().err
+    path.write_text(shapely.to_geojson(room(0.9)))
+    assert dry_run("--from", "room.geojson", "--unit", "m") == 0
+    rows = capsys.readouterr().err.splitlines()
+    (row,) = [
+        k for k, line in enumerate(rows) if "islands in the workings are smaller than 1 m2 and are filled" in line
+    ]
+    assert rows[row].split()[0] == "2"
+    assert "contours.min_island_m2" in rows[row]
+    told = " ".join(" ".join(rows[row : row + 2]).replace("contours.min_island_m2", "").split())
+    assert "filled, 1.6 m2 in all (the largest, 0.8 m2, at (7.5, 7.5))" in told
+
+
+def test_islands_that_are_filled_in_a_picture_are_listed(project, capsys):
+    plan, _ = draw_plan(room(3.0), frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
+    cv2.imwrite("plan.png", plan)
+    assert dry_run("--from", "plan.png") == 0
+    assert "2 islands in the workings are smaller than 10 m2" in " ".join(capsys.readouterr().err.split())
+
+
+RISE = {
+    "own.csv": "leg,station,easting_m,northing_m,left_m,right_m,elevation_m\nA,a,0,0,2,2,10\nA,b,40,0,2,2,10.9\n",
+    "own.geojson": shapely.to_geojson(Polygon([(0, 0, 10), (40, 0, 10.9), (40, 4, 10.9), (0, 4, 10)])),
+    "own.plt": "M 0 0 0 Sa P 6 6 6 0\nD 0 140 2 Sb P 6 6 6 0\n",
+}
+
+
+@pytest.mark.parametrize("name", RISE)
+def test_a_rise_under_a_metre_is_listed_unless_an_override_builds_it(project, capsys, name):
+    (project / name).write_text(RISE[name])
+    unit = ["--unit", "m"] if name == "own.geojson" else []
+    assert dry_run("--from", name, *unit) == 0
+    err = " ".join(capsys.readouterr().err.split())
+    assert "m, no more than 1 m, and it is built level survey.flat_step_m=0" in err
+    assert dry_run("--from", name, *unit, "survey.flat_step_m=0") == 0
+    assert "built level" not in capsys.readouterr().err
+    assert dry_run("--from", name, *unit, "survey.flat_step_m=-1") == 2
+    assert "survey.flat_step_m = -1" in capsys.readouterr().err

@@ -113,6 +113,7 @@ import hashlib
 import numpy as np
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.rough_walls import roughen_walls
+from tests.composed import compose
 rng = np.random.default_rng(2000064)
 digest = hashlib.sha256()
 for style in ("room_and_pillar", "drift_and_crosscut", "ramp", "cave"):
@@ -141,12 +142,13 @@ def test_splits_share_no_seed_and_styles_alternate(monkeypatch):
     seeds = [m.seed for split in ("train", "validation", "test") for m in generated(split, 100, [])]
     assert len(set(seeds)) == 300
     assert [m.style for m in generated("train", 5, [])] == [*STYLES, STYLES[0]]
-    world_params = {"compile3d.height_m": 2.8, "survey.entrance_m": [1.0, 2.0]}
+    world_params = {"compile3d.height_m": 2.8, "survey.entrance_m": [1.0, 2.0], "contours.min_island_m2": 1.0}
     members = variants("x", ROOT / "data/x.geojson", "test", 5, 0.1, world_params, [])
     heights = [float(m.overrides[-1].partition("=")[2]) for m in members]
     assert len(set(heights)) == 5
     assert np.mean(heights) == pytest.approx(2.8, abs=0.2)
-    assert all("survey.entrance_m=[1.0,2.0]" in m.overrides for m in members)
+    for own in ("survey.entrance_m=[1.0,2.0]", "contours.min_island_m2=1"):
+        assert all(own in m.overrides for m in members)
 
 
 def broken_member():

@@ -91,7 +91,12 @@ def left_out(raw: Mask, cleaned: Mask, min_px: float) -> list[tuple[float, float
     Pieces smaller than `min_px` are specks and are not listed.
     """
     near = cv2.dilate(cleaned.astype(np.uint8), disc(2.0))
-    _, _, stats, middle = cv2.connectedComponentsWithStats((raw & (near == 0)).astype(np.uint8), connectivity=8)
+    return pieces_of(raw & (near == 0), min_px)
+
+
+def pieces_of(mask: Mask, min_px: float) -> list[tuple[float, float, float]]:
+    """Return the connected pieces of a mask that are not smaller: area px2, column, row; largest first."""
+    _, _, stats, middle = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     pieces = [(float(s[cv2.CC_STAT_AREA]), float(x), float(y)) for s, (x, y) in zip(stats[1:], middle[1:], strict=True)]
     return sorted((p for p in pieces if p[0] >= min_px), reverse=True)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
@@ -78,8 +79,8 @@ def legs_of_chains(
 ) -> list[SurveyLeg]:
     """Make legs from sequences of stations, and interpolate wall distances that were not measured.
 
-    `heights` gives each station its elevation and the distances up and down, m. Legs with heights need not be
-    connected: a piece of them may be built.
+    `heights` gives each station its elevation and the distances up and down, m. Legs need not be connected: a piece of
+    them may be built.
 
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
     With `heights`, shafts are legs of their own, at the end.
@@ -87,7 +88,7 @@ def legs_of_chains(
     Raises
     ------
     InputError
-        If no leg remains, a leg has no wall distance at all, or the network is not valid (see `check_network`).
+        If no leg remains, or a leg has no wall distance at all.
     """
     legs, count, most = [], sum(map(len, chains)), reader_limits().stations
     if count > most:
@@ -122,8 +123,6 @@ def legs_of_chains(
         legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
     if not legs and not shafts:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
-    if heights is None:
-        check_network(path, legs)
     return legs + shafts
 
 
@@ -173,7 +172,7 @@ def check_network(path: Path, legs: list[SurveyLeg]) -> None:
 
 
 def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
-    """Check that all legs are connected; `InputError` names the file and the legs."""
+    """Check that all legs are connected; `InputError` names the file, the legs and where they are nearest."""
     graph: nx.Graph = nx.Graph()
     for leg in legs:
         nx.add_path(graph, leg.stations)
@@ -181,7 +180,21 @@ def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
     if len(components) > 1:
         separate = [leg.name for leg in legs if leg.stations[0] not in components[0]]
         first = next(leg.name for leg in legs if leg.stations[0] in components[0])
-        raise InputError(f"{path}: legs {', '.join(separate)} share no station with leg {first}")
+        raise InputError(
+            f"{path}: legs {', '.join(separate)} share no station with leg {first}: the nearest are "
+            f"{_nearest(legs, components[0])} apart; a station that two legs share has one name"
+        )
+
+
+def _nearest(legs: list[SurveyLeg], stations: set[str]) -> str:
+    """Return the nearest two stations of which one is among some stations, with their places and their distance."""
+    places = {name: place for leg in legs for name, place in zip(leg.stations, leg.positions_m, strict=True)}
+    parts = [[name for name in places if (name in stations) == is_in] for is_in in (True, False)]
+    ours, others = (np.array([places[name] for name in part]) for part in parts)
+    far, at = cKDTree(ours).query(others)
+    ends = parts[0][int(at[far.argmin()])], parts[1][int(far.argmin())]
+    named = (f"{name} at ({places[name][0]:.1f}, {places[name][1]:.1f})" for name in ends)
+    return f"{' and '.join(named)}, {far.min():.1f} m"
 
 
 def require_no_crossing(path: Path, legs: list[SurveyLeg]) -> None:

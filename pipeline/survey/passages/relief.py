@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.legs import SurveyLeg
+
+_EVEN_M = 0.01  # smaller differences are rounding
 
 
 def floor_of(leg: SurveyLeg) -> np.ndarray:
@@ -28,3 +33,14 @@ def has_relief(legs: list[SurveyLeg]) -> bool:
         return True
     floors = np.concatenate([floor_of(leg) for leg in legs])
     return bool(np.isfinite(floors).all() and np.ptp(floors) >= floor_rules().flat_step_m)
+
+
+def warn_of_level(path: Path, heights_m: np.ndarray) -> None:
+    """Warn that floors with these heights (n,) m are built level, if they differ; nan is no height."""
+    known = heights_m[np.isfinite(heights_m)]
+    rise, most = float(np.ptp(known)) if len(known) else 0.0, floor_rules().flat_step_m
+    if rise >= _EVEN_M:
+        warn_user(
+            f"{path.name}: its elevations differ by {rise:.2f} m, no more than {most:g} m, and it is built level; "
+            "survey.flat_step_m=0 builds the heights"
+        )

@@ -70,7 +70,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         chains = plan.chains()
         _warn_of_splays_beyond(path, plan, chains, splays)
         rows = [(nodes, walls_across(plan.places[nodes], [splays.get(node) for node in nodes])) for nodes in chains]
-    rows = _with_roofs(path, fill_down(_with_sides(path, rows, half_width_m), plan.places))
+    rows = _with_roofs(path, fill_down(with_sides(path, rows, half_width_m), plan.places))
     heights = {
         plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
         for nodes, walls in rows
@@ -140,7 +140,7 @@ class _StationPlan:
         return found
 
 
-def _with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
+def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
     """Return the rows with both sides of every station, with a warning that counts those not measured.
 
     Raises

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.guard.csv_text import read_csv_text, separator_of
-from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.plain_number import plain_number
-from pipeline.guard.reading_process import one_line
+from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.passages.grades import with_grades
 from pipeline.survey.passages.legs import (
@@ -26,14 +21,12 @@ from pipeline.survey.passages.legs import (
 from pipeline.survey.passages.stray_heights import stray_zero
 from pipeline.survey.solved.flatness import Section, require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
+from pipeline.survey.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, number_of, read_rows
 from pipeline.survey.vector.shapes import REACH_M
 
-_COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
-_HEIGHTS = ["elevation_m", "up_m", "down_m"]
-_GRADE = "rise_over_run"
-_NUMBERS = [*_COLUMNS[2:], *_HEIGHTS, _GRADE]
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
 _UNKNOWN = ("", "-")
+_ONE_PLACE_M = 0.01  # stations of two legs that are nearer are one, whatever their names
 
 
 def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
@@ -62,7 +55,7 @@ def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[Su
         elevation is missing or a stray 0, or a roof is not above its floor; if grades cannot be used; if the workings
         are too steep or pass over each other. The message names the file, the line or leg, and the value.
     """
-    result = _read_legs(path, grades=grades)
+    result = _read_legs(path, grades=grades, walls_needed=True)
     if result[0].heights_m is not None and result[0].grades is None:
         require_flat(path, [section_of(leg) for leg in result])
     check_network(path, result)
@@ -72,8 +65,8 @@ def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[Su
 def read_station_legs(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
     """Read a station table that may be steep, pass over itself and be in pieces, else as `read_stations`.
 
-    Coordinates may be those of a national grid. Stations of a leg with one position in plan are the ends of a shaft,
-    which is a leg of its own, after the others.
+    A distance to a wall may be empty, which is nan. Coordinates may be those of a national grid. Stations of a leg with
+    one position in plan are the ends of a shaft, which is a leg of its own, after the others.
     """
     legs = _read_legs(path, _FARTHEST_M, grades)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
@@ -129,22 +122,27 @@ def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
     return SolvedSurvey(tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem)
 
 
-def _read_legs(path: Path, reach_m: float = REACH_M, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
-    rows = _read_rows(path)
+def _read_legs(
+    path: Path, reach_m: float = REACH_M, grades: dict[str, float] | None = None, walls_needed: bool = False
+) -> list[SurveyLeg]:
+    rows = read_rows(path)
     has_heights = _has_heights(path, rows)
-    has_grades = bool(grades) or any((row.get(_GRADE) or "").strip() not in _UNKNOWN for _, row in rows)
+    has_grades = bool(grades) or any((row.get(GRADE) or "").strip() not in _UNKNOWN for _, row in rows)
     if has_heights and has_grades:
         raise InputError(f"{path}: has elevations (column elevation_m), and grades are stated; give one of them")
     legs: dict[str, list[tuple[str, tuple[float, ...]]]] = {}
     stated: dict[str, list[float]] = {}
     positions: dict[str, tuple[tuple[float, ...], int]] = {}
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
+    repeated: list[int] = []
     for line, row in rows:
         values = tuple(
-            _number(path, line, column, row[column], reach_m if column in _COLUMNS[2:4] else REACH_M)
-            for column in _COLUMNS[2:]
+            math.nan
+            if column in WALLS and not walls_needed and row[column] is not None and row[column].strip() in _UNKNOWN
+            else number_of(path, line, column, row[column], reach_m if column in COLUMNS[2:4] else REACH_M)
+            for column in COLUMNS[2:]
         )
-        for column, value in zip(_COLUMNS[4:], values[2:], strict=True):
+        for column, value in zip(WALLS, values[2:], strict=True):
             if value < 0:
                 raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
             _require_near(path, line, column, value, row["station"])
@@ -155,28 +153,55 @@ def _read_legs(path: Path, reach_m: float = REACH_M, grades: dict[str, float] | 
             at, before = (", ".join(f"{value:g}" for value in place) for place in (here, position))
             raise InputError(f"{path}:{line}: station {row['station']} at ({at}) is at ({before}) in line {first}")
         leg = legs.setdefault(row["leg"], [])
+        if leg and leg[-1][0] == row["station"] and np.array_equal(leg[-1][1], (*values, *heights), equal_nan=True):
+            repeated.append(line)
+            continue
         if (row["leg"], row["station"]) in later or (leg and leg[-1][0] == row["station"]):
             raise InputError(f"{path}:{line}: station {row['station']} occurs twice in leg {row['leg']}")
         if leg:
             later.add((row["leg"], row["station"]))
         leg.append((row["station"], (*values, *heights)))
-        text = (row.get(_GRADE) or "").strip()
-        grade = math.nan if text in _UNKNOWN else _number(path, line, _GRADE, text)
+        text = (row.get(GRADE) or "").strip()
+        grade = math.nan if text in _UNKNOWN else number_of(path, line, GRADE, text)
         stated.setdefault(row["leg"], []).append(grade)
     if has_heights:
         _require_no_stray_zero(path, list(positions.values()))
-    found = [_leg(path, name, stations) for name, stations in legs.items()]
+    if repeated:
+        warn_user(f"{path.name}: {len(repeated)} rows repeat the row before, the first in line {repeated[0]}; left out")
+    other = _other_names(path, legs, {name: place for name, (place, _) in positions.items()})
+    renamed = {leg: [(other.get(name, name), row) for name, row in stations] for leg, stations in legs.items()}
+    found = [_leg(path, name, stations) for name, stations in renamed.items()]
     if not has_grades:
         return found
     of_table = [replace(leg, grades=np.array(stated[leg.name][:-1])) for leg in found]
     return with_grades(path, of_table, grades or {})
 
 
+def _other_names(
+    path: Path, legs: dict[str, list[tuple[str, tuple[float, ...]]]], places: dict[str, tuple[float, ...]]
+) -> dict[str, str]:
+    """Return the first name of stations that have another one at the same place in another leg, with a warning."""
+    names, other = list(places), dict[str, str]()
+    of_leg = [{name for name, _ in stations} for stations in legs.values()]
+    for i, j in sorted(cKDTree(np.array(list(places.values()))).query_pairs(_ONE_PLACE_M)):
+        first = other.get(names[i], names[i])
+        if not any({first, names[j]} <= stations for stations in of_leg):
+            other[names[j]] = first
+    if other:
+        name, first = next(iter(other.items()))
+        x, y = places[name][:2]
+        warn_user(
+            f"{path.name}: {len(other)} stations have another name in another leg and are one with it, the first "
+            f"{one_line(name, 40)} and {one_line(first, 40)} at ({x:.1f}, {y:.1f}); places 1 cm apart part them"
+        )
+    return other
+
+
 def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:
     columns = rows[0][1]
     if "elevation_m" in columns:
         return True
-    extra = [column for column in _HEIGHTS[1:] if column in columns]
+    extra = [column for column in HEIGHTS[1:] if column in columns]
     if extra:
         raise InputError(f"{path}: column {extra[0]} needs a column elevation_m")
     return False
@@ -184,12 +209,12 @@ def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:
 
 def _heights(path: Path, line: int, row: dict[str, str]) -> tuple[float, ...]:
     """Return elevation, up and down of a row, m; up and down are nan if they are empty."""
-    elevation = _number(path, line, "elevation_m", row["elevation_m"], _HIGHEST_M)
+    elevation = number_of(path, line, "elevation_m", row["elevation_m"], _HIGHEST_M)
     up, down = (
-        _number(path, line, column, text) if (text := (row.get(column) or "").strip()) not in _UNKNOWN else math.nan
-        for column in _HEIGHTS[1:]
+        number_of(path, line, column, text) if (text := (row.get(column) or "").strip()) not in _UNKNOWN else math.nan
+        for column in HEIGHTS[1:]
     )
-    for column, value in zip(_HEIGHTS[1:], (up, down), strict=True):
+    for column, value in zip(HEIGHTS[1:], (up, down), strict=True):
         if value < 0:
             raise InputError(f"{path}:{line}: {column} = {value:g} of station {row['station']} is negative")
         _require_near(path, line, column, value, row["station"])
@@ -221,60 +246,6 @@ def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], i
             f"{path}:{stations[stray][1]}: elevation_m = 0, but the others lie from {others.min():g} to "
             f"{others.max():g} m; give this station its elevation, leave it out, or write 0.001 if it lies there"
         )
-
-
-def _read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
-    text = read_csv_text(path)
-    head, separator = text.partition("\n")[0], separator_of(text)
-    reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator, skipinitialspace=True)
-    try:
-        reader.fieldnames = [name.strip().lower() for name in reader.fieldnames or []]
-        missing = [column for column in _COLUMNS if column not in reader.fieldnames]
-        if missing:
-            raise InputError(
-                f"{path}: no column {', '.join(missing)} in the first line, {one_line(head, 100)!r}; expected "
-                f"{','.join(_COLUMNS)}"
-            )
-        twice = [column for column, count in Counter(reader.fieldnames).items() if count > 1]
-        if twice:
-            raise InputError(f"{path}: the column {twice[0][:60]!r} stands twice")
-        rows = []
-        for number, row in enumerate(reader, 1):
-            require_at_most(path, number, "stations", "rows or more")
-            if None in row:
-                raise InputError(f"{path}:{reader.line_num}: more fields than columns")
-            if not any(text and text.strip() for text in row.values()):
-                continue
-            for column in ("leg", "station"):
-                _require_name(path, reader.line_num, column, row[column])
-            if separator != ",":  # where a comma does not part columns it may begin the decimals
-                row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
-            rows.append((reader.line_num, row))
-    except csv.Error as error:
-        raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error
-    if not rows:
-        raise InputError(f"{path}: no stations")
-    return rows
-
-
-def _require_name(path: Path, line: int, column: str, name: str | None) -> None:
-    """Refuse a name that is empty or holds control characters or invisible ones."""
-    if not (name and name.strip() and name.isprintable()):
-        raise InputError(f"{path}:{line}: {column} = {name!r:.60}: want a name of printable characters")
-
-
-def _number(path: Path, line: int, column: str, text: str | None, reach_m: float = REACH_M) -> float:
-    try:
-        value = plain_number(text or "")
-    except ValueError:
-        raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
-    if not math.isfinite(value):
-        raise InputError(f"{path}:{line}: {column} = {text} is not a finite number")
-    if abs(value) > reach_m:
-        raise InputError(
-            f"{path}:{line}: {column} = {text} is not within +-{reach_m:g} m; use coordinates from a local origin"
-        )
-    return value
 
 
 def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -> SurveyLeg:

@@ -13,7 +13,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.survey.detect import _detect, detect_here
 from pipeline.survey.vector_survey import read_vector_survey
-from tests.heights import HEADER, table
+from tests.heights import table
 from tests.project import ROOT
 
 # Two drifts, and one of 20 m 8 m under the first: a raise leads down to it. The last two lie over each other.
@@ -59,13 +59,6 @@ def test_a_piece_of_drawn_levels_is_chosen_by_a_place(tmp_path, capsys):
     ).workings.area == pytest.approx(400)
     with pytest.raises(InputError, match=r"survey\.piece = 10,10,300: the nearest level or ramp is 90\.0 m away"):
         read_vector_survey(params.model_copy(update={**values, "piece": (10, 10, 300)}))
-
-
-def test_a_level_survey_has_no_piece_to_choose(tmp_path):
-    (tmp_path / "a.csv").write_text(f"{HEADER}A,a,0,0,2,2,5,3,0\nA,b,30,0,2,2,5,3,0\n")
-    params = PassageSurveyParams(kind="passages", name="a", file="data/x", piece="a")
-    with pytest.raises(InputError, match=r"survey\.piece is read with heights"):
-        read_vector_survey(params.model_copy(update={"file": (tmp_path / "a.csv").as_posix()}))
 
 
 @pytest.mark.parametrize(

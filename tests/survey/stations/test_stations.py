@@ -4,6 +4,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
+from pipeline.survey.detect import detect_here
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
@@ -53,7 +54,10 @@ def test_a_byte_order_mark_and_windows_line_ends_are_accepted(tmp_path):
         ("A,a,0,0,2,2\nA,a,9,0,2,2\n", r":3: station a at \(9, 0\) is at \(0, 0\) in line 2"),
         ("A,a,0,0,2,2\nA,b,5,0,2,2\nA,c,9,0,2,2\nA,b,5,0,2,2\n", r":5: station b occurs twice in leg A"),
         ("A,a,0,0,2,2\nA,b,0,0,2,2\n", "stations a and b of leg A have one position"),
-        ("A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n", "legs B share no station with leg A"),
+        (
+            "A,a,0,0,2,2\nA,b,9,0,2,2\nB,c,0,50,2,2\nB,d,9,50,2,2\n",
+            r"legs B share no station with leg A: the nearest are a at \(0\.0, 0\.0\) and c at \(0\.0, 50\.0\), 50",
+        ),
         (
             "A,a,0,0,2,2\nA,b,9,0,2,2\nB,b,9,0,2,2\nB,c,9,9,2,2\nB,d,5,9,2,2\nB,e,5,-9,2,2\n",
             r"leg A \(a to b\) crosses leg B \(d to e\) at \(5\.00, 0\.00\)",
@@ -226,9 +230,91 @@ def test_pieces_of_a_table_with_heights_need_not_be_connected_and_the_longest_is
     assert "built is the one of 30 m about a; --piece (survey.piece) builds another: 20 m about c" in (
         capsys.readouterr().err
     )
-    path.write_text(path.read_text().replace(",7\n", ",5\n"))
-    with pytest.raises(InputError, match="legs B share no station with leg A"):
-        read_vector_survey(params)
+
+
+@pytest.mark.parametrize("heights", ["", "5"])
+def test_pieces_of_a_level_table_are_built_and_listed_as_those_with_heights(tmp_path, capsys, heights):
+    path = tmp_path / "a.csv"
+    rows = [("A", "a", 0, 0), ("A", "b", 30, 0), ("B", "c", 0, 50), ("B", "d", 20, 50)]
+    column = ",elevation_m" if heights else ""
+    text = [",".join(map(str, (*row, 2, 2, *heights))) for row in rows]
+    path.write_text("\n".join([HEADER.strip() + column, *text]))
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    params = params.model_copy(update={"file": path.as_posix()})
+    read = read_vector_survey(params)
+    assert (len(read.legs), len(read.workings.geoms), read.workings.bounds[3] < 3) == (0, 1, True)
+    assert "built is the one of 30 m about a; --piece (survey.piece) builds another: 20 m about c" in (
+        capsys.readouterr().err
+    )
+    for piece in ("c", (0.0, 51.0, 0.0 if not heights else 5.0)):
+        assert read_vector_survey(params.model_copy(update={"piece": piece})).workings.bounds[1] > 40
+    assert detect_here(str(path), {"piece": "c"}).values["values"]["piece"] == "c"
+    with pytest.raises(InputError, match="no station has this name; names like it are"):
+        read_vector_survey(params.model_copy(update={"piece": "e"}))
+
+
+def read_table(tmp_path, text, **values):
+    """Return the reading of a table of stations."""
+    params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
+    return read_vector_survey(params.model_copy(update={"file": write(tmp_path, text).as_posix(), **values}))
+
+
+FULL = "A,a,0,0,2,2{0}\nA,b,40,0,2,2{0}\nA,c,80,0,2,2{1}\n"
+
+
+@pytest.mark.parametrize("column", ["", ",elevation_m"])
+@pytest.mark.parametrize("unknown", ["", "-"])
+def test_a_wall_that_was_not_measured_is_taken_as_in_other_surveys_and_listed(tmp_path, capsys, column, unknown):
+    text = HEADER.strip() + column + "\n" + (FULL.format(",5", ",9") if column else FULL.format("", ""))
+    whole = read_table(tmp_path, text).workings
+    assert capsys.readouterr().err == ""
+    one = read_table(tmp_path, text.replace("40,0,2,2", f"40,0,2,{unknown}")).workings
+    assert one.symmetric_difference(whole).area < 1e-6
+    assert "1 of 6 distances left and right are not stated; on a side that half of a leg's" in capsys.readouterr().err
+    side = text.replace(",0,2,2", f",0,2,{unknown}")
+    with pytest.raises(InputError, match=r"no station has a distance to both walls; state it \(survey\.half_width_m"):
+        read_table(tmp_path, side)
+    assert read_table(tmp_path, side, half_width_m=3.0).workings.bounds[1] == pytest.approx(-3.0)
+    assert "3 of 3 stations of passages have no measured wall beside them; 3.00 m" in capsys.readouterr().err
+
+
+def test_repeated_rows_are_left_out_and_two_names_of_one_place_are_one_station(tmp_path, capsys):
+    once = HEADER + "A,a,0,0,2,2\nA,b,40,0,2,2\nB,b,40,0,2,2\nB,c,40,50,2,2\n"
+    whole = read_table(tmp_path, once).workings
+    assert capsys.readouterr().err == ""
+    twice = once.replace("A,b,40,0,2,2\n", "A,b,40,0,2,2\n" * 2)
+    assert read_table(tmp_path, twice).workings.equals(whole)
+    assert "1 rows repeat the row before, the first in line 4; left out" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r":4: station b occurs twice in leg A"):
+        read_table(tmp_path, once.replace("B,b,40", "A,b,40,0,2,3\nB,b,40"))
+    read = read_table(tmp_path, once.replace("B,b,40,0", "B,b2,40.008,0")).workings
+    assert read.symmetric_difference(whole).area < 1.0
+    told = capsys.readouterr().err
+    assert "1 stations have another name in another leg and are one with it, the first b2 and b at (40.0, 0.0)" in told
+    assert "pieces" not in told
+    with pytest.raises(InputError, match="stations a and b of leg A have one position"):
+        read_table(tmp_path, once.replace("A,b,40,0", "A,b,0,0").replace("B,b,40,0", "B,b,0,0"))
+
+
+def test_columns_in_feet_are_read_as_metres_and_listed(tmp_path, capsys):
+    metres = read_table(tmp_path, f"{HEADER}A,a,0,0,3.048,3.048\nA,b,30.48,0,3.048,3.048\n").workings
+    feet = f"{HEADER.replace('_m', '_ft')}A,a,0,0,10,10\nA,b,100,0,10,10\n"
+    assert read_table(tmp_path, feet).workings.symmetric_difference(metres).area < 1e-9
+    assert "4 columns are in feet of 0.3048 m (easting_ft, northing_ft, left_ft, right_ft)" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r":2: left_m = 'ten' is not a number"):
+        read_table(tmp_path, feet.replace("10,10\nA,b", "ten,10\nA,b"))
+
+
+def test_heights_under_the_step_are_listed_with_the_option_that_builds_them(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEADER.strip()},elevation_m\nA,a,0,0,2,2,10\nA,b,40,0,2,2,10.9\n")
+    assert not detect_here(str(path), {}).values["has_heights"]
+    told = capsys.readouterr().err
+    assert "its elevations differ by 0.90 m, no more than 1 m, and it is built level; survey.flat_step_m=0" in told
+    assert detect_here(str(path), {}, {"flat_step_m": 0.0}).values["has_heights"]
+    path.write_text(path.read_text().replace("10.9", "10"))
+    assert not detect_here(str(path), {}).values["has_heights"]
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

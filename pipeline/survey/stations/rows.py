@@ -1,0 +1,102 @@
+"""Rows of a station table: its columns, which may be in feet, and the numbers and names in them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import Counter
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.guard.csv_text import read_csv_text, separator_of
+from pipeline.guard.plain_file import require_at_most
+from pipeline.guard.plain_number import plain_number
+from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.survey.vector.shapes import REACH_M
+
+COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
+WALLS = COLUMNS[4:]
+HEIGHTS = ["elevation_m", "up_m", "down_m"]
+GRADE = "rise_over_run"
+_NUMBERS = [*COLUMNS[2:], *HEIGHTS, GRADE]
+_FOOT_M = 0.3048
+
+
+def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+    """Return the rows of a table, each with its line, as texts by the names of their columns in metres.
+
+    Raises
+    ------
+    InputError
+        If it is no table of stations, a column is missing or stands twice, or a name cannot be printed.
+    """
+    text = read_csv_text(path)
+    head, separator = text.partition("\n")[0], separator_of(text)
+    reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator, skipinitialspace=True)
+    try:
+        names = [name.strip().lower() for name in reader.fieldnames or []]
+        feet = [name for name in names if name.endswith("_ft") and _of_metres(name) in _NUMBERS]
+        reader.fieldnames = [_of_metres(name) if name in feet else name for name in names]
+        missing = [column for column in COLUMNS if column not in reader.fieldnames]
+        if missing:
+            raise InputError(
+                f"{path}: no column {', '.join(missing)} in the first line, {one_line(head, 100)!r}; expected "
+                f"{','.join(COLUMNS)}"
+            )
+        twice = [column for column, count in Counter(reader.fieldnames).items() if count > 1]
+        if twice:
+            raise InputError(f"{path}: the column {twice[0][:60]!r} stands twice")
+        rows = []
+        for number, row in enumerate(reader, 1):
+            require_at_most(path, number, "stations", "rows or more")
+            if None in row:
+                raise InputError(f"{path}:{reader.line_num}: more fields than columns")
+            if not any(text and text.strip() for text in row.values()):
+                continue
+            for column in ("leg", "station"):
+                _require_name(path, reader.line_num, column, row[column])
+            if separator != ",":  # where a comma does not part columns it may begin the decimals
+                row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
+            rows.append((reader.line_num, row | {_of_metres(name): _in_metres(row[_of_metres(name)]) for name in feet}))
+    except csv.Error as error:
+        raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error
+    if not rows:
+        raise InputError(f"{path}: no stations")
+    if feet:
+        warn_user(f"{path.name}: {len(feet)} columns are in feet of {_FOOT_M} m ({', '.join(feet)}); others in metres")
+    return rows
+
+
+def _of_metres(column: str) -> str:
+    """Return the name of the column in metres that a column in feet stands for."""
+    return column.removesuffix("_ft") + "_m"
+
+
+def _in_metres(feet: str | None) -> str | None:
+    """Return a number of feet as one of metres; what is no number stays, to be refused with its line."""
+    try:
+        return repr(plain_number(feet or "") * _FOOT_M)
+    except ValueError:
+        return feet
+
+
+def _require_name(path: Path, line: int, column: str, name: str | None) -> None:
+    """Refuse a name that is empty or holds control characters or invisible ones."""
+    if not (name and name.strip() and name.isprintable()):
+        raise InputError(f"{path}:{line}: {column} = {name!r:.60}: want a name of printable characters")
+
+
+def number_of(path: Path, line: int, column: str, text: str | None, reach_m: float = REACH_M) -> float:
+    """Return the number in a field; `InputError` names the line and the column if it is none or is out of reach."""
+    try:
+        value = plain_number(text or "")
+    except ValueError:
+        raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
+    if not math.isfinite(value):
+        raise InputError(f"{path}:{line}: {column} = {text} is not a finite number")
+    if abs(value) > reach_m:
+        raise InputError(
+            f"{path}:{line}: {column} = {text} is not within +-{reach_m:g} m; use coordinates from a local origin"
+        )
+    return value
