@@ -151,8 +151,8 @@ def _warn(path: Path, pieces: ClosedPieces, free: PiecedSpace, params: SolidSurv
         say(f"the normals of {free.turned} of {len(pieces.solids)} pieces point into the workings; they are turned")
     if free.touching:
         say(
-            f"{len(free.touching)} pairs of spaces touch at an edge or a point alone, and get {PARTED_M:g} m of rock "
-            f"between them, the first at {_at(free.touching[0])}"
+            f"{len(free.touching)} pairs of spaces touch at an edge or a point alone, the first at "
+            f"{_at(free.touching[0])}; {PARTED_M:g} m of rock part them"
         )
     if pieces.flipped:
         say(f"{pieces.flipped} triangles are turned the way of their neighbours")
