@@ -23,13 +23,14 @@ _POCKET_M3 = 1e-3  # of free space that becomes rock
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 
 
-def without_thin_rock(volume: Volume, ways: np.ndarray) -> Volume:
+def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.inf) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
     In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
     between them stay two, and rock without a thickness gets one. Nothing is put on floors, so that they keep their
     heights: what a part below them reaches gets the rock. Nor is it put on places (n, 3) m of surveyed ways, which may
-    run on a wall. Each round looks about the rock of the one before.
+    run on a wall. Rock that floats stays if it is larger than `floating_m3`. Each round looks about the rock of the one
+    before.
     """
     some: np.ndarray | None = None
     tree = cKDTree(ways)
@@ -40,11 +41,11 @@ def without_thin_rock(volume: Volume, ways: np.ndarray) -> Volume:
             break
         changed = volume.vertices[volume.faces[facets]]
         about = Neighbourhood(volume, changed, 3 * half_m)
-        thick = _thickened(about, about.numbers(facets), half_m)
+        thick = _thickened(about, about.numbers(facets), half_m, floating_m3)
         volume = about.put_back(without_slivers(thick, kept=about.at_border(thick)))
         some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
     one = keyed(volume, volume.vertices, volume.label)
-    return volume_of(KeyedSolid(without_crumbs(one.solid), one.keys), volume)
+    return volume_of(KeyedSolid(without_crumbs(one.solid, floating_m3=floating_m3), one.keys), volume)
 
 
 def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:
@@ -84,7 +85,7 @@ def _frames(volume: Volume, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return normal, along, np.cross(normal, along)
 
 
-def _thickened(about: Neighbourhood, facets: np.ndarray, half_m: float) -> Volume:
+def _thickened(about: Neighbourhood, facets: np.ndarray, half_m: float, floating_m3: float) -> Volume:
     """Return a volume without what is before some of its facets: prisms with bevelled edges, wider than the facet.
 
     They are twice as deep as `half_m`, and so much wider on each side. Pockets that they cut off become rock.
@@ -102,7 +103,7 @@ def _thickened(about: Neighbourhood, facets: np.ndarray, half_m: float) -> Volum
         keys[body.original_id()] = len(FacetLabel) * int(volume.source[k]) + FacetLabel.WALL
         bodies.append(body)
     cut = manifold3d.Manifold.batch_boolean([one.solid, *bodies], manifold3d.OpType.Subtract)
-    solid = without_crumbs(cut, _POCKET_M3, [body.original_id() for body in bodies], border)
+    solid = without_crumbs(cut, _POCKET_M3, [body.original_id() for body in bodies], border, floating_m3)
     found = volume_of(KeyedSolid(solid, keys), volume)
     up = found.normals[:, 2] > _ROOF_NZ * np.linalg.norm(found.normals, axis=1)
     found.label[up & (found.label == FacetLabel.WALL)] = FacetLabel.ROOF

@@ -134,11 +134,16 @@ def mesh_of(solid: manifold3d.Manifold, numbers: dict[int, int]) -> tuple[np.nda
 
 
 def without_crumbs(
-    solid: manifold3d.Manifold, least_m3: float = _CRUMB_M3, cut_by: list[int] | None = None, border: Sequence[int] = ()
+    solid: manifold3d.Manifold,
+    least_m3: float = _CRUMB_M3,
+    cut_by: list[int] | None = None,
+    border: Sequence[int] = (),
+    floating_m3: float = np.inf,
 ) -> manifold3d.Manifold:
     """Return the solid without its shells of a volume up to `least_m3`, m3.
 
-    A shell of rock that floats in the free space has a volume below 0: it is a gap between hulls, and becomes free.
+    A shell of rock that floats in the free space has a volume below 0: it is a gap between hulls, and becomes free if
+    it is no larger than `floating_m3`.
     With surfaces `cut_by`, by manifold3d's numbers, only shells of free space go that these bound; with those of a
     `border`, only shells that it does not bound.
     """
@@ -151,7 +156,7 @@ def without_crumbs(
     about = vertices[np.unique(part, return_index=True)[1]][shell]
     a, b, c = np.moveaxis(vertices[faces] - about[:, None], 1, 0)
     volume = np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6, count)
-    is_kept = volume > least_m3
+    is_kept = (volume > least_m3) | (volume < -floating_m3)
     surface = np.repeat(mesh.run_original_id, np.diff(np.asarray(mesh.run_index).astype(int)) // 3)
     is_kept[shell[np.isin(surface, border)]] = True
     if cut_by is not None:

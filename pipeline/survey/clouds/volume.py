@@ -17,8 +17,9 @@ from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import cells_at, grown, keys_of
-from pipeline.survey.solids.closing import close_solids
+from pipeline.survey.solids.closing import close_pieces
 from pipeline.survey.solids.decimate import decimated
+from pipeline.survey.solids.free_space import union_of
 
 _WELD_M = 1e-6
 _FLAW_VOXELS = 10  # wide is a hole that marching cubes may leave where four surfaces meet in an edge
@@ -182,7 +183,7 @@ def _seen(walls: Walls, way_m: np.ndarray) -> Flood:
 
 def _largest(vertices: np.ndarray, faces: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a surface, closed, without pieces that it encloses or that lie apart."""
-    closed = close_solids(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
-    largest = max(closed.solid.decompose(), key=lambda piece: piece.volume())
+    closed = close_pieces(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
+    largest = max(union_of(closed.solids).decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Closed solids from triangles: welded, turned the same way, holes filled, and joined by union."""
+"""Closed pieces from triangles: welded, parted, turned outwards, and holes filled."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import InputError
+from pipeline.survey.solids.pieces import edges_of, joined_by_edges, part_pieces
 
 _LEAST_M2 = 1e-12  # twice a triangle's area
-_LEAST_M3 = 1e-3  # of a solid: smaller ones are crumbs of a mesh
+LEAST_M3 = 1e-3  # of a solid: smaller ones are crumbs of a mesh
 _ENCLOSES_NONE = "its triangles enclose no space; --voxel M reads them as a scan, and bridges gaps of M metres"
 
 
@@ -25,32 +24,32 @@ class Hole:
 
 
 @dataclass(frozen=True)
-class ClosedSolids:
-    """The free space of closed meshes, and what was done to close them.
+class ClosedPieces:
+    """Closed pieces of a mesh, turned outwards, and what was done to close them.
 
-    `dropped_m2` is the area of `dropped` pieces that enclose nothing, or too little; `turned` counts the pieces whose
-    normals pointed inwards, `flipped` the triangles that were turned the other way than their neighbours.
+    `outwards` (n,) is which of their normals pointed out of them before, `flipped` counts the triangles that were
+    turned the other way than their neighbours. `dropped_m2` is the area of `dropped` pieces that enclose nothing, or
+    too little.
     """
 
-    solid: manifold3d.Manifold
-    pieces: int
+    solids: list[manifold3d.Manifold]
+    outwards: np.ndarray
     holes: list[Hole]
     dropped: int
     dropped_m2: float
-    turned: int
     flipped: int
 
 
-def close_solids(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest_hole_m: float) -> ClosedSolids:
-    """Return the union of the solids that triangles enclose.
+def close_pieces(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest_hole_m: float) -> ClosedPieces:
+    """Return the closed pieces of a mesh, which may share faces, edges and corners.
 
-    Corners nearer than `weld_m` are one. Triangles at an edge that more than two share are left out, and the hole that
-    they leave is filled like others: up to the width `largest_hole_m`.
+    Corners nearer than `weld_m` are one. Holes are filled, up to the width `largest_hole_m`.
 
     Parameters
     ----------
     vertices : (n, 3) float64, m
     faces : (m, 3) int64
+        In the file's order.
     weld_m, largest_hole_m : float
 
     Raises
@@ -59,22 +58,24 @@ def close_solids(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest
         If a hole is wider, or nothing is enclosed. The message names the place of the largest hole.
     """
     vertices, faces = _welded(vertices, faces, weld_m)
+    vertices, faces, flipped = part_pieces(vertices, faces)
     faces = _two_a_side(faces, len(vertices))
     if not len(faces):
         raise InputError(_ENCLOSES_NONE)
-    faces, flipped = _turned_alike(faces, len(vertices))
-    solids, holes, dropped, dropped_m2, turned = [], [], 0, 0.0, 0
+    solids, outwards, holes, dropped, dropped_m2 = [], [], [], 0, 0.0
     wide: list[Hole] = []
     for some in _pieces(faces, len(vertices)):
         closed, filled = _filled(vertices, some)
         volume = _signed_m3(vertices, closed)
-        if abs(volume) < _LEAST_M3:
+        if abs(volume) < LEAST_M3:
             dropped, dropped_m2 = dropped + 1, dropped_m2 + _area_m2(vertices, some)
             continue
         wide += [hole for hole in filled if hole.edge_m > np.pi * largest_hole_m]
         holes += filled
-        turned += volume < 0
-        solids.append(_manifold(vertices, closed if volume > 0 else closed[:, ::-1]))
+        solid = _manifold(vertices, closed if volume > 0 else closed[:, ::-1])
+        if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
+            solids.append(solid)
+            outwards.append(volume > 0)
     if wide:
         worst = max(wide, key=lambda hole: hole.edge_m)
         x, y, z = worst.middle_m
@@ -82,11 +83,9 @@ def close_solids(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest
             f"a hole {worst.edge_m / np.pi:.2f} m wide at ({x:.1f}, {y:.1f}, {z:.1f}) m and {len(wide) - 1} others are "
             f"over {largest_hole_m:g} m; --close M fills holes up to M metres"
         )
-    solids = [solid for solid in solids if solid.status() == manifold3d.Error.NoError and not solid.is_empty()]
     if not solids:
         raise InputError(_ENCLOSES_NONE)
-    union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    return ClosedSolids(union, len(solids), holes, dropped, dropped_m2, turned, flipped)
+    return ClosedPieces(solids, np.array(outwards), holes, dropped, dropped_m2, flipped)
 
 
 def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
@@ -95,66 +94,26 @@ def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
 
 
 def _welded(vertices: np.ndarray, faces: np.ndarray, weld_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices of which none are nearer than the cells of a grid, and the triangles with an area, each once."""
+    """Return vertices of which none are nearer than the cells of a grid, and the triangles with an area."""
     origin = vertices.min(axis=0)
     _, first, number = np.unique(np.round((vertices - origin) / weld_m), axis=0, return_index=True, return_inverse=True)
     vertices, faces = vertices[first], number.reshape(-1)[faces]
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     real = np.linalg.norm(np.cross(b - a, c - a), axis=1) > _LEAST_M2
     real &= (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    faces = faces[real]
-    _, once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    return vertices, faces[np.sort(once)]
-
-
-def _edges(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return for each side (3 m,) of the triangles a number of its edge, whether it goes up it, and its triangle."""
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    low, high = ends.min(axis=1), ends.max(axis=1)
-    number = np.unique(low * count + high, return_inverse=True)[1].reshape(-1)
-    return number, ends[:, 0] < ends[:, 1], np.tile(np.arange(len(faces)), 3)
+    return vertices, faces[real]
 
 
 def _two_a_side(faces: np.ndarray, count: int) -> np.ndarray:
     """Return the triangles without those at an edge that more than two share."""
-    number, _, triangle = _edges(faces, count)
+    number, _, triangle = edges_of(faces, count)
     crowded = np.bincount(number)[number] > 2
     return np.delete(faces, np.unique(triangle[crowded]), axis=0)
 
 
-def _neighbours(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs (k, 2) of triangles at one edge, and whether both go along it the same way."""
-    number, up, triangle = _edges(faces, count)
-    order = np.argsort(number, kind="stable")
-    same = np.flatnonzero(number[order][1:] == number[order][:-1])
-    one, two = order[same], order[same + 1]
-    return np.column_stack([triangle[one], triangle[two]]), up[one] == up[two]
-
-
-def _turned_alike(faces: np.ndarray, count: int) -> tuple[np.ndarray, int]:
-    """Return the triangles with those turned over that go along an edge the way their neighbour does."""
-    n = len(faces)
-    pairs, differ = _neighbours(faces, count)
-    # Each triangle stands twice, as it is and turned over; what agrees is one component.
-    i, j = pairs.T
-    ends = np.concatenate([np.where(differ, j + n, j), np.where(differ, j, j + n)])
-    graph = coo_matrix((np.ones(2 * len(i)), (np.concatenate([i, i + n]), ends)), (2 * n, 2 * n))
-    part = connected_components(graph, directed=False)[1]
-    turn = part[:n] > part[n:]
-    # A piece keeps the way of most of its triangles.
-    piece = np.minimum(part[:n], part[n:])
-    share = np.bincount(piece, turn) / np.maximum(np.bincount(piece), 1)
-    turn ^= share[piece] > 0.5
-    turned = faces.copy()
-    turned[turn] = turned[turn][:, ::-1]
-    return turned, int(turn.sum())
-
-
 def _pieces(faces: np.ndarray, count: int) -> list[np.ndarray]:
     """Return the triangles of each piece that is joined by edges."""
-    pairs, _ = _neighbours(faces, count)
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (len(faces), len(faces)))
-    part = connected_components(graph, directed=False)[1]
+    part = joined_by_edges(faces, count)
     order = np.argsort(part, kind="stable")
     return [faces[rows] for rows in np.split(order, np.cumsum(np.bincount(part))[:-1])]
 
@@ -173,7 +132,7 @@ def _filled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[H
 
 def _boundary(faces: np.ndarray, count: int) -> list[np.ndarray]:
     """Return the rings of corners of the edges with one triangle, the other way than that goes."""
-    number, _, _ = _edges(faces, count)
+    number, _, _ = edges_of(faces, count)
     alone = np.bincount(number)[number] == 1
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])[alone]
     following: dict[int, list[int]] = {}

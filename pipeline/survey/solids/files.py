@@ -93,7 +93,8 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
             if np.shape(mesh.vertices)[1:] != (3,):
                 raise InputError(f"{path}: corners of {np.shape(mesh.vertices)[1]} numbers, want 3")
             vertices = np.asarray(mesh.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
-            yield str(name), vertices, np.asarray(mesh.faces, np.int64)
+            faces = np.asarray(mesh.faces, np.int64)
+            yield str(name), vertices, faces[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else faces  # a mirror
 
 
 def _read_dxf(path: Path) -> list[Mesh]:

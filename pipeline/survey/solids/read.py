@@ -16,9 +16,10 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.survey.solids.closing import ClosedSolids, close_solids
+from pipeline.survey.solids.closing import ClosedPieces, close_pieces
 from pipeline.survey.solids.decimate import decimated
 from pipeline.survey.solids.files import read_triangles
+from pipeline.survey.solids.free_space import PARTED_M, PiecedSpace, Place, free_space_of
 from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
@@ -71,9 +72,10 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     if np.abs(vertices).max() > REACH_M:
         raise InputError(f"{path}: reaches {np.abs(vertices).max():.0f} m far, beyond {REACH_M:g} m; --unit states it")
     try:
-        closed = close_solids(vertices, read.faces, params.weld_m, params.close_m)
-        tolerance = params.simplify_m if is_stated else _tolerance(closed, params.simplify_m)
-        corners, faces, moved_m = _simplified(closed, tolerance)
+        pieces = close_pieces(vertices, read.faces, params.weld_m, params.close_m)
+        free = free_space_of(pieces, params.weld_m)
+        tolerance = params.simplify_m if is_stated else _tolerance(free.solid, params.simplify_m)
+        corners, faces, moved_m = _simplified(free.solid, tolerance)
     except InputError as error:
         doubt = "" if params.unit or read.unit else "; the file states no unit and is read in metres (--unit)"
         raise InputError(f"{path}: {error}{doubt}") from error
@@ -83,16 +85,16 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
             0
         ]
     if not is_stated:
-        _warn(path, closed, params)
+        _warn(path, pieces, free, params)
         if tolerance > KEPT_M:
             warn_user(
-                f"{path.name}: {closed.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
+                f"{path.name}: {free.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
                 f"fifths move by at most {max(tolerance, round(moved_m, 3)):g} m; --simplify M"
             )
     solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
     unit_is_guess, up_is_guess = not (params.unit or read.unit), params.up is None and read.up == "z"
-    return SolidReading(solid, view_from_above(closed.solid), place, tolerance, unit_is_guess, up_is_guess)
+    return SolidReading(solid, view_from_above(free.solid), place, tolerance, unit_is_guess, up_is_guess)
 
 
 def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
@@ -103,13 +105,13 @@ def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _tolerance(closed: ClosedSolids, stated_m: float) -> float:
+def _tolerance(solid: manifold3d.Manifold, stated_m: float) -> float:
     """Return how far a mesh is simplified, m: as stated, or 3 cm if it has more facets than a world."""
-    return stated_m if closed.solid.simplify(KEPT_M).num_tri() <= MOST_FACETS else max(stated_m, _SCANNED_M)
+    return stated_m if solid.simplify(KEPT_M).num_tri() <= MOST_FACETS else max(stated_m, _SCANNED_M)
 
 
-def _simplified(closed: ClosedSolids, tolerance_m: float) -> tuple[np.ndarray, np.ndarray, float]:
-    found = closed.solid.to_mesh64()
+def _simplified(solid: manifold3d.Manifold, tolerance_m: float) -> tuple[np.ndarray, np.ndarray, float]:
+    found = solid.to_mesh64()
     vertices, faces = np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
     if tolerance_m > KEPT_M:
         return decimated(vertices, faces, tolerance_m, MOST_FACETS)
@@ -130,20 +132,33 @@ def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
     return MultiPolygon(found)
 
 
-def _warn(path: Path, closed: ClosedSolids, params: SolidSurveyParams) -> None:
-    """Warn of what was closed, turned and left out."""
+def _warn(path: Path, pieces: ClosedPieces, free: PiecedSpace, params: SolidSurveyParams) -> None:
+    """Warn of what was closed, turned, left out, taken for rock, and of what only touches."""
     say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
-    if closed.holes:
-        widest = sorted(closed.holes, key=lambda hole: -hole.edge_m)
-        listed = ", ".join(
-            f"{hole.edge_m / np.pi:.2f} m at ({hole.middle_m[0]:.1f}, {hole.middle_m[1]:.1f}, {hole.middle_m[2]:.1f})"
-            for hole in widest[:_NAMED]
-        )
+    if pieces.holes:
+        widest = sorted(pieces.holes, key=lambda hole: -hole.edge_m)
+        listed = ", ".join(f"{hole.edge_m / np.pi:.2f} m at {_at(hole.middle_m)}" for hole in widest[:_NAMED])
         more = f" and {len(widest) - _NAMED} more" if len(widest) > _NAMED else ""
         say(f"{len(widest)} holes are closed: {listed}{more}; the widest allowed is {params.close_m:g} m (--close M)")
-    if closed.turned:
-        say(f"the normals of {closed.turned} of {closed.pieces} pieces point into the workings; they are turned")
-    if closed.flipped:
-        say(f"{closed.flipped} triangles are turned the way of their neighbours")
-    if closed.dropped:
-        say(f"{closed.dropped} pieces of {closed.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
+    if free.rock:
+        largest = max(free.rock, key=lambda rock: rock.volume_m3)
+        say(
+            f"{len(free.rock)} of {len(pieces.solids)} pieces are rock in the workings, as their normals point the "
+            f"other way: {sum(rock.volume_m3 for rock in free.rock):.4g} m3, the largest {largest.volume_m3:.4g} m3 "
+            f"at {_at(largest.middle_m)}"
+        )
+    if free.turned:
+        say(f"the normals of {free.turned} of {len(pieces.solids)} pieces point into the workings; they are turned")
+    if free.touching:
+        say(
+            f"{len(free.touching)} pairs of spaces touch at an edge or a point alone, the first at "
+            f"{_at(free.touching[0])}; {PARTED_M:g} m of rock part them"
+        )
+    if pieces.flipped:
+        say(f"{pieces.flipped} triangles are turned the way of their neighbours")
+    if pieces.dropped:
+        say(f"{pieces.dropped} pieces of {pieces.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
+
+
+def _at(place: Place) -> str:
+    return f"({place[0]:.1f}, {place[1]:.1f}, {place[2]:.1f})"

@@ -32,6 +32,7 @@ from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, 
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
+_FLOATING_M3 = 1e-3  # of rock in the free space of a solid: a smaller piece is no piece of a file
 _NAMED = 5  # stations that a message names
 
 
@@ -60,7 +61,8 @@ def compile_volume(
     try:
         if len(floors):
             solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
-        made = _of_solid(params, surveyed, solid) if len(solid) else _of_legs(params, surveyed)
+        floating_m3 = np.inf if len(floors) else _FLOATING_M3
+        made = _of_solid(params, surveyed, solid, floating_m3) if len(solid) else _of_legs(params, surveyed)
         return _files_of(params, made)
     except (ValueError, MineError) as error:
         raise GeometryError(f"{subject}: {error}") from error
@@ -130,9 +132,9 @@ def _warn_of_lowered(network: SurveyNetwork, height_m: float) -> None:
         )
 
 
-def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh) -> _VolumeDraft:
+def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
     robot = robot_size(params.volume)
-    solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)))
+    solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3)
     solved = replace(solved, label=labels_of(solved.vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)

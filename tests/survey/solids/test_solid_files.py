@@ -1,5 +1,7 @@
 """Solids of workings: read from every mesh format, closed, and joined."""
 
+from types import SimpleNamespace
+
 import manifold3d
 import numpy as np
 import pytest
@@ -7,8 +9,9 @@ import trimesh
 
 from benchmarks.scans.solid_files import write, write_surpac
 from pipeline.errors import InputError
-from pipeline.survey.solids.closing import close_solids
+from pipeline.survey.solids.closing import close_pieces
 from pipeline.survey.solids.files import read_triangles
+from pipeline.survey.solids.free_space import free_space_of
 
 WELD_M, HOLE_M = 1e-4, 0.5
 
@@ -24,7 +27,8 @@ def crossing_tunnels():
 def closed(path, largest_hole_m=HOLE_M, layers=None):
     read = read_triangles(path, path.read_bytes(), layers)
     vertices = read.vertices[:, [0, 2, 1]] * [1, -1, 1] if read.up == "y" else read.vertices
-    return read, close_solids(vertices, read.faces, WELD_M, largest_hole_m)
+    pieces = close_pieces(vertices, read.faces, WELD_M, largest_hole_m)
+    return read, SimpleNamespace(**vars(pieces) | vars(free_space_of(pieces, WELD_M)))
 
 
 @pytest.mark.parametrize(
@@ -36,7 +40,7 @@ def test_a_solid_has_the_same_volume_and_place_from_every_format(tmp_path, name)
     read, found = closed(tmp_path / name)
     assert found.solid.volume() == pytest.approx(volume, abs=1e-4)
     assert found.solid.bounding_box() == pytest.approx((*vertices.min(axis=0), *vertices.max(axis=0)), abs=1e-5)
-    assert (found.pieces, found.holes, found.turned, found.flipped) == (1, [], 0, 0)
+    assert (len(found.solids), found.holes, found.turned, found.flipped) == (1, [], 0, 0)
     assert read.unit == ("m" if name.endswith(("glb", "dxf")) else None)
 
 
@@ -78,6 +82,13 @@ def test_inverted_normals_are_turned_and_counted(tmp_path):
     assert (found.turned, found.solid.volume()) == (1, pytest.approx(volume))
 
 
+def test_a_mesh_that_its_place_in_a_scene_mirrors_keeps_its_sense(tmp_path):
+    scene = trimesh.Scene()
+    scene.add_geometry(trimesh.creation.box(extents=[6, 2, 2]), transform=np.diag([1.0, 1.0, -1.0, 1.0]))
+    scene.export(tmp_path / "a.glb")
+    assert closed(tmp_path / "a.glb")[1].turned == 0
+
+
 def test_single_triangles_that_are_turned_over_are_turned_back(tmp_path):
     vertices, faces, volume = crossing_tunnels()
     faces[[2, 9, 11]] = faces[[2, 9, 11]][:, ::-1]
@@ -102,7 +113,7 @@ def test_solids_that_overlap_are_joined(tmp_path):
     two.apply_translation([4, 0.5, 0])
     trimesh.util.concatenate([one, two]).export(tmp_path / "a.stl")
     found = closed(tmp_path / "a.stl")[1]
-    assert (found.pieces, found.solid.volume()) == (2, pytest.approx(2 * 24 - 2 * 1.5 * 2))
+    assert (len(found.solids), found.solid.volume()) == (2, pytest.approx(2 * 24 - 2 * 1.5 * 2))
 
 
 def test_a_crumb_is_dropped_with_its_area(tmp_path):
@@ -164,7 +175,6 @@ def test_a_triangle_of_a_corner_that_is_not_there_is_refused(tmp_path):
 
 
 def test_the_scanned_cave_closes(shared_rock):
-    read = read_triangles(shared_rock, shared_rock.read_bytes())
-    found = close_solids(read.vertices, read.faces, WELD_M, 3.0)
-    assert found.solid.volume() == pytest.approx(19.86, abs=0.01)
-    assert (found.pieces, len(found.holes), found.turned) == (3, 13, 3)
+    _, found = closed(shared_rock, 3.0)
+    assert found.solid.volume() == pytest.approx(19.88, abs=0.01)
+    assert (len(found.solids), len(found.holes), found.turned) == (3, 9, 3)

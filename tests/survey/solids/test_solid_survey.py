@@ -90,3 +90,24 @@ def test_a_mesh_that_encloses_nothing_is_refused_by_name(tmp_path):
     write(tmp_path / "a.obj", np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     with pytest.raises(InputError, match=r"a\.obj: its triangles enclose no space"):
         read(tmp_path / "a.obj")
+
+
+def box(low, high, is_rock=False):
+    found = trimesh.creation.box(bounds=[low, high])
+    return trimesh.Trimesh(found.vertices, found.faces[:, ::-1] if is_rock else found.faces, process=False)
+
+
+def test_rock_in_the_workings_is_listed_with_the_place_of_the_largest_and_has_no_plan(tmp_path):
+    pillars = [box([x, 12, 0], [x + d, 18, 3.5], is_rock=True) for x, d in ((4, 2), (12, 6))]
+    trimesh.util.concatenate([box([0, 0, 0], [30, 30, 3.5]), *pillars]).export(tmp_path / "a.stl")
+    said = remarks_of(tmp_path / "a.stl")
+    assert "2 of 3 pieces are rock in the workings" in said
+    assert "168 m3, the largest 126 m3 at (15.0, 15.0, 1.8)" in said
+    assert read(tmp_path / "a.stl").workings.area == pytest.approx(900 - 48)
+
+
+def test_spaces_that_only_touch_are_listed(tmp_path):
+    trimesh.util.concatenate([box([0, 0, 0], [30, 4, 3.5]), box([30, 4, 0], [60, 8, 3.5])]).export(tmp_path / "a.stl")
+    said = remarks_of(tmp_path / "a.stl")
+    assert "1 pairs of spaces touch at an edge or a point alone, the first at (30.0, 4.0, 1.8)" in said
+    assert "0.05 m of rock part them" in said

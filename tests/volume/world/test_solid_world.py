@@ -151,7 +151,43 @@ def test_the_world_of_a_solid_is_certified_against_it(world):
 
 def test_the_world_of_another_solid_breaks_its_clauses(world):
     other = mesh_of(crossing().translate([0.5, 0, 0]))
-    assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm"}
+    assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm", "solid.lump_m3"}
+
+
+def room_with(*pillars):
+    """A room of 70 m by 70 m, 3 m high, without boxes (low, high) m of rock."""
+    room = manifold3d.Manifold.cube([70, 70, 3])
+    for low, high in np.array(pillars, float):
+        room -= manifold3d.Manifold.cube((high - low).tolist()).translate(low.tolist())
+    return room
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    path = tmp_path_factory.mktemp("room") / "a.ply"
+    mesh = mesh_of(room_with())
+    trimesh.Trimesh(mesh.vertices, mesh.faces).export(path)
+    return VolumeWorld.from_solid(path)
+
+
+def test_a_pillar_that_a_world_lacks_is_a_lump_even_if_it_is_little_of_the_solid(room):
+    pillar = mesh_of(room_with([[30, 30, 0], [30.5, 30.5, 3]]))
+    found = validated(room.opened(), solid=pillar)
+    assert broken(found) == {"solid.lump_m3"}
+    assert found.metrics["solid"]["lump_m3"] == pytest.approx(0.75)
+    assert found.metrics["solid"]["lump_at"] == "free at 30.2, 30.2, 1.5"
+    assert broken(validated(room.opened(), solid=mesh_of(room_with()))) == set()
+
+
+@pytest.mark.parametrize(
+    "low_high", [[[10, 10, 0], [14, 14, 3]], [[10, 10, 1], [14, 14, 2]], [[-1, 10, 1], [1, 14, 2]]]
+)
+def test_a_pillar_and_rock_that_floats_or_stands_out_are_built(tmp_path, low_high):
+    solid = room_with(low_high)
+    compiled(solid, tmp_path)
+    built = closed_volume(decode(tmp_path / VOLUME, VolumeFacets))
+    assert built.solid.volume() == pytest.approx(solid.volume())
+    assert not facets_without_part(built)
 
 
 def test_a_shaft_over_a_station_is_not_the_height_of_its_passage(tmp_path):

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import manifold3d
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
@@ -23,7 +22,6 @@ from pipeline.store.verify import verify_world
 from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import measure_enclosure
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m
@@ -37,13 +35,13 @@ from pipeline.volume.world.proof.physics import ROBOTS, RobotsAtRest, measure_st
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
 from pipeline.volume.world.proof.region import region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
+from pipeline.volume.world.proof.solid import measure_solid
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
-_SAMPLES = 100_000  # points on the surface of a solid
 _PLACES = 5  # where bodies are thrown in a mine that is too large for one model: most of the time goes by parts
 
 
@@ -137,7 +135,7 @@ def validate_volume(
         },
         **({"drawn": _drawn(params, volume, floors, surveyed)} if len(floors) else {}),
         **(
-            {"solid": _solid(volume, solid, rng)}
+            {"solid": measure_solid(volume, solid, rng)}
             if len(solid)
             else {
                 "survey": _survey(params, surveyed, world, volume),
@@ -159,28 +157,6 @@ def validate_volume(
     certificate = certify(world.record.world_sha256, figures, params.applying(metrics))
     certificate = dataclasses.replace(certificate, contacts=int(figures.get("robots.contacts", 0)))
     return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate, scan, rays)
-
-
-def _solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> dict[str, Any]:
-    """Return how the volume follows the solid that was read: by their booleans and by points on the solid's surface."""
-    wanted = manifold3d.Manifold(
-        manifold3d.Mesh64(np.array(solid.vertices, order="C"), solid.faces.astype(np.uint64, order="C"))
-    )
-    both, either = (wanted ^ volume.solid).volume(), (wanted + volume.solid).volume()
-    a, b, c = np.moveaxis(solid.vertices[solid.faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    facet = rng.choice(len(area), _SAMPLES, p=area / area.sum())
-    share = rng.dirichlet(np.ones(3), _SAMPLES)
-    points = np.einsum("ki,kij->kj", share, solid.vertices[solid.faces[facet]])
-    off = np.abs(Inside(volume).distance_m(points))
-    return {
-        "iou": round(both / either, 6),
-        "median_mm": round(_MM * float(np.median(off)), 3),
-        "largest_mm": round(_MM * float(off.max()), 3),
-        "within_5cm": round(float((off <= 0.05).mean()), 6),
-        "within_10cm": round(float((off <= 0.1).mean()), 6),
-        "area_m2": round(float(area.sum()) / 2, 3),
-    }
 
 
 def _drawn(params: VolumeProofParams, volume: Volume, floors: FloorMesh, shafts: SurveyedLegs) -> dict[str, Any]:

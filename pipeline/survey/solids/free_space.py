@@ -1,0 +1,121 @@
+"""The free space that closed pieces make: the union of those of free space, without those of rock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import manifold3d
+import numpy as np
+
+from pipeline.survey.solids.closing import LEAST_M3, ClosedPieces
+from pipeline.survey.solids.contacts import overlapping
+
+Place = tuple[float, float, float]
+PARTED_M = 0.05  # of rock between spaces that touch: bodies sink in where it is thinner than 2 cm
+
+
+@dataclass(frozen=True)
+class Rock:
+    """A piece of rock in the free space: the middle of its box, and its volume."""
+
+    middle_m: Place
+    volume_m3: float
+
+
+@dataclass(frozen=True)
+class PiecedSpace:
+    """The free space of pieces.
+
+    `rock` lists those that are rock, `turned` counts others whose normals pointed into them, and `touching` are places
+    where spaces touched at an edge or a point alone, which are parted.
+    """
+
+    solid: manifold3d.Manifold
+    rock: list[Rock]
+    turned: int
+    touching: list[Place]
+
+
+def free_space_of(pieces: ClosedPieces, weld_m: float) -> PiecedSpace:
+    """Return the union of the pieces of free space without those of rock.
+
+    Normals of free space point out of it, or into it: as those of the pieces that have more volume in all. A piece of
+    the other sense is rock if most of its volume is inside them; else it is turned. A piece of free space most of which
+    is inside rock is cut into that. Pieces that meet in a face, to `weld_m`, m, are joined; spaces that touch at an
+    edge or a point get rock between them.
+    """
+    solids, outwards = pieces.solids, pieces.outwards
+    volumes = np.array([solid.volume() for solid in solids])
+    others = np.flatnonzero(outwards != (volumes[outwards].sum() >= volumes[~outwards].sum())).tolist()
+    free = union_of([solid for k, solid in enumerate(solids) if k not in others])
+    rock = [k for k in others if _is_rock(solids[k], free)]
+    taken = union_of([solids[k] for k in rock])
+    cut = [k for k in range(len(solids)) if rock and k not in rock and _is_inside(solids[k], taken)]
+    about = [k for k in range(len(solids)) if k not in cut]
+    meeting = dict(zip(about, overlapping([solids[k] for k in about], np.isin(about, rock), weld_m), strict=True))
+    found = union_of([meeting[k] for k in about if k not in rock])
+    if rock:
+        found = union_of([found - union_of([meeting[k] for k in rock]), *(solids[k] for k in cut)])
+    found, touching = _parted(found, weld_m) if len(solids) > 1 else (found, [])
+    turned = sum(not outwards[k] for k in range(len(solids)) if k not in rock)
+    return PiecedSpace(found, [Rock(_middle(solids[k]), solids[k].volume()) for k in rock], turned, touching)
+
+
+def union_of(solids: list[manifold3d.Manifold]) -> manifold3d.Manifold:
+    """Return the union of solids."""
+    return manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+
+
+def _is_rock(solid: manifold3d.Manifold, free: manifold3d.Manifold) -> bool:
+    """Return whether most of a piece of the other sense is in the free space, and it is no copy of that."""
+    return _is_inside(solid, free) and (free - solid).volume() > LEAST_M3
+
+
+def _is_inside(solid: manifold3d.Manifold, other: manifold3d.Manifold) -> bool:
+    return bool((solid ^ other).volume() > solid.volume() / 2)
+
+
+def _parted(free: manifold3d.Manifold, weld_m: float) -> tuple[manifold3d.Manifold, list[Place]]:
+    """Return the free space with rock between spaces no farther apart than a weld, m, and the places where.
+
+    The smaller space gets the rock: as far as it is beside the other's facets there.
+    """
+    shells = free.decompose()
+    spaces = sorted((shell for shell in shells if shell.volume() > 0), key=lambda space: -space.volume())
+    boxes = np.array([space.bounding_box() for space in spaces]).reshape(-1, 2, 3)
+    places, rock = list[Place](), {k: list[manifold3d.Manifold]() for k in range(len(spaces))}
+    for k, (low, high) in enumerate(boxes):
+        least, most = np.maximum(low, boxes[:k, 0]), np.minimum(high, boxes[:k, 1])
+        for j in np.flatnonzero((least <= most + weld_m).all(axis=1)).tolist():
+            if spaces[k].min_gap(spaces[j], 2 * weld_m) <= weld_m:
+                x, y, z = ((least[j] + most[j]) / 2).tolist()
+                places.append((x, y, z))
+                rock[k].append(_about_facets(spaces[j], least[j] - weld_m, most[j] + weld_m))
+    if not places:
+        return free, []
+    floating = [_turned_over(shell) for shell in shells if shell.volume() <= 0]
+    parted = union_of([space - union_of(rock[k]) if rock[k] else space for k, space in enumerate(spaces)])
+    return parted - union_of(floating) if floating else parted, places
+
+
+def _turned_over(shell: manifold3d.Manifold) -> manifold3d.Manifold:
+    mesh = shell.to_mesh64()
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(np.array(mesh.vert_properties), np.asarray(mesh.tri_verts)[:, ::-1].copy())
+    )
+
+
+def _about_facets(space: manifold3d.Manifold, low: np.ndarray, high: np.ndarray) -> manifold3d.Manifold:
+    """Return what is beside the facets of a space whose boxes reach into a box (3,), (3,) m."""
+    mesh = space.to_mesh64()
+    corners = np.array(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts).astype(np.int64)]
+    meets = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
+    cube = PARTED_M * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return union_of([manifold3d.Manifold.hull_points((one[:, None] + cube).reshape(-1, 3)) for one in corners[meets]])
+
+
+def _middle(solid: manifold3d.Manifold) -> Place:
+    low, high = np.reshape(solid.bounding_box(), (2, 3))
+    x, y, z = ((low + high) / 2).tolist()
+    return x, y, z
