@@ -36,6 +36,16 @@ def dry_run(*words):
     return run_command("new", lambda: arguments.run(arguments))
 
 
+def listed(err):
+    """Return the columns of the table of remarks: counts, one text of what is said, and options."""
+    lines = err.splitlines()
+    (head,) = (line for line in lines if line.rstrip().endswith("overruled by"))
+    what, by = head.index("what"), head.index("overruled by")
+    rows = lines[lines.index(head) + 1 :]
+    text = " ".join(" ".join(line[what:by] for line in rows).split())
+    return [line[:what].strip() for line in rows], text, {line[by:].strip() for line in rows}
+
+
 def files(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
@@ -111,21 +121,20 @@ def test_drawn_pillars_of_a_square_metre_are_kept_and_smaller_ones_are_listed(pr
     assert "islands" not in capsys.readouterr().err
     path.write_text(shapely.to_geojson(room(0.9)))
     assert dry_run("--from", "room.geojson", "--unit", "m") == 0
-    rows = capsys.readouterr().err.splitlines()
-    (row,) = [
-        k for k, line in enumerate(rows) if "islands in the workings are smaller than 1 m2 and are filled" in line
-    ]
-    assert rows[row].split()[0] == "2"
-    assert "contours.min_island_m2" in rows[row]
-    told = " ".join(" ".join(rows[row : row + 2]).replace("contours.min_island_m2", "").split())
-    assert "filled, 1.6 m2 in all (the largest, 0.8 m2, at (7.5, 7.5))" in told
+    counts, text, options = listed(capsys.readouterr().err)
+    assert "islands in the workings are smaller than 1 m2 and are filled, 1.6 m2 in all" in text
+    assert "(the largest, 0.8 m2, at (7.5, 7.5))" in text
+    assert "2" in counts
+    assert "contours.min_island_m2" in options
 
 
 def test_islands_that_are_filled_in_a_picture_are_listed(project, capsys):
     plan, _ = draw_plan(room(3.0), frame_around((-10, -20, 90, 60), 8.0), {}, 20.0, 40)
     cv2.imwrite("plan.png", plan)
     assert dry_run("--from", "plan.png") == 0
-    assert "2 islands in the workings are smaller than 10 m2" in " ".join(capsys.readouterr().err.split())
+    counts, text, _ = listed(capsys.readouterr().err)
+    assert "islands in the workings are smaller than 10 m2" in text
+    assert "2" in counts
 
 
 RISE = {
@@ -140,8 +149,9 @@ def test_a_rise_under_a_metre_is_listed_unless_an_override_builds_it(project, ca
     (project / name).write_text(RISE[name])
     unit = ["--unit", "m"] if name == "own.geojson" else []
     assert dry_run("--from", name, *unit) == 0
-    err = " ".join(capsys.readouterr().err.split())
-    assert "m, no more than 1 m, and it is built level survey.flat_step_m=0" in err
+    _, text, options = listed(capsys.readouterr().err)
+    assert "m, no more than 1 m, and it is built level" in text
+    assert "survey.flat_step_m=0" in options
     assert dry_run("--from", name, *unit, "survey.flat_step_m=0") == 0
     assert "built level" not in capsys.readouterr().err
     assert dry_run("--from", name, *unit, "survey.flat_step_m=-1") == 2
