@@ -47,12 +47,15 @@ def _composed(overrides: str) -> dict[str, Any]:
     return compose(words).model_dump(mode="json")
 
 
-def verify() -> None:
-    """Check the manifests from the survey to the world and name the first broken link."""
+def verify(name: str) -> None:
+    """Check the manifests from the survey to a world, the default one or your own, and name the first broken link."""
+    from pipeline.places import COMPOSED
     from pipeline.store.verify import verify_chain, verify_world
+    from pipeline.worlds import DEFAULT, world_folder
 
-    count = verify_chain(Path())
-    print(f"{count} artifacts verified; world {verify_world(Path('artifacts/realism/world'))}")
+    folder = world_folder(name)
+    count = verify_chain(Path(), folder, COMPOSED if name == DEFAULT else folder / "params.yaml")
+    print(f"{count} artifacts verified; world {verify_world(folder / 'realism/world')}")
 
 
 def provenance(out: Path, published: date | None) -> None:
@@ -102,9 +105,12 @@ def update_results() -> None:
 
 def add_to(commands: Any) -> None:
     """Declare the maintenance commands."""
-    for function in (set_overrides, verify, update_baseline, update_results):
+    for function in (set_overrides, update_baseline, update_results):
         name = function.__name__.replace("_", "-")
         commands.add_parser(name, help=function.__doc__).set_defaults(run=lambda a, f=function: f())
+    verifier = commands.add_parser("verify", help=verify.__doc__)
+    verifier.add_argument("name", nargs="?", default="default", help="of a world that `list` shows")
+    verifier.set_defaults(run=lambda a: verify(a.name))
     crate = commands.add_parser("provenance", help=provenance.__doc__)
     crate.add_argument("--out", type=Path, default=Path("artifacts/provenance"))
     crate.add_argument("--date", type=date.fromisoformat, help="default: the date of the last commit")

@@ -15,17 +15,20 @@ from pipeline.store.hashing import absence_of, read_text_file, sha256_file
 from pipeline.store.manifest import Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
+_DEFAULT = COMPOSED.parent  # the folder of the default world
 # Files that no manifest names: a target of its own writes the first, the second holds timings.
-_UNLISTED = {"artifacts/validation/mutants.json", "artifacts/validation/timings.json"}
+_UNLISTED = {"validation/mutants.json", "validation/timings.json"}
 
 
-def verify_chain(root: Path) -> int:
+def verify_chain(root: Path, folder: Path = _DEFAULT, composed: Path = COMPOSED) -> int:
     """Check every link: inputs, parameters, code, the outputs that later stages read, and the hashes of the bundle.
 
     Parameters
     ----------
     root : Path
         The project's folder; its `dvc.yaml` lists what each stage reads.
+    folder, composed : Path
+        The stages' folder of a world, and its parameters, below the project's; by default those of the default world.
 
     Returns
     -------
@@ -37,8 +40,8 @@ def verify_chain(root: Path) -> int:
     ArtifactError, InputError
         The message names the first link that fails.
     """
-    stages, artifacts = _read_sections(root / "dvc.yaml")["stages"], root / "artifacts"
-    registry, params = read_registry(), _read_sections(root / COMPOSED)
+    stages, artifacts = _read_sections(root / "dvc.yaml")["stages"], root / folder
+    registry, params = read_registry(), _read_sections(root / composed)
     produced: dict[str, str] = {}
     for stage in (name for name in stages if name not in ("compose", "report")):
         manifest = read_manifest(artifacts / stage / "manifest.json")
@@ -46,10 +49,12 @@ def verify_chain(root: Path) -> int:
         if manifest.stage != stage:
             raise ArtifactError(f"{where}: written by stage {manifest.stage!r}")
         if manifest.params != params.get(stage):
-            raise ArtifactError(f"{where}: made with other params than those in {root / COMPOSED}")
+            raise ArtifactError(f"{where}: made with other params than those in {root / composed}")
         if manifest.code_sha256 != code_sha256(stage, root):
-            raise ArtifactError(f"{where}: made by other code than the project's (`make all` renews it)")
-        reads = [dep for dep in stages[stage]["deps"] if dep.startswith("artifacts/") or dep == "data"]
+            renews = "make all" if folder == _DEFAULT else f"python -m pipeline new {folder.name}"
+            raise ArtifactError(f"{where}: made by other code than the project's (`{renews}` renews it)")
+        below = f"{_DEFAULT.as_posix()}/"
+        reads = [f"{folder.as_posix()}/{dep[len(below) :]}" for dep in stages[stage]["deps"] if dep.startswith(below)]
         for dep in reads:
             if not any(name == dep or name.startswith(f"{dep}/") for name in manifest.inputs):
                 raise ArtifactError(f"{where}: names no input from {dep}, which {stage} reads")
@@ -60,7 +65,7 @@ def verify_chain(root: Path) -> int:
                 raise ArtifactError(f"{name}: {stage} reads it, but no earlier stage wrote it")
             else:
                 _expect(name, produced[name], digest, f"the inputs of {stage}")
-        produced |= _verify_outputs(manifest, artifacts / stage)
+        produced |= _verify_outputs(manifest, root, folder)
     verify_certificate(artifacts / "validation" / "certificate.json", verify_world(artifacts / "realism" / "world"))
     return len(produced)
 
@@ -97,15 +102,16 @@ def _read_sections(path: Path) -> dict:
     return content
 
 
-def _verify_outputs(manifest: Manifest, folder: Path) -> dict[str, str]:
+def _verify_outputs(manifest: Manifest, root: Path, folder: Path) -> dict[str, str]:
     for name, digest in manifest.outputs.items():
-        path = folder.parent.parent / name
+        path = root / name
         if not path.is_file():
             raise ArtifactError(f"{name}: {absence_of(path)}, but {manifest.stage} wrote it")
         _expect(name, sha256_file(path), digest, f"the manifest of {manifest.stage}")
-    expected = {*manifest.outputs, *_UNLISTED, (folder / "manifest.json").relative_to(folder.parent.parent).as_posix()}
-    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        name = path.relative_to(folder.parent.parent).as_posix()
+    unlisted = {*_UNLISTED, f"{manifest.stage}/manifest.json"}
+    expected = {*manifest.outputs, *((folder / name).as_posix() for name in unlisted)}
+    for path in sorted(p for p in (root / folder / manifest.stage).rglob("*") if p.is_file()):
+        name = path.relative_to(root).as_posix()
         if name not in expected:
             raise ArtifactError(f"{name}: no stage wrote it")
     return manifest.outputs

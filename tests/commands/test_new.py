@@ -56,6 +56,20 @@ def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     assert line.endswith("CC0")
 
 
+def test_the_chain_of_an_own_mine_is_verified_and_a_changed_file_breaks_it(owned, tmp_path):
+    project = owned[0].copy(tmp_path / "copy")
+    verified = project.module("pipeline", "verify", "my-tee")
+    assert verified.returncode == 0, verified.stderr
+    assert re.fullmatch(r"\d+ artifacts verified; world [0-9a-f]{64}\n", verified.stdout)
+    changed = "artifacts/worlds/my-tee/contours/widths.csv"
+    with (project.folder / changed).open("a") as stream:
+        stream.write("x")
+    broken = project.module("pipeline", "verify", "my-tee")
+    assert broken.returncode == 2
+    assert broken.stderr.startswith(f"verify: {changed}: sha256")
+    assert "the worlds are default, my-tee" in project.module("pipeline", "verify", "other").stderr
+
+
 def test_a_new_mine_leaves_the_default_up_to_date_for_dvc_which_a_changed_input_does_not(owned, tmp_path):
     project = owned[0].copy(tmp_path / "copy")
 
