@@ -66,7 +66,7 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
 
 
 def _warn_of_empty(path: Path, legs: list[SurveyLeg]) -> None:
-    """Warn of walls that a table of stations does not state: their number, and what they are taken as."""
+    """Warn of how many wall distances a table of stations leaves empty, and of how they are filled in."""
     walls = np.concatenate([leg.walls_m for leg in legs])
     if empty := int(np.isnan(walls).sum()):
         warn_user(

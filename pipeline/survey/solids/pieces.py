@@ -68,8 +68,8 @@ def _parted_by_order(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarra
     bounds = np.append(0, open_sides)[np.append(starts, len(faces))]  # open edges of the parts before
     ends = open_sides == bounds[part]
     run = np.append(0, np.cumsum(ends | np.append(np.diff(part) != 0, False))[:-1])
-    # A run in which each triangle stands twice is no piece: such files write all of them twice, one by one. Where edges
-    # stay open, runs may lack what they share with another.
+    # A run in which each triangle stands twice is no piece: such files write every triangle twice. A part with open
+    # edges is not cut into runs: a triangle that two pieces share stands in one of them only.
     doubled = np.bincount(run[_is_repeated(faces, run)], minlength=run[-1] + 1) == np.bincount(run)
     keep_whole = np.isin(part, part[doubled[run]]) | (np.diff(bounds) > 0)[part]
     run = np.where(keep_whole, part, part[-1] + 1 + run)

@@ -87,7 +87,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
 
 
 def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], splays: dict[int, np.ndarray]) -> None:
-    """Warn of splays that end beyond the last stations of passages: what they measured there is not built."""
+    """Warn of splays that end beyond the last station of a passage; the space that they measured is not built."""
     count, farthest, end = beyond_ends(chains, plan.places, splays)
     if end is not None:
         warn_user(
