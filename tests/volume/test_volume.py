@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.params.validation import VolumeProofParams
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
@@ -14,6 +15,8 @@ from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.proof import physics, throws
+from pipeline.volume.world.proof.certificate import _bodies
+from pipeline.volume.world.proof.region import region_of
 from tests.heights import HEADER
 
 BOX = "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -116,6 +119,18 @@ def test_where_no_robot_fits_none_moves_and_none_climbs(tmp_path):
     _, crawl = built("A,1,0,0,0.1,0.1,0,0.2,0\nA,2,5,0,0.1,0.1,0,0.2,0\n", tmp_path)
     found = physics.measure_standing(crawl, build_shell(crawl), np.random.default_rng(0))
     assert (found.rest_m, found.climb_share, found.both_off_s) == (0, 0, 0)
+
+
+def test_where_no_robot_rests_about_the_first_place_others_are_tried(tmp_path):
+    crawl = "".join(f"A,{k},{10 * k},{3 * (k % 2)},0.3,0.3,0,0.5,0\n" for k in range(31))
+    _, volume = built(crawl + "A,31,301,0,3,3,0,3,0\nA,32,340,0,3,3,0,3,0\n", tmp_path)
+    parts, params = build_shell(volume), VolumeProofParams(most_parts=20, robot_contacts=5, ball_contacts=0)
+    first = [region_of(volume, parts, params.most_parts, np.random.default_rng(seed)) for seed in range(8)]
+    drift_m = volume.vertices[:, 0].max() - 41
+    in_crawl = [volume.vertices[volume.faces[one.targets]][..., 0].max() < drift_m for one in first]
+    assert any(in_crawl)
+    found = [_bodies(params, volume, parts, np.random.default_rng(seed)) for seed in np.flatnonzero(in_crawl)]
+    assert all("rest_at" in one["standing"] for one in found)
 
 
 def test_robots_at_rest_are_judged_where_the_floor_about_them_is_even(tmp_path):

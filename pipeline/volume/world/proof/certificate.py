@@ -207,13 +207,19 @@ def _bodies(
 ) -> dict[str, Any]:
     """Return robots at rest about one place, and escapes of robots and balls about some, as far as they are asked for.
 
-    Where a mine has more parts than one model may, they are shared out among the places.
+    Where a mine has more parts than one model may, they are shared out among the places. Robots rest at the first of
+    these places where the floor is even.
     """
     found: dict[str, Any] = {}
-    region = region_of(volume, parts, params.most_parts, rng)
-    if params.robot_contacts:
-        found["standing"] = _standing(measure_standing(volume, region.parts, rng, region.targets))
     count = _PLACES if len(parts) > params.most_parts else 1
+    for _ in range(count):
+        region = region_of(volume, parts, params.most_parts, rng)
+        if not params.robot_contacts:
+            break
+        at_rest = measure_standing(volume, region.parts, rng, region.targets)
+        found["standing"] = _standing(at_rest)
+        if at_rest.rest_at is not None:
+            break
     places = [region_of(volume, parts, params.most_parts // count, rng) for _ in range(count)]
     if params.robot_contacts:
         asked = -(-params.robot_contacts // count)

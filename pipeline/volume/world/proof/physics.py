@@ -121,13 +121,13 @@ def measure_standing(
     length are left out: on steeper ones robots creep on an even plane too, and beside an edge they fall. Where no robot
     fits, none moves and none climbs.
     """
-    model = spec_of(parts, add_robots(ROBOTS)).compile()
-    data, robot = mujoco.MjData(model), RobotParams()
     places, normals = places_for_robots(volume, _AHEAD_M, targets)
     even = _is_even(volume, places)
     places, normals = places[even], normals[even]
     if not len(places):
         return RobotsAtRest(0.0, 0.0, 0.0)
+    model = spec_of(parts, add_robots(ROBOTS)).compile()
+    data, robot = mujoco.MjData(model), RobotParams()
     steep = np.flatnonzero(np.hypot(*normals[:, :2].T) > 0.03)
     chosen = rng.choice(steep if len(steep) else np.arange(len(places)), ROBOTS)
     at = [
