@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import json
 import re
 import sys
@@ -79,8 +80,10 @@ def require_name(name: str) -> None:
     if is_built_in(f"MineXplore/{name}-v0"):
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     conf = survey_file(name)
-    if conf.is_file() and (f"{WRITTEN_BY_NEW} {name}`" not in conf.read_text() or not (DATA / name).is_dir()):
+    if conf.is_file() and f"{WRITTEN_BY_NEW} {name}`" not in conf.read_text():
         raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
+    if conf.is_file() and not (DATA / name).is_dir():
+        raise ParamsError(f"name = {name}: {conf} is there without {DATA / name}; remove it to read the file again")
 
 
 def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
@@ -97,6 +100,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
     require_name(name)
     conf = survey_file(name)
     if conf.is_file():
+        _require_same(conf, name, source)
         _require_kept(conf, stated)
         again = f"remove it to detect the file again, and {DATA / name} to read another file"
         warn_user(Remark(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}"))
@@ -146,6 +150,23 @@ def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
         forget_import(made)
         raise
     return made
+
+
+def _require_same(conf: Path, name: str, source: Path) -> None:
+    """Refuse a file of which a mine that exists has no copy: the mine was read from another one.
+
+    Raises
+    ------
+    InputError
+        If no file of the mine has the same bytes.
+    """
+    require_plain_file(source)
+    folder = DATA / name
+    if not any(path.is_file() and filecmp.cmp(source, path, shallow=False) for path in folder.rglob("*")):
+        raise InputError(
+            f"{source}: {name} was read from another file, which is in {folder}; remove {conf} and {folder} to read this "
+            "one, or choose another name"
+        )
 
 
 def _require_kept(conf: Path, stated: StatedOptions) -> None:

@@ -34,7 +34,7 @@ from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_walls_alone
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
-from pipeline.survey.vector.shapes import Shapes
+from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
 from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vector_files
 from pipeline.types import Georeference
@@ -113,9 +113,7 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
         if path.suffix.lower() == _DXF and stated.half_width_m is None:
             return detect_solid(path, stated)
         raise InputError(f"{path}: --volume reads the solids in a DXF file; other surveys are read without it")
-    if stated.half_width_m is None:
-        return _detect_vector(path, stated)
-    return _detect_centrelines(path, stated)
+    return (_detect_vector if stated.half_width_m is None else _detect_centrelines)(path, stated)
 
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
@@ -165,19 +163,27 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         if unit is None and WIDTHS_M[0] <= read.width_m <= WIDTHS_M[1]:
             break
     plausible = any(WIDTHS_M[0] <= read.width_m <= WIDTHS_M[1] for read in tried.values())
-    # In a unit small enough, every gap between walls is closed: such a reading must at least be plausible.
-    if not tried or (None in units and None not in tried and not plausible):
+    # In a unit small enough, every gap between walls is closed: such a reading must be plausible, and a unit that the
+    # file states, in which walls enclose nothing, is only given up for a larger one.
+    usable = tried
+    if None in units and None not in tried and content.unit is not None:
+        usable = {unit: read for unit, read in tried.items() if METRES[unit or "m"] > METRES[content.unit]}
+    if not usable or (None in units and None not in tried and not plausible):
         hand_on(remarks_of[units[0]])
         lines = bool(content.shapes) and all(shapely.get_dimensions(shape) == 1 for shape in content.shapes)
         advice = "; --half-width M reads centrelines of drifts" if lines and "--half-width" not in str(problem) else ""
+        if plausible:
+            other = _likeliest_unit(content.unit, tried)
+            advice += f"; --unit {other} reads drifts {tried[other].width_m:.1f} m wide"
         raise InputError(f"{problem or f'{path}: has no workings'}{advice}{contours_hint(content)}")
     low, high = WIDTHS_M if content.unit is None else _STATED_WIDTHS_M
     keeps_unit = None in tried and (low <= tried[None].width_m <= high or tried[None].georeference.crs is not None)
-    unit = None if keeps_unit else _likeliest_unit(content.unit, tried)
+    unit = None if keeps_unit else _likeliest_unit(content.unit, usable)
     if not keeps_unit and content.unit is not None and unit is not None:
         _warn_of_unit(path, content.unit, tried, unit)
     hand_on(remarks_of[unit])
     read, place = tried[unit], tried[unit].georeference
+    unit = unit or (None if content.unit or place.crs else "m")  # a guess is listed
     if not has_levels and read.width_m > WIDTHS_M[1]:
         warn_of_crossings(path, content)
     values = {

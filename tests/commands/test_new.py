@@ -93,6 +93,11 @@ def test_the_default_world_is_unchanged_and_a_second_run_makes_nothing(owned, re
     assert before == {p: p.stat().st_mtime_ns for p in before}
     moved = message_of(pipeline(project, "new", "my-tee", "--from", "plan.png", "--start", "5,1"))
     assert "survey.entrance_m = [5.0, 1.0]: conf/survey/my-tee.yaml exists and states None" in moved
+    corrected = project.folder / "corrected.png"
+    corrected.write_bytes((project.folder / "plan.png").read_bytes() + b"\n")
+    for options in ((), ("--dry-run",)):
+        other = message_of(pipeline(project, "new", "my-tee", "--from", "corrected.png", *options))
+        assert "corrected.png: my-tee was read from another file, which is in data/mines/my-tee; remove" in other
 
 
 def test_worlds_are_listed_shown_and_compared(owned):

@@ -91,6 +91,16 @@ def test_a_wrong_unit_of_a_drawing_is_doubted_with_the_option_that_keeps_it(tmp_
     assert "--unit mm keeps the stated unit" in told
 
 
+def test_a_stated_unit_is_not_given_up_for_a_smaller_one_in_which_a_gap_closes(tmp_path):
+    made = ezdxf.new(units=6)
+    corners = 2 * np.array(TEE.exterior.coords)
+    made.modelspace().add_lwpolyline([*corners[:-1], corners[0] + [0, 0.3]])
+    made.saveas(tmp_path / "gap.dxf")
+    with pytest.raises(InputError, match=r"the nearest ends left open are 0\.30 m apart.*--snap.*--unit ft reads drifts"):
+        detect_survey(tmp_path / "gap.dxf")
+    assert detect_survey(tmp_path / "gap.dxf", StatedOptions(unit="ft")).values["unit"] == "ft"
+
+
 def test_every_detection_is_a_section_that_stage_one_accepts(tmp_path):
     path, _ = plan_with_bar(tmp_path)
     (tmp_path / "s.csv").write_text(TINY_STATIONS)

@@ -131,3 +131,25 @@ def test_a_survey_in_three_dimensions_is_read_whole(tmp_path):
         update={"file": path.as_posix()}
     )
     assert len(read_whole(path, params).legs) >= 3
+
+
+WINZE = (
+    "A,1,0,0,0,2,2,3,0\nA,2,40,0,0,2,2,3,0\nA,3,80,0,0,2,2,3,0\n",
+    "B,2,40,0,0,1,1,1,1\nB,5,40,0.5,-20,1,1,1,1\n",
+    "C,5,40,0.5,-20,2,2,3,0\nC,6,90,0.5,-21,2,2,3,0\n",
+    "D,2,40,0,0,2,2,8,2\nD,7,40,40,0,2,2,8,2\n",
+)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)])
+def test_a_drift_keeps_its_floor_and_roof_where_a_shaft_or_a_side_drift_begins(order, tmp_path, capsys):
+    path = tmp_path / "winze.csv"
+    path.write_text(HEADER + "".join(WINZE[k] for k in order))
+    legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/winze.csv")).legs
+    found = {(a, b): leg.heights_m[:, 1:].tolist() for leg in legs for a, b in [(leg.stations[0], leg.stations[-1])]}
+    assert found["1", "3"] == [[3, 0], [3, 0], [3, 0]]
+    assert found["5", "6"] == [[3, 0], [3, 0]]
+    assert found["2", "7"] == [[3, 0], [8, 2]]
+    said = capsys.readouterr().err
+    assert "2 stations have different distances up or down in two passages" in said
+    assert "At 2 up 3 and down 0 m are taken, not 8 and 2" in said

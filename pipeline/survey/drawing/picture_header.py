@@ -172,4 +172,4 @@ def turn_upright(picture: np.ndarray, orientation: int) -> np.ndarray:
         picture = picture.swapaxes(0, 1)
     turned = {1: picture, 2: picture[:, ::-1], 3: picture[::-1, ::-1], 4: picture[::-1],
               5: picture, 6: picture[:, ::-1], 7: picture[::-1, ::-1], 8: picture[::-1]}  # fmt: skip
-    return turned[orientation]
+    return np.ascontiguousarray(turned[orientation])  # OpenCV draws in no other layout

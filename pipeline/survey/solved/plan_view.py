@@ -16,6 +16,7 @@ from pipeline.survey.passages.legs import Chain, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
     Rows,
+    agree_on_heights,
     beyond_ends,
     fill_down,
     fill_sides,
@@ -70,7 +71,8 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         chains = plan.chains()
         _warn_of_splays_beyond(path, plan, chains, splays)
         rows = [(nodes, walls_across(plan.places[nodes], [splays.get(node) for node in nodes])) for nodes in chains]
-    rows = _with_roofs(path, fill_down(with_sides(path, rows, half_width_m), plan.places))
+    rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m))
+    rows = _with_roofs(path, fill_down(rows, plan.places))
     heights = {
         plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
         for nodes, walls in rows
@@ -170,6 +172,19 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
             f"{usual:.2f} m is taken on each side without one, {source}"
         )
     return filled
+
+
+def _with_one_floor(path: Path, plan: _StationPlan, rows: Rows) -> Rows:
+    """Return the rows with one roof and one floor at each station, with a warning where passages state others."""
+    agreed, differ = agree_on_heights(rows, plan.places)
+    if differ:
+        node, (up, down), (other_up, other_down) = max(differ, key=lambda one: float(np.nanmax(np.abs(one[1] - one[2]))))
+        warn_user(
+            f"{path.name}: {len(differ)} stations have different distances up or down in two passages; the passage that "
+            f"goes on through the station counts, and a flat one before a steep one. At {plan.names[node]} up {up:g} "
+            f"and down {down:g} m are taken, not {other_up:g} and {other_down:g}"
+        )
+    return agreed
 
 
 def _with_roofs(path: Path, rows: Rows) -> Rows:

@@ -13,6 +13,7 @@ from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
+_DIFFER_M = 0.01  # distances up or down that differ by more are listed
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
 
@@ -115,6 +116,36 @@ def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]
         filled[:, side] = half_width_m
         stated[:] = True
     return filled, int(stated.sum())
+
+
+def agree_on_heights(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, np.ndarray, np.ndarray]]]:
+    """Return the rows with one distance up and one down at every node, as legs that meet have one floor.
+
+    Where rows differ, a passage that is not steep there counts before a steep one, then one that goes on through the
+    node before one that ends there, then the taller one. The second result has each node where passages that are not
+    plumb differ by more than 1 cm: the node, the distances (2,) m that are taken, and those farthest from them.
+    """
+    found: dict[int, list[tuple[tuple[bool, int, float, float], bool, np.ndarray]]] = defaultdict(list)
+    for nodes, walls in rows:
+        step = np.abs(np.diff(places_m[nodes], axis=0))
+        run, rise = np.hypot(step[:, 0], step[:, 1]), step[:, 2]
+        for k, node in enumerate(nodes):
+            beside = slice(max(k - 1, 0), k + 1)
+            flat, plumb = int((rise[beside] <= run[beside]).sum()), bool((run[beside] <= _PLUMB_M).all())
+            tall, down = np.nan_to_num([walls[k, 2:].sum(), walls[k, 3]]).tolist()
+            found[node].append(((flat == 0, -flat, -tall, -down), plumb, walls[k, 2:]))
+    taken: dict[int, np.ndarray] = {}
+    differ: list[tuple[int, np.ndarray, np.ndarray]] = []
+    for node, stated in found.items():
+        stated.sort(key=lambda one: one[0])
+        ordered = np.array([heights for _, _, heights in stated])
+        first = np.isfinite(ordered).argmax(axis=0)
+        taken[node] = ordered[first, [0, 1]]
+        apart = np.nan_to_num(np.abs(ordered - taken[node])).max(axis=1) * [not plumb for _, plumb, _ in stated]
+        if apart.max() > _DIFFER_M:
+            differ.append((node, taken[node], ordered[apart.argmax()]))
+    agreed = [(nodes, np.column_stack([walls[:, :2], [taken[node] for node in nodes]])) for nodes, walls in rows]
+    return agreed, differ
 
 
 def fill_up(rows: Rows) -> tuple[Rows, int, float | None]:

@@ -37,7 +37,9 @@ def test_a_picture_is_read_as_it_is_to_be_shown(tmp_path, kind, orientation):
     data = saved(kind, orientation)
     (tmp_path / "a.img").write_bytes(data)
     shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)  # OpenCV's own reading of the tag
-    np.testing.assert_array_equal(read_image(tmp_path / "a.img", 1.0), shown)
+    read = read_image(tmp_path / "a.img", 1.0)
+    np.testing.assert_array_equal(read, shown)
+    assert read.flags.c_contiguous  # else OpenCV does not draw in it
 
 
 @pytest.mark.parametrize("kind", ["JPEG", "PNG"])
