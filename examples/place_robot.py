@@ -18,8 +18,9 @@ arguments = parser.parse_args()
 
 # The robot stands on the floor at the start of the mine, and looks east. What differs from its own file is warned of.
 world = minexplore.load(arguments.world)
-x, y = world.record["spawn"]["anchor_m"]
-spec = minexplore.place(world, arguments.robot, (x, y, 0.0), reach_m=20.0)
+x, y, *z = world.record["spawn"]["anchor_m"]  # z in a mine with heights
+pose = minexplore.Pose(x, y, 0.0, z[0] + 0.5, stands=True) if z else (x, y, 0.0)
+spec = minexplore.place(world, arguments.robot, pose, reach_m=20.0)
 
 # The spec can still be changed, for example by a camera.
 spec.worldbody.add_camera(name="above", pos=[0, 0, 3])

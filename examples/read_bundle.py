@@ -15,19 +15,22 @@ bundle = parser.parse_args().bundle
 record = json.loads((bundle / "world.json").read_text())
 print(f"{record['name']}: {record['areas']['tunnel_m2']:,.0f} m2, {record['drifts']} drifts, {record['loops']} loops")
 
-# topology.json has the network of drifts, and occupancy.npz the distance to rock on a grid, in the mine frame.
+# topology.json has the network of drifts, in the mine frame. occupancy.npz has the distance to rock on a grid, and of a
+# mine that is one volume volume.npz has the mesh of the free space.
 topology = json.loads((bundle / "topology.json").read_text())
 print(f"topology: {', '.join(topology)}")
-with np.load(bundle / "occupancy.npz", allow_pickle=False) as grid:
-    for name in grid.files:
-        print(f"occupancy.npz: {name} {grid[name].dtype} {grid[name].shape}")
+arrays = "occupancy.npz" if (bundle / "occupancy.npz").is_file() else "volume.npz"
+with np.load(bundle / arrays, allow_pickle=False) as space:
+    for name in space.files:
+        print(f"{arrays}: {name} {space[name].dtype} {space[name].shape}")
 
 # mine.xml is the model. T_world_mine places a point of the mine frame in MuJoCo's world frame.
 model = mujoco.MjModel.from_xml_path(str(bundle / "mine.xml"))
 data = mujoco.MjData(model)
 mujoco.mj_forward(model, data)
 T_world_mine = np.array(record["T_world_mine"])
-start = T_world_mine @ [*record["spawn"]["anchor_m"], 0.5, 1.0]
+x, y, *z = record["spawn"]["anchor_m"]  # z in a mine with heights
+start = T_world_mine @ [x, y, sum(z) + 0.5, 1.0]
 
 # Cast a ray level north from 0.5 m above the floor at the start; group 3 is the collision rock.
 groups = np.zeros(6, dtype=np.uint8)

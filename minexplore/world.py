@@ -116,7 +116,7 @@ class World:
 
 
 def find_world(world: str | Path | None) -> Path:
-    """Return the folder of a bundle given by path, or by the name of one that ships with the package.
+    """Return the folder of a bundle given by path, or by the name of one that is shipped or built in this checkout.
 
     Raises
     ------
@@ -128,10 +128,11 @@ def find_world(world: str | Path | None) -> Path:
     if not isinstance(world, str | os.PathLike) or not os.fspath(world):
         raise FileNotFoundError(f"world = {world!r}: want the path of a world bundle, or one of its names")
     shipped = Path(__file__).parent / "worlds"
-    built = Path(__file__).parents[1] / "artifacts" / "realism" / "world"  # of a source checkout
-    names = {p.name: p for p in shipped.iterdir() if p.is_dir()} if shipped.is_dir() else {}
-    if (built / RECORD).is_file():
-        names.setdefault(DEFAULT_WORLD, built)
+    artifacts = Path(__file__).parents[1] / "artifacts"  # of a source checkout
+    names = {record.parents[2].name: record.parent for record in artifacts.glob(f"worlds/*/realism/world/{RECORD}")}
+    names |= {p.name: p for p in shipped.iterdir() if p.is_dir()} if shipped.is_dir() else {}
+    if (artifacts / "realism" / "world" / RECORD).is_file():
+        names.setdefault(DEFAULT_WORLD, artifacts / "realism" / "world")
     if str(world) in names:
         return names[str(world)]
     try:
@@ -139,6 +140,8 @@ def find_world(world: str | Path | None) -> Path:
             return Path(world)
     except OSError as error:  # a name that no file system takes
         raise FileNotFoundError(f"world = {str(world)[:200]!r}: {error.strerror}") from error
+    if Path(world).is_file():
+        raise FileNotFoundError(f"world = {str(world)!r}: a file; a bundle is a folder, so unpack one that is packed")
     known = ", ".join(sorted(names)) or "none; `make all` builds one, `make wheel` packs it"
     raise FileNotFoundError(f"world = {str(world)!r}: no such folder, and no world of that name (there are: {known})")
 

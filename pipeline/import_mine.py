@@ -164,8 +164,8 @@ def _require_same(conf: Path, name: str, source: Path) -> None:
     folder = DATA / name
     if not any(path.is_file() and filecmp.cmp(source, path, shallow=False) for path in folder.rglob("*")):
         raise InputError(
-            f"{source}: {name} was read from another file, which is in {folder}; remove {conf} and {folder} to read this "
-            "one, or choose another name"
+            f"{source}: {name} was read from another file, which is in {folder}; remove {conf} and {folder} to read "
+            "this one, or choose another name"
         )
 
 
@@ -289,8 +289,8 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
             values[key] = file.as_posix()
     values |= {"poses": None, "correct": None, "entrance_m": stated.entrance_m, "labels_m": {}}
     remarks = {
-        "entrance_m": "[x, y] or [x, y, elevation]; null: the highest end of drifts with elevations, else the start of "
-        "the longest drift",
+        "entrance_m": "[x, y] or [x, y, elevation]; null: of drifts with elevations the highest end on the largest "
+        "floor, else the start of the longest drift",
         "labels_m": "{A: [x, y], ...}",
         **detected.remarks,
     }

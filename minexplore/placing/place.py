@@ -47,7 +47,7 @@ def place(
     Parameters
     ----------
     world : World, str or Path
-        As `minexplore.load` returns it; or a bundle's folder or the name of a world that ships with the package.
+        As `minexplore.load` returns it; or a bundle's folder or the name of a world.
     robot : str, Path or mujoco.MjSpec
         An MJCF file, or `menagerie:NAME` for one of MuJoCo Menagerie. The file's own floor and lights are left out.
     pose : Pose or tuple

@@ -92,6 +92,8 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     """
     record = folder / RECORD
     if not record.is_file():
+        if folder.is_file():
+            raise BundleError(f"{folder}: a file; a bundle is a folder, so unpack one that is packed")
         reason = "not a plain file" if record.exists() or record.is_symlink() else "missing; not a world bundle"
         raise BundleError(f"{record}: {reason}")
     files: dict[str, bytes] = {}

@@ -178,11 +178,11 @@ def _with_one_floor(path: Path, plan: _StationPlan, rows: Rows) -> Rows:
     """Return the rows with one roof and one floor at each station, with a warning where passages state others."""
     agreed, differ = agree_on_heights(rows, plan.places)
     if differ:
-        node, (up, down), (other_up, other_down) = max(differ, key=lambda one: float(np.nanmax(np.abs(one[1] - one[2]))))
+        node, (up, down), (other_up, other_down) = max(differ, key=lambda one: np.nanmax(np.abs(one[1] - one[2])))
         warn_user(
-            f"{path.name}: {len(differ)} stations have different distances up or down in two passages; the passage that "
-            f"goes on through the station counts, and a flat one before a steep one. At {plan.names[node]} up {up:g} "
-            f"and down {down:g} m are taken, not {other_up:g} and {other_down:g}"
+            f"{path.name}: {len(differ)} stations have different distances up or down in two passages; the passage "
+            f"that goes on through the station counts, and a flat one before a steep one. At {plan.names[node]} up "
+            f"{up:g} and down {down:g} m are taken, not {other_up:g} and {other_down:g}"
         )
     return agreed
 

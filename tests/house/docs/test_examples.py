@@ -56,6 +56,16 @@ def test_a_bundle_is_read_without_the_package():
     assert "minexplore" not in (EXAMPLES / "read_bundle.py").read_text()
 
 
+def test_a_bundle_that_is_one_volume_is_read_and_a_robot_placed_in_it(ramp):
+    done = run("read_bundle.py", str(ramp))
+    assert done.returncode == 0, done.stderr
+    assert "volume.npz: vertices" in done.stdout
+    assert re.search(r"rock is 2\.\d\d m north of the start", done.stdout)
+    done = run("place_robot.py", "--world", str(ramp), "--seconds", "1")
+    assert done.returncode == 0, done.stderr
+    assert "robot/torso after 1.0 s" in done.stdout
+
+
 @needs_world
 def test_a_robot_of_gymnasium_is_placed_and_stepped():
     done = run("place_robot.py", "--seconds", "1")

@@ -203,6 +203,8 @@ def test_unknown_fields_worlds_and_modes_are_refused_with_the_choices(tee: Built
         MineEnv(tee.bundle, {"range_m": [5.0, 1.0]})
     with pytest.raises(FileNotFoundError, match="no such folder, and no world of that name"):
         MineEnv("nowhere")
+    with pytest.raises(FileNotFoundError, match="a file; a bundle is a folder, so unpack one that is packed"):
+        MineEnv(tee.bundle / "world.json")
     with pytest.raises(ValueError, match="valid choices are None, 'rgb_array', 'human'"):
         MineEnv(tee.bundle, render_mode="ascii")
     with pytest.raises(ValueError, match="valid choices are chase, top, front"):
