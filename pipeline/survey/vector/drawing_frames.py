@@ -11,7 +11,7 @@ from shapely import LineString
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import one_line
-from pipeline.survey.vector.shapes import Shapes
+from pipeline.survey.vector.shapes import METRES, Shapes
 
 _FRAME = 0.9  # of the drawing's extent, both ways: a rectangle this large round other lines is a frame
 _GRID, _GRID_LINES = 0.6, 3  # of the extent: a straight level or upright line this long is one of a grid; their number
@@ -19,8 +19,8 @@ _LEVEL = 1e-3  # of the extent
 _LISTED = 12  # layers that a message names
 
 
-def require_walls_alone(path: Path, content: Shapes) -> None:
-    """Refuse a drawing with a frame or a grid, whose layers the user did not choose.
+def require_walls_alone(path: Path, content: Shapes, snap_m: float) -> None:
+    """Refuse a drawing with a frame or a grid, whose layers the user did not choose. Ends within `snap_m` are joined.
 
     A rectangle round all else counts as a frame only if other lines lie on other layers, or a second frame lies in it:
     the workings of a small mine may be a rectangle with pillars.
@@ -37,7 +37,8 @@ def require_walls_alone(path: Path, content: Shapes) -> None:
     west, south, east, north = shapely.total_bounds(lines)
     extent = np.array([east - west, north - south])
     frames = [k for k, line in enumerate(lines) if _is_frame(line, extent)]
-    ruled = sum(_is_ruled(line, extent) for line in _with_free_ends(lines, _LEVEL * extent.max()))
+    same = max(_LEVEL * extent.max(), snap_m / METRES[content.unit or "m"])
+    ruled = sum(_is_ruled(line, extent) for line in _with_free_ends(lines, same))
     elsewhere = {content.layer_of[k] for k in frames} != set(layers)
     framed = bool(frames) and (len(frames) > 1 or (len(layers) > 1 and elsewhere))
     if not framed and ruled < _GRID_LINES:

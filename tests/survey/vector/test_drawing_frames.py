@@ -4,7 +4,8 @@ import itertools
 
 import ezdxf
 import pytest
-from shapely import box
+import shapely
+from shapely import LineString, box
 
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
@@ -68,3 +69,15 @@ def test_a_mine_drawn_with_single_lines_is_no_grid(tmp_path):
         drawing.modelspace().add_line(start, end)
     drawing.saveas(tmp_path / "mine.dxf")
     assert detect_survey(tmp_path / "mine.dxf").width_m == pytest.approx(2 * TEE.area / TEE.length)
+
+
+@pytest.mark.parametrize("cut_m", [0.0, 0.1])
+def test_lines_whose_ends_nearly_meet_are_no_grid(tmp_path, cut_m):
+    fork = shapely.union_all([box(0, 0, 60, 5), box(0, 20, 60, 25), box(-5, 0, 0, 25)])
+    drawing = ezdxf.new(units=6)
+    for side in itertools.pairwise(fork.exterior.coords):
+        line = LineString(side)
+        ends = [line.interpolate(cut_m), line.interpolate(line.length - cut_m)]
+        drawing.modelspace().add_line(*[(end.x, end.y) for end in ends])
+    drawing.saveas(tmp_path / "mine.dxf")
+    assert detect_survey(tmp_path / "mine.dxf").width_m == pytest.approx(2 * fork.area / fork.length, rel=0.02)
