@@ -100,8 +100,8 @@ class StatedOptions(Params):
     )
     entrance_m: Annotated[StartM | None, _option("--start --entrance", metavar="E,N[,Z]")] = Field(
         default=None,
-        description="where robots start: E and N in m of the mine frame, Z an elevation of the survey; default: of drifts "
-        "with elevations the highest end on the largest floor, else the start of the longest drift",
+        description="where robots start: E and N in m of the mine frame, Z an elevation of the survey; default: of "
+        "drifts with elevations the highest end on the largest floor, else the start of the longest drift",
     )
     layers: Annotated[list[str] | None, _option("--layer", FileKind.VECTOR, FileKind.SOLID)] = Field(
         default=None, max_length=1000, description="layer of a drawing; repeat for more layers"

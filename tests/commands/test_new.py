@@ -48,8 +48,8 @@ def test_one_command_makes_a_world_a_report_and_an_environment(owned):
     assert done.stderr.count("guessed, dropped or assumed") == 1
     assert re.search(r"the bar is 160 px long and represents 20 m \(detected.*--bar-length", done.stderr)
     program = (
-        "import gymnasium, minexplore\nenv = gymnasium.make('MineXplore/my-tee-v0')\nprint(env.reset(seed=1)[0].shape)\n"
-        "assert minexplore.load('my-tee').record['name'] == 'my-tee'"
+        "import gymnasium, minexplore\nenv = gymnasium.make('MineXplore/my-tee-v0')\n"
+        "print(env.reset(seed=1)[0].shape)\nassert minexplore.load('my-tee').record['name'] == 'my-tee'"
     )
     played = project.run(sys.executable, "-c", program)
     assert played.stdout.strip() == "(19,)", played.stderr
