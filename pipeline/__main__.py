@@ -8,6 +8,7 @@ import sys
 from pipeline.commands import exports, maintenance, new, proofs, worlds
 from pipeline.errors import run_command
 from pipeline.memory import keep_memory
+from pipeline.places import require_project
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -34,7 +35,14 @@ def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
     keep_memory()
     arguments = parse(sys.argv[1:])
-    return run_command(arguments.command, lambda: arguments.run(arguments))
+    return run_command(arguments.command, lambda: _run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    """Run a command, in the project's folder unless it says that it works in every folder."""
+    if not getattr(arguments, "anywhere", False):
+        require_project()
+    arguments.run(arguments)
 
 
 if __name__ == "__main__":

@@ -28,12 +28,10 @@ from pipeline.params.floor_rules import FloorRules
 from pipeline.params.reading.composed import root_overrides
 from pipeline.params.reading.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
-from pipeline.places import CODE_HASHES, COMPOSED, ROOT_PARAMS
+from pipeline.places import CODE_HASHES, COMPOSED, CONF, ROOT_PARAMS, require_project
 from pipeline.store.files import write_atomically
 from pipeline.store.manifest import code_hashes
 
-CONF = Path("conf")
-WRITTEN_BY_NEW = "Written by `python -m pipeline new"  # in the survey sections of your mines
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
@@ -54,8 +52,7 @@ def compose(overrides: list[str], conf: Path = CONF) -> Config:
     ParamsError
         The message names the override, its value and the valid choices.
     """
-    if not (conf / "config.yaml").is_file():
-        raise ParamsError(f"{conf / 'config.yaml'}: missing; run from the project's root")
+    require_project(conf)
     for path in sorted(conf.rglob("*.yaml")):
         require_plain_yaml(path)
     for override in overrides:

@@ -13,7 +13,6 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from minexplore import is_built_in
-from pipeline.compose import CONF, WRITTEN_BY_NEW
 from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
@@ -23,6 +22,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
+from pipeline.places import CONF, WRITTEN_BY_NEW
 from pipeline.remarks import Remark, warn_user
 from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
@@ -36,7 +36,6 @@ DATA = Path("data/mines")
 _NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 # YAML or this project gives these words another meaning.
 _WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
-
 _DRAWN_ISLAND_M2 = 1.0  # in a drawing a hole is a pillar; a picture, whose limit is 10 m2, has specks
 
 
@@ -75,8 +74,10 @@ def require_name(name: str) -> None:
     ParamsError
         The message states the rule.
     """
-    if not re.fullmatch(_NAME, name) or name.lower() in _WORDS:
+    if not re.fullmatch(_NAME, name):
         raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
+    if name.lower() in _WORDS:
+        raise ParamsError(f"name = {name}: is a reserved word ({', '.join(sorted(_WORDS))}); choose another name")
     if is_built_in(f"MineXplore/{name}-v0"):
         raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
     conf = survey_file(name)
@@ -284,9 +285,7 @@ def import_workings(name: str, source: Path) -> Path:
 def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOptions) -> str:
     """Return the text of a survey section: the detected values, each with a comment."""
     values = {"kind": detected.values["kind"], "name": name, **detected.values}
-    for key in ("image", "file", "map"):
-        if key in values:
-            values[key] = file.as_posix()
+    values |= {key: file.as_posix() for key in ("image", "file", "map") if key in values}
     values |= {"poses": None, "correct": None, "entrance_m": stated.entrance_m, "labels_m": {}}
     remarks = {
         "entrance_m": "[x, y] or [x, y, elevation]; null: of drifts with elevations the highest end on the largest "

@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
-from pipeline.compose import CONF, WRITTEN_BY_NEW, compose
+from pipeline.compose import compose
 from pipeline.params.config import Config
-from pipeline.places import CODE_HASHES, COMPOSED
+from pipeline.places import CODE_HASHES, COMPOSED, CONF, WRITTEN_BY_NEW
 from pipeline.stage import ARTIFACTS, Stage
 from pipeline.store.registry import REGISTRY
 

@@ -2,9 +2,9 @@
 
 from functools import cache
 
-from pipeline.compose import CONF
 from pipeline.compose import compose as compose_anew
 from pipeline.params.config import Config
+from pipeline.places import CONF
 from tests.project import ROOT
 
 

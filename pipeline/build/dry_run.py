@@ -9,13 +9,14 @@ from contextlib import chdir, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.compose import CONF, compose, floor_rules_of
+from pipeline.compose import compose, floor_rules_of
 from pipeline.errors import GeometryError, MineError
 from pipeline.import_mine import DATA, draft_import, import_mine
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.config import Config
 from pipeline.params.floor_rules import reading_by
 from pipeline.params.stated import StatedOptions
+from pipeline.places import CONF
 from pipeline.store.registry import OWN_REGISTRY
 from pipeline.types import Image, SurveyedLegs
 

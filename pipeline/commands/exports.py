@@ -30,12 +30,14 @@ def export_(name: str, to: str, out: Path | None, licence: str | None, overrides
 
 def _find(name: str) -> tuple[Path, str]:
     """Return the bundle that a folder or a world of this project is, and the licences of what that was made from."""
+    from pipeline.places import require_project
     from pipeline.store.codecs import decode
     from pipeline.types import Survey
     from pipeline.worlds import world_folder
 
     if (Path(name) / RECORD).is_file():
         return Path(name), _NOT_STATED
+    require_project()
     folder = world_folder(name)
     survey: Survey = decode(folder / "survey" / "survey.json", Survey)
     return folder / "realism" / "world", "; ".join(sorted(set(survey.licences.values()))) or _NOT_STATED
@@ -49,4 +51,4 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--out", type=Path, help="default: artifacts/export/NAME-FORMAT")
     parser.add_argument("--licence", help="default: the licences of the survey's files, or 'not stated'")
     parser.add_argument("overrides", nargs="*", help="for example validation.certificate.limits.missing_um.max=5")
-    parser.set_defaults(run=lambda a: export_(a.name, a.to, a.out, a.licence, a.overrides))
+    parser.set_defaults(run=lambda a: export_(a.name, a.to, a.out, a.licence, a.overrides), anywhere=True)

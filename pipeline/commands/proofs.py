@@ -10,6 +10,9 @@ from minexplore.bundle import FREE_SPACE, VOLUME
 from pipeline.commands.arguments import positive
 
 if TYPE_CHECKING:
+    from shapely import Polygon
+
+    from pipeline.mjcf.bundle import OpenedBundle
     from pipeline.proof.certificate import Certificate
 
 _CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no project that made a world decides
@@ -18,20 +21,30 @@ _CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no 
 def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides: list[str]) -> None:
     """Replay real sweeps in a world and compare ranges. Print JSON; --out also writes it and a picture."""
     from pipeline.compose import compose
-    from pipeline.mjcf.bundle import open_bundle
     from pipeline.proof.lidar.replay import find_sweeps, replay_sweeps
     from pipeline.report.figures.replay import draw_replay
-    from pipeline.store.codecs import decode, encode
+    from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
-    from pipeline.types import FreeSpace
 
-    free = decode(bundle / FREE_SPACE, FreeSpace).polygon
-    result = replay_sweeps(open_bundle(bundle), free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
+    world, free = _open_level(bundle, "replay")
+    result = replay_sweeps(world, free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
     figures = encode(Path("replay.json"), result.report)
     print(figures.decode(), end="")
     if out is not None:
         write_atomically(out / "replay.json", figures)
         write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, free)))
+
+
+def _open_level(bundle: Path, command: str) -> tuple[OpenedBundle, Polygon]:
+    """Return a level world and its free space (m, mine frame); a volume is refused for a command."""
+    from pipeline.errors import InputError
+    from pipeline.mjcf.bundle import open_bundle
+    from pipeline.store.codecs import decode
+    from pipeline.types import FreeSpace
+
+    if (bundle / VOLUME).is_file():
+        raise InputError(f"{bundle}: a world with heights, one volume; {command} takes level worlds only")
+    return open_bundle(bundle), decode(bundle / FREE_SPACE, FreeSpace).polygon
 
 
 def limits_of_kind(kind: str, overrides: list[str]) -> Any:
@@ -119,14 +132,11 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
 def parity(bundle: Path, rays: int, out: Path | None) -> None:
     """Cast the same rays by every backend and compare ranges. Exit code 2 if over one ray in 1,000 differs."""
     from pipeline.errors import LimitError
-    from pipeline.mjcf.bundle import open_bundle
     from pipeline.proof.lidar.parity import compare_backends
-    from pipeline.store.codecs import decode, encode
+    from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
-    from pipeline.types import FreeSpace
 
-    free = decode(bundle / FREE_SPACE, FreeSpace).polygon
-    report = compare_backends(bundle, open_bundle(bundle), free, rays, seed=0)
+    report = compare_backends(bundle, *_open_level(bundle, "parity"), rays, seed=0)
     if out is not None:
         write_atomically(out, encode(out, report))
     for name, result in report.backends.items():
@@ -153,7 +163,7 @@ def add_to(commands: Any) -> None:
     certify_parser.add_argument("--contacts", type=positive, default=20_000, help="robot steps in contact with rock")
     certify_parser.add_argument("--out", type=Path)
     certify_parser.add_argument("overrides", nargs="*")
-    certify_parser.set_defaults(run=lambda a: certify(a.bundle, a.contacts, a.out, a.overrides))
+    certify_parser.set_defaults(run=lambda a: certify(a.bundle, a.contacts, a.out, a.overrides), anywhere=True)
     validate_parser = commands.add_parser("validate", help=validate.__doc__)
     validate_parser.add_argument("--holdout", action="store_true")
     validate_parser.add_argument("--sweeps", type=Path, default=Path("data/raw"), help="folder of sweep_NAME.csv")
@@ -163,4 +173,4 @@ def add_to(commands: Any) -> None:
     parity_parser.add_argument("--bundle", type=Path, required=True)
     parity_parser.add_argument("--rays", type=positive, default=10_000)
     parity_parser.add_argument("--out", type=Path)
-    parity_parser.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out))
+    parity_parser.set_defaults(run=lambda a: parity(a.bundle, a.rays, a.out), anywhere=True)

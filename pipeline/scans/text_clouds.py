@@ -97,7 +97,7 @@ def _layout(path: Path, head: list[str], wanted: Wanted) -> TextLayout:
     if suffix == ".dat" and not above:
         raise InputError(f"{path}:1: a row of numbers, expected the header line (time x y z intensity)")
     row = head[above]
-    delimiter = next((mark for mark in ";," if mark in row), None)
+    delimiter = _delimiter(row.strip())
     is_count = suffix == ".pts" and len(words) == 1
     if above and not is_count and suffix != ".dat" and _named(words) is None:
         raise InputError(f"{path}:1: {head[0].strip()[:60]!r} is no row of numbers, and does not name x, y and z")
@@ -106,6 +106,13 @@ def _layout(path: Path, head: list[str], wanted: Wanted) -> TextLayout:
     names, places = (words, named) if (named := _named(words)) else (unnamed, _named(unnamed))
     extra = {field: names.index(name) for field, name in fields_of(names, wanted).items()}
     return TextLayout(above, delimiter, dict(zip("xyz", places or (), strict=True)) | extra)
+
+
+def _delimiter(row: str) -> str | None:
+    """Return what parts the columns of a row: a semicolon, a comma, a tab if commas begin decimals, None for spaces."""
+    if ";" in row or "," not in row:
+        return ";" if ";" in row else None
+    return "\t" if "\t" in row and ",\t" not in row else ","
 
 
 def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) -> dict[str, np.ndarray]:
@@ -117,6 +124,8 @@ def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) ->
         If a row is too short, or not of finite numbers. The message names the line.
     """
     columns = list(layout.columns.values())
+    if layout.delimiter in (";", "\t"):  # where a comma does not part columns it may begin the decimals
+        lines = [line.replace(",", ".") for line in lines]
     try:
         block = np.loadtxt(lines, usecols=columns, ndmin=2, comments="#", delimiter=layout.delimiter)
     except (ValueError, IndexError):

@@ -32,7 +32,7 @@ from pipeline.survey.formats import is_solved, kind_of
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
-from pipeline.survey.vector.drawing_frames import require_walls_alone
+from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
@@ -147,6 +147,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     has_levels = bool(stated.elevations_m or stated.level_by)
     if not stated.layers and not has_levels:
         require_plan(path, content)
+        require_no_boundary(path, content)
     if path.suffix.lower() == ".dxf" and not stated.layers and not has_levels:
         require_walls_alone(path, content, _vector(path, None, stated).snap_m)
     for unit in units:

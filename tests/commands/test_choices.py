@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from pipeline.compose import CONF
+from pipeline.places import CONF
 from stages.__main__ import STAGES
 from tests.project import ROOT, Project
 

@@ -14,6 +14,8 @@ from pipeline.import_mine import require_name
 from pipeline.params.validation import ValidationParams
 from pipeline.report.results import read_metrics
 from pipeline.store.manifest import read_params
+from tests.forked import run_forked
+from tests.project import message_of
 
 
 @pytest.fixture(autouse=True)
@@ -133,3 +135,21 @@ def test_parameters_of_a_manifest_that_are_none_are_refused(tmp_path):
     (tmp_path / "manifest.json").write_text(json.dumps({**fields, "params": {"limits": {"a": "x"}}}))
     with pytest.raises(ArtifactError, match=r"manifest\.json: params: '[a-z_.]+' is missing, unknown or of"):
         read_params(tmp_path / "manifest.json", ValidationParams)
+
+
+@pytest.mark.parametrize(
+    "command", ["new x --from plan.dxf --dry-run", "set-overrides", "list", "export default --to usd"]
+)
+def test_a_command_in_another_folder_names_it_and_does_nothing(tmp_path, command):
+    (tmp_path / "plan.dxf").write_text("no drawing")
+    message = message_of(run_forked("pipeline", tuple(command.split()), tmp_path))
+    assert message == (
+        f"{command.split()[0]}: {tmp_path}: not the project's folder, as it has no conf/config.yaml; "
+        "run the command in the project's folder"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.dxf"]
+
+
+@pytest.mark.parametrize("command", ["certify --bundle none", "parity --bundle none"])
+def test_a_command_that_reads_a_bundle_works_in_every_folder(tmp_path, command):
+    assert "project's folder" not in message_of(run_forked("pipeline", tuple(command.split()), tmp_path))

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from benchmarks.faults.injection import edit_record, seal
-from minexplore.bundle import BundleError
+from minexplore.bundle import VOLUME, BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.pictures.render import shown_groups
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import collision_meshes, shared_lidar
 from minexplore.world import load_world
-from pipeline.errors import ArtifactError
+from pipeline.commands.proofs import parity, replay
+from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.certificate import certify
 from pipeline.proof.groups import applying_limits, is_measured
@@ -178,3 +179,18 @@ def test_a_robot_drives_and_sees_in_a_light_world(light):
 def test_the_report_of_a_light_world_draws_the_walls_of_its_outline(light):
     page = scene_page(light.bundle, open_bundle(light.bundle).record, light.free_space, light.network)
     assert len(page) > 100_000  # three.js and the geometry
+
+
+def test_sweeps_are_not_replayed_in_a_light_world_which_is_named(light, tmp_path):
+    (tmp_path / "sweep_1.csv").touch()
+    with pytest.raises(InputError, match=r"no visible rock .* preset=light"):
+        replay(light.bundle, tmp_path, tmp_path / "poses.csv", None, [])
+
+
+@pytest.mark.parametrize(
+    "command", [lambda path: replay(path, path, path, None, []), lambda path: parity(path, 10, None)]
+)
+def test_level_worlds_alone_are_replayed_and_compared(command, tmp_path):
+    (tmp_path / VOLUME).touch()
+    with pytest.raises(InputError, match=r"one volume; (replay|parity) takes level worlds only"):
+        command(tmp_path)

@@ -117,7 +117,8 @@ def test_worlds_are_listed_shown_and_compared(owned):
     ("arguments", "message"),
     [
         (("new", "a/b", "--from", "plan.png"), "expected a letter, then letters, digits"),
-        (("new", "true", "--from", "plan.png"), "expected a letter"),
+        (("new", "default", "--from", "plan.png"), "name = default: is a reserved word"),
+        (("new", "None", "--from", "plan.png"), "name = None: is a reserved word"),
         (("new", "x", "--from", "plan.png", "--bar-length", "-5"), "plan.png: --bar-length = -5.0"),
         (("new", "x", "--from", "plan.png", "--start", "1_0,2"), "'1_0' is not a number"),
         (("new", "x", "--from", "plan.png", "--page", "٣"), "'٣' is not a number"),

@@ -28,6 +28,10 @@ def read(path):
         ("a.csv", "x,y,z\n" + rows(",")),
         ("a.csv", '"X";"Y";"Z"\n' + rows(";")),
         ("a.csv", rows(", ")),
+        ("a.csv", rows(";").replace(".", ",")),
+        ("a.csv", "x;y;z\n" + rows("; ").replace(".", ",")),
+        ("a.txt", rows("\t").replace(".", ",")),
+        ("a.txt", rows(",\t")),
         ("a.txt", "//X Y Z\n" + rows()),
         ("a.txt", "# a scan\n" + rows("\t")),
         ("a.pts", "200\n" + rows()),
@@ -62,7 +66,8 @@ def test_a_table_of_stations_is_no_table_of_points(tmp_path):
     [
         ("east of here\n1 2 3\n", r"a\.txt:1: 'east of here' is no row of numbers, and does not name x, y and z"),
         ("x y z\n1 2 3\n1 2\n", r"a\.txt:3: 2 columns, at least 3 are needed"),
-        ("1,5;2,5;3,5\n4;5;6\n", r"a\.txt:1: '1,5' is not a number"),
+        ("1,5 2,5 3,5\n4 5 6\n", r"a\.txt:1: '5 2' is not a number"),
+        ("1,5;2,5;3,5\n4;5;6,x\n", r"a\.txt:2: '6.x' is not a number"),
         ("x,y,z\n1,2,inf\n", r"a\.txt:2: inf is not finite"),
     ],
 )

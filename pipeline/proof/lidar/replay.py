@@ -62,8 +62,13 @@ def replay_sweeps(
     Raises
     ------
     InputError
-        If a file cannot be read, a sweep has no pose, or no placement puts the poses into the workings.
+        If the world has no visible rock, a file cannot be read, a sweep has no pose, or no placement puts the poses
+        into the workings.
     """
+    if not world.record.has_visible_rock:
+        raise InputError(
+            "the world has no visible rock to compare sweeps with: it was made with preset=light; make it without"
+        )
     surveyed = read_poses(poses)
     returns = {name: read_returns(path) for name, path in sweeps.items()}
     require_poses(surveyed, returns)

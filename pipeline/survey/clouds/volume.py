@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
+from pipeline.survey.clouds.missing import missing_sides
 from pipeline.survey.clouds.normals import PointPlanes, SidedPoints, SignedDistance, planes_of, sided
 from pipeline.survey.clouds.sight import nearest_in_sight, seen_from
 from pipeline.survey.clouds.surface import BlockSurface
@@ -87,7 +88,7 @@ def volume_of_cloud(
     Raises
     ------
     InputError
-        If the points enclose no space.
+        If the points enclose no space; the message says what they lack.
     """
     planes = planes_of(cloud)
     free, walls, others = _flooded(cloud, planes, voxel_m, way_m)
@@ -102,9 +103,11 @@ def volume_of_cloud(
         sides = sided(cloud, planes, free.free, voxel_m)
     enclosed_m3 = len(free.free) * voxel_m**3
     if enclosed_m3 < _LEAST_M3 or not len(sides.rows):
+        why = missing_sides(cloud.points_m, planes.normals, voxel_m) or [
+            f"--voxel M (now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
+        ]
         raise InputError(
-            f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; --voxel M "
-            f"(now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
+            f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; {'; '.join(why)}"
         )
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on

@@ -23,8 +23,10 @@ _NUMBERS = [*COLUMNS[2:], *HEIGHTS, GRADE]
 _FOOT_M = 0.3048
 
 
-def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
+def read_rows(path: Path, walls_needed: bool = False) -> list[tuple[int, dict[str, str]]]:
     """Return the rows of a table, each with its line, as texts by the names of their columns in metres.
+
+    Columns of walls that the table lacks are empty, unless they are needed.
 
     Raises
     ------
@@ -39,7 +41,7 @@ def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         feet = [name for name in names if name.endswith("_ft") and _of_metres(name) in _NUMBERS]
         reader.fieldnames = [_of_metres(name) if name in feet else name for name in names]
         missing = [column for column in COLUMNS if column not in reader.fieldnames]
-        if missing:
+        if missing and (walls_needed or not set(missing) <= set(WALLS)):
             raise InputError(
                 f"{path}: no column {', '.join(missing)} in the first line, {one_line(head, 100)!r}; expected "
                 f"{','.join(COLUMNS)}"
@@ -58,6 +60,7 @@ def read_rows(path: Path) -> list[tuple[int, dict[str, str]]]:
                 _require_name(path, reader.line_num, column, row[column])
             if separator != ",":  # where a comma does not part columns it may begin the decimals
                 row |= {column: (row[column] or "").replace(",", ".") for column in _NUMBERS if column in row}
+            row |= dict.fromkeys(missing, "")
             rows.append((reader.line_num, row | {_of_metres(name): _in_metres(row[_of_metres(name)]) for name in feet}))
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error

@@ -125,7 +125,7 @@ def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
 def _read_legs(
     path: Path, reach_m: float = REACH_M, grades: dict[str, float] | None = None, walls_needed: bool = False
 ) -> list[SurveyLeg]:
-    rows = read_rows(path)
+    rows = read_rows(path, walls_needed)
     has_heights = _has_heights(path, rows)
     has_grades = bool(grades) or any((row.get(GRADE) or "").strip() not in _UNKNOWN for _, row in rows)
     if has_heights and has_grades:

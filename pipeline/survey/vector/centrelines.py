@@ -21,7 +21,7 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.stray_heights import require_elevations
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.vector.level_fields import listed_fields
+from pipeline.survey.vector.level_fields import level_advice
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
 from pipeline.types import Georeference
 
@@ -158,11 +158,11 @@ def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
     if not points:
         return lines
     x, y, z = next(iter(points.values()))[0][1]
-    levels = f"; --level-by FIELD keeps levels apart, {listed_fields(fields)}" if fields else ""
-    warn_user(
+    told = (
         f"{path.name}: lines cross at {sum(map(len, points.values())) // 2} places without a common point and less "
-        f"than {most:g} m over each other; they meet there, the first at ({x:.1f}, {y:.1f}, {z:.1f}){levels}"
+        f"than {most:g} m over each other; they meet there, the first at ({x:.1f}, {y:.1f}, {z:.1f})"
     )
+    warn_user("; ".join([told, *level_advice(fields)]))
     made, number = [], 0
     for line in lines:
         rows = []

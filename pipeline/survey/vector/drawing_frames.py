@@ -15,6 +15,7 @@ from pipeline.survey.vector.shapes import METRES, Shapes
 
 _FRAME = 0.9  # of the drawing's extent, both ways: a rectangle this large round other lines is a frame
 _GRID, _GRID_LINES = 0.6, 3  # of the extent: a straight level or upright line this long is one of a grid; their number
+_OF_HULL = 0.5  # of the convex hull of other shapes, that an area round them covers; _FRAME of their points lie in it
 _LEVEL = 1e-3  # of the extent
 _LISTED = 12  # layers that a message names
 
@@ -47,14 +48,51 @@ def require_walls_alone(path: Path, content: Shapes, snap_m: float) -> None:
         text for text, is_shown in (("a frame", framed), (f"{ruled} lines of a grid", ruled >= _GRID_LINES)) if is_shown
     )
     if len(layers) > 1:
-        names = one_line(", ".join(layers[:_LISTED]) + (", ..." if len(layers) > _LISTED else ""), 200)
-        advice = f"--layer NAME, once for each layer with walls, chooses from its layers: {names}"
+        advice = _choice(layers)
     else:
         advice = (
             f"all its lines are on one layer: save the walls alone, or give a PDF or a picture of the drawing; "
             f"--layer {one_line(layers[0], 60)!r} reads them all as walls"
         )
     raise InputError(f"{path}: looks like a drawing with {shown}; {advice}")
+
+
+def require_no_boundary(path: Path, content: Shapes) -> None:
+    """Refuse layers the largest area of which encloses what the others hold, as the boundary of a lease does.
+
+    Such an area also covers most of the convex hull of the others: drifts that hold the areas of shafts do not. Areas
+    at different heights are levels, which may enclose each other in plan.
+
+    Raises
+    ------
+    InputError
+        The message names the area's layer and lists the layers.
+    """
+    layers = sorted(set(content.layer_of))
+    areas = np.where(shapely.get_dimensions(content.shapes) == 2, shapely.area(content.shapes), 0.0)
+    heights = shapely.get_coordinates(content.shapes, include_z=True)[:, 2]
+    if len(layers) < 2 or not areas.any() or len(np.unique(heights[np.isfinite(heights)])) > 1:
+        return
+    outer = int(areas.argmax())
+    others = [
+        shape for shape, layer in zip(content.shapes, content.layer_of, strict=True) if layer != content.layer_of[outer]
+    ]
+    area, points = content.shapes[outer], shapely.get_coordinates(others)
+    shapely.prepare(area)
+    if shapely.intersects_xy(area, *points.T).mean() < _FRAME:
+        return
+    hull = shapely.MultiPoint(points).convex_hull
+    if shapely.make_valid(area).intersection(hull).area < _OF_HULL * hull.area:
+        return
+    raise InputError(
+        f"{path}: an area of layer {one_line(content.layer_of[outer], 60)!r} encloses the shapes of other layers, as a "
+        f"frame or a boundary does; {_choice(layers)}"
+    )
+
+
+def _choice(layers: list[str]) -> str:
+    names = one_line(", ".join(layers[:_LISTED]) + (", ..." if len(layers) > _LISTED else ""), 200)
+    return f"--layer NAME, once for each layer with walls, chooses from its layers: {names}"
 
 
 def _with_free_ends(lines: list[LineString], same: float) -> list[LineString]:

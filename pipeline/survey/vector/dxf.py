@@ -31,14 +31,13 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
 from pipeline.survey.vector.dxf_blocks import absent_drawings, count_kinds, mend_blocks, shown
 from pipeline.survey.vector.other_kinds import XREF
-from pipeline.survey.vector.shapes import Shapes, require_size
+from pipeline.survey.vector.shapes import LARGEST, Shapes, require_size
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
 _HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*", re.ASCII)  # a label; whole numbers name stations
-_LARGEST = 1e12  # a mine in mm at map coordinates needs 1e10
 _DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 _RELEASE = re.compile(rb"\$ACADVER\s+1\s+([\w.]{1,12})")
 _RELEASES = {"AC1004": "9", "AC1006": "10", "AC1009": "12", "AC1012": "13", "AC1014": "14", "AC1015": "2000"}
@@ -140,8 +139,8 @@ def _require_plain_numbers(path: Path, entity: DXFEntity) -> None:
     """Refuse an entity with a coordinate, radius or angle that is absurd or not finite."""
     for name, value in entity.dxfattribs().items():
         numbers = value if isinstance(value, Vec3 | tuple) else (value,) if isinstance(value, float) else ()
-        if not all(abs(number) < _LARGEST for number in numbers):
-            raise InputError(f"{path}: {name} = {value} of a {entity.dxftype()}, expected numbers below {_LARGEST:g}")
+        if not all(abs(number) < LARGEST for number in numbers):
+            raise InputError(f"{path}: {name} = {value} of a {entity.dxftype()}, expected numbers below {LARGEST:g}")
 
 
 def _require_block_size(path: Path, drawing: Drawing) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.survey.vector.level_fields import require_field, text_of
 from pipeline.survey.vector.other_kinds import NO_GEOMETRY
-from pipeline.survey.vector.shapes import Shapes, require_size
+from pipeline.survey.vector.shapes import LARGEST, Shapes, require_plain_coordinates, require_size
+
+_NO_NUMBER = re.compile(r"-?(?:NaN|Infinity|\d{300,})\b")  # as Python writes what is no JSON, or no float
 
 
 def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = None) -> Shapes:
@@ -43,8 +47,10 @@ def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = No
         features = _features(content)
         require_at_most(path, len(features), "shapes", "features")
         chosen = [feature for feature in features if layers is None or _layer(feature) in layers]
+        numbers = {id(feature): number for number, feature in enumerate(features, 1)}
         drawn = [feature for feature in chosen if feature["geometry"] is not None]
-        shapes = [shapely.from_geojson(json.dumps(feature["geometry"])) for feature in drawn]
+        shapes = [_shape(path, numbers[id(feature)], feature["geometry"]) for feature in drawn]
+        require_plain_coordinates(path, shapes, [f"feature {numbers[id(feature)]}" for feature in drawn])
         fields = list(dict.fromkeys(name for feature in drawn for name in (feature.get("properties") or {})))
         if level_by is not None:
             require_field(path, level_by, fields)
@@ -69,6 +75,20 @@ def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = No
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
     return Shapes(shapes, None, str(name) if name else "OGC:CRS84", layer_of, others, fields)
+
+
+def _shape(path: Path, number: int, geometry: Any) -> BaseGeometry:
+    """Return a feature's shape; `InputError` names the feature if it cannot be read, and a coordinate that is none."""
+    text = json.dumps(geometry)
+    try:
+        return shapely.from_geojson(text)
+    except (ValueError, TypeError, shapely.GEOSException) as error:
+        found = _NO_NUMBER.search(text)
+        if found is None:
+            raise
+        raise InputError(
+            f"{path}: feature {number} has the coordinate {found[0]:.20}, expected numbers below {LARGEST:g}"
+        ) from error
 
 
 def _require_no_other_json(path: Path, content: Any) -> None:

@@ -25,13 +25,17 @@ def require_field(path: Path, name: str, fields: list[str]) -> None:
     """Refuse the name of a property that no shape has; `InputError` lists those that there are."""
     if name not in fields:
         wanted = one_line(name, 40)
-        raise InputError(f"{path}: --level-by {wanted}: no shape has this property; {listed_fields(fields)}")
+        others = f"its properties: {_listed(fields)}" if fields else "there are no properties"
+        raise InputError(f"{path}: --level-by {wanted}: no shape has this property; {others}")
 
 
-def listed_fields(fields: list[str]) -> str:
-    """Return text that names the properties of a file's shapes."""
-    names = ", ".join(one_line(field, 40) for field in fields[:_NAMED])
-    return f"there are {names}{', ...' if len(fields) > _NAMED else ''}" if fields else "there are none"
+def _listed(fields: list[str]) -> str:
+    return ", ".join(one_line(field, 40) for field in fields[:_NAMED]) + (", ..." if len(fields) > _NAMED else "")
+
+
+def level_advice(fields: list[str]) -> list[str]:
+    """Return advice on `--level-by` that names the properties of a file's shapes; none if they have no properties."""
+    return [f"--level-by FIELD keeps levels apart by the value of a property ({_listed(fields)})"] if fields else []
 
 
 def text_of(value: Any) -> str:
@@ -104,9 +108,6 @@ def warn_of_overlaps(path: Path, content: Shapes, moved: Sequence[BaseGeometry],
     over_m2 = float(shapely.area([shapely.make_valid(shape) for shape in moved]).sum()) - joined.area
     if over_m2 < max(_OVERLAP_M2, _OVERLAP_SHARE * joined.area):
         return
-    has_layers = len(set(content.layer_of)) > 1
-    by_layer = "--elevation LAYER=M keeps layers apart, " if has_layers else ""
-    warn_user(
-        f"{path.name}: {over_m2:.0f} m2 of its areas lie over others and are joined with them as one level; {by_layer}"
-        f"--level-by FIELD keeps levels apart, {listed_fields(content.fields)}"
-    )
+    by_layer = ["--elevation LAYER=M keeps layers apart"] if len(set(content.layer_of)) > 1 else []
+    told = f"{path.name}: {over_m2:.0f} m2 of its areas lie over others and are joined with them as one level"
+    warn_user("; ".join([told, *by_layer, *level_advice(content.fields)]))

@@ -24,6 +24,7 @@ from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree
+LARGEST = 1e12  # a coordinate in a file: a mine in mm at map coordinates needs 1e10
 _WIDEST_DEG = 0.5  # of a mine in degrees: 55 km, five times what may be read
 # PROJ opens the files that such a definition names. Web Mercator is often written with `+nadgrids=@null`, no grid.
 _PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|parameterfile", re.IGNORECASE)
@@ -68,7 +69,8 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
     Raises
     ------
     InputError
-        If there are too many shapes or points, they are nested too deep, or their edges cross too often.
+        If there are too many shapes or points, they are nested too deep, a coordinate is absurd or not finite, or their
+        edges cross too often.
     """
     limits = reader_limits()
     require_at_most(path, len(content.shapes), "shapes", "shapes")
@@ -86,11 +88,34 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
     require_size(path, int(shapely.get_num_coordinates(parts).sum()))
     kept = ~shapely.is_empty(parts)
     shapes, layers = list(parts[kept]), [content.layer_of[k] for k in of[kept]] if content.layer_of else []
-    if not np.isfinite(shapely.get_coordinates(shapes)).all():
-        raise InputError(f"{path}: a coordinate is not finite")
+    require_plain_coordinates(path, shapes, [f"shape {k + 1}" for k in of[kept].tolist()])
     if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
     return replace(content, shapes=shapes, layer_of=layers)
+
+
+def require_plain_coordinates(path: Path, shapes: list[BaseGeometry], names: list[str]) -> None:
+    """Refuse shapes with a place in plan that is absurd or not finite; an elevation may stand for none.
+
+    Parameters
+    ----------
+    path : Path
+    shapes : list of shapely geometry
+    names : list of str
+        What a message calls each shape.
+
+    Raises
+    ------
+    InputError
+        The message names the shape and the value.
+    """
+    values, of = shapely.get_coordinates(shapes, return_index=True)
+    rows, columns = np.nonzero(~(np.abs(values) < LARGEST))
+    if len(rows):
+        raise InputError(
+            f"{path}: {names[of[rows[0]]]} has the coordinate {values[rows[0], columns[0]]:g}, expected numbers below "
+            f"{LARGEST:g}"
+        )
 
 
 def locate(

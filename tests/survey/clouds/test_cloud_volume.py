@@ -146,12 +146,32 @@ def test_what_a_wet_floor_mirrors_is_not_built(plain):
     assert len(found.beyond_m) > 0.6 * len(thin(iter([PointBlock(mirrored)]), VOXEL_M / 2, 10**6))
 
 
-def test_points_that_enclose_nothing_are_refused():
-    sheet = np.random.default_rng(0).uniform(0, 10, (5000, 3)) * [1, 1, 0]
-    with pytest.raises(
-        InputError, match=r"its points enclose 0\.0 m3, at least 5 m3 are needed; --voxel M \(now 0\.2\)"
-    ):
-        scanned(sheet)
+@pytest.mark.parametrize("rise", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("kept", "message"),
+    [
+        ([(2, HIGH_M, False)], r"above most of its floor there are no points: it has no roof$"),
+        ([(2, 0.0, False)], r"below most of its roof there are no points: it has no floor$"),
+        ([(2, 0.0, True)], r"above and below most of its level surface there are no points: it is a floor or a roof"),
+        (
+            [(2, HIGH_M, False), (1, WIDE_M, False)],
+            r"above .* no roof; opposite most of its walls there are no points",
+        ),
+    ],
+)
+def test_points_that_enclose_nothing_are_refused_with_what_they_lack(plain, rise, kept, message):
+    rows = np.ones(len(plain), bool)
+    for axis, place, is_kept in kept:
+        rows &= (np.abs(plain[:, axis] - place) < 0.1) == is_kept
+    inclined = plain[rows] + np.outer(rise * plain[rows, 0], [0, 0, 1])
+    with pytest.raises(InputError, match=r"its points enclose 0\.0 m3, at least 5 m3 are needed; " + message):
+        scanned(inclined)
+
+
+def test_another_voxel_is_advised_only_where_nothing_is_missing():
+    narrow = noisy(sampled(manifold3d.Manifold.cube([LONG_M, 0.7, 0.7])))
+    with pytest.raises(InputError, match=r"m3 are needed; --voxel M \(now 0\.2\) .* narrower than five times that$"):
+        scanned(narrow)
 
 
 def test_a_scan_in_blocks_is_thinned_as_a_whole(plain):

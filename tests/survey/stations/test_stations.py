@@ -296,6 +296,18 @@ def test_repeated_rows_are_left_out_and_two_names_of_one_place_are_one_station(t
         read_table(tmp_path, once.replace("A,b,40,0", "A,b,0,0").replace("B,b,40,0", "B,b,0,0"))
 
 
+def test_absent_columns_of_walls_are_empty_ones(tmp_path, capsys):
+    narrow = "leg,station,easting_m,northing_m\nA,a,0,0\nA,b,40,0\n"
+    assert read_table(tmp_path, narrow, half_width_m=2.0).workings.bounds[1::2] == pytest.approx((-2, 2), abs=0.1)
+    assert "2 of 2 stations of passages have no measured wall beside them; 2.00 m is taken" in capsys.readouterr().err
+    with pytest.raises(InputError, match="--half-width"):
+        read_table(tmp_path, narrow)
+    with pytest.raises(InputError, match=r"no column left_m, right_m in the first line"):
+        read_stations(write(tmp_path, narrow))
+    one = "leg,station,easting_m,northing_m,left_m\nA,a,0,0,1\nA,b,40,0,1\n"
+    assert read_table(tmp_path, one, half_width_m=2.0).workings.bounds[1::2] == pytest.approx((-2, 1), abs=0.1)
+
+
 def test_columns_in_feet_are_read_as_metres_and_listed(tmp_path, capsys):
     metres = read_table(tmp_path, f"{HEADER}A,a,0,0,3.048,3.048\nA,b,30.48,0,3.048,3.048\n").workings
     feet = f"{HEADER.replace('_m', '_ft')}A,a,0,0,10,10\nA,b,100,0,10,10\n"

@@ -1,8 +1,11 @@
 """Vector drawings that show more than walls."""
 
 import itertools
+import json
 
 import ezdxf
+import numpy as np
+import pyogrio
 import pytest
 import shapely
 from shapely import LineString, box
@@ -10,6 +13,8 @@ from shapely import LineString, box
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.vector.drawing_frames import require_no_boundary
+from pipeline.survey.vector.shapes import Shapes
 from tests.mines import RING, TEE
 
 
@@ -81,3 +86,39 @@ def test_lines_whose_ends_nearly_meet_are_no_grid(tmp_path, cut_m):
         drawing.modelspace().add_line(*[(end.x, end.y) for end in ends])
     drawing.saveas(tmp_path / "mine.dxf")
     assert detect_survey(tmp_path / "mine.dxf").width_m == pytest.approx(2 * fork.area / fork.length, rel=0.02)
+
+
+LEASE = shapely.Polygon([(-30, -20), (120, -30), (130, 70), (-20, 80)])
+
+
+def save_layers(path, **layers):
+    """Write a GeoPackage in metres with the areas of each layer."""
+    for name, areas in layers.items():
+        shapes = shapely.to_wkb(np.array(areas, object))
+        pyogrio.raw.write(path, shapes, [], [], layer=name, geometry_type="Polygon", crs="EPSG:32632")
+    return path
+
+
+def test_geodata_with_the_boundary_of_a_lease_names_the_layers(tmp_path):
+    path = save_layers(tmp_path / "mine.gpkg", drifts=[TEE], lease=[LEASE])
+    with pytest.raises(InputError, match=r"an area of layer 'lease' encloses .*--layer NAME, .*: drifts, lease$"):
+        detect_survey(path)
+    assert detect_survey(path, StatedOptions(layers=["drifts"])).width_m == pytest.approx(2 * TEE.area / TEE.length)
+    features = [
+        {"type": "Feature", "properties": {"layer": name}, "geometry": shapely.geometry.mapping(area)}
+        for name, area in (("drifts", TEE), ("lease", LEASE))
+    ]
+    path = tmp_path / "mine.geojson"
+    path.write_text(json.dumps({"note": "metres", "type": "FeatureCollection", "features": features}))
+    with pytest.raises(InputError, match=r"--layer NAME, once for each layer with walls, .*: drifts, lease$"):
+        detect_survey(path)
+
+
+def test_drifts_that_hold_shafts_and_levels_over_each_other_are_no_boundary(tmp_path):
+    shafts = [TEE.intersection(TEE.boundary.interpolate(k / 3, normalized=True).buffer(1.5)) for k in range(3)]
+    path = save_layers(tmp_path / "shafts.gpkg", drifts=[TEE], shafts=shafts)
+    assert detect_survey(path).width_m == pytest.approx(2 * TEE.area / TEE.length, rel=0.01)
+    low, high = (shapely.force_3d(area, z) for area, z in ((box(0, 0, 60, 40), 0.0), (box(5, 5, 40, 30), 20.0)))
+    require_no_boundary(path, Shapes([low, high], layer_of=["low", "high"]))
+    with pytest.raises(InputError, match="'low' encloses"):
+        require_no_boundary(path, Shapes([low, shapely.force_2d(high)], layer_of=["low", "high"]))

@@ -63,7 +63,7 @@ def test_seams_in_one_plane_are_merged_where_they_cross_and_the_warning_names_th
     read(coal_mine(tmp_path / "coal.geojson"))
     told = capsys.readouterr().err
     assert "places without a common point" in told
-    assert "--level-by FIELD keeps levels apart, there are seam, number, floor" in told
+    assert "--level-by FIELD keeps levels apart by the value of a property (seam, number, floor)" in told
 
 
 def test_areas_of_seams_that_lie_over_each_other_are_joined_with_a_warning_of_their_size_and_the_option(
@@ -75,7 +75,7 @@ def test_areas_of_seams_that_lie_over_each_other_are_joined_with_a_warning_of_th
     over_m2 = sum(line.buffer(HALF_M, cap_style="square").area for line in areas) - found.workings.area
     told = capsys.readouterr().err
     assert f"{over_m2:.0f} m2 of its areas lie over others and are joined with them as one level" in told
-    assert "--level-by FIELD keeps levels apart, there are seam, number, floor" in told
+    assert "--level-by FIELD keeps levels apart by the value of a property (seam, number, floor)" in told
 
 
 def test_areas_beside_each_other_are_joined_without_a_warning(tmp_path, capsys):
@@ -127,7 +127,7 @@ def test_areas_of_seams_are_kept_apart_by_the_same_property(tmp_path, capsys):
     [
         ("seam", r"its 3 values are no elevations at least 4 m apart.*--elevation 'Seam 0'=M --elevation 'Seam 1'=M"),
         ("number", r"its 3 values are no elevations .*--elevation '0'=M"),
-        ("level", "no shape has this property; there are seam, number, floor"),
+        ("level", "no shape has this property; its properties: seam, number, floor"),
     ],
 )
 def test_values_that_are_no_elevations_are_asked_for_one_by_one(tmp_path, field, message):

@@ -78,7 +78,8 @@ def test_lines_that_cross_are_counted_with_the_option_for_centrelines_and_that_f
     warn_of_crossings(tmp_path / "coal.geojson", Shapes(grid, "m", fields=["seam"]))
     told = capsys.readouterr().err
     assert "coal.geojson: 4 pairs of its lines cross each other" in told
-    assert "--half-width M reads them as centrelines; --level-by FIELD keeps levels apart, there are seam" in told
+    assert "; --half-width M reads them as centrelines; --level-by FIELD keeps levels apart by the value of a" in told
+    assert told.endswith("property (seam)\n")
     walls = [LineString(part) for part in ([(0, 0), (9, 0)], [(9, 0), (9, 9)], [(9, 9), (0, 9)], [(0, 9), (0, 0)])]
     warn_of_crossings(tmp_path / "room.geojson", Shapes(walls, "m"))
     assert capsys.readouterr().err == ""

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import warnings
 from itertools import pairwise
 
@@ -16,7 +17,9 @@ from shapely.affinity import translate
 
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import VectorSurveyParams
+from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.dxf import read_dxf
 from pipeline.survey.vector.geodata import companions, read_geodata
 from pipeline.survey.vector.geojson import read_geojson
@@ -300,3 +303,25 @@ def test_other_ways_to_write_shapes_as_json_are_named(tmp_path, content, name):
     (tmp_path / "mine.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=f"{name}, which is not read: QGIS opens it and saves it as GeoJSON"):
         read_geojson(tmp_path / "mine.json", None)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [("NaN", "NaN"), ("1e400", "Infinity"), ("-1e308", "-1e+308"), ("1" * 400, "1" * 20)]
+)
+def test_a_coordinate_that_no_place_has_is_named_with_its_feature(tmp_path, value, shown):
+    good = {"type": "Polygon", "coordinates": [[[0, 0], [90, 0], [90, 5], [0, 5], [0, 0]]]}
+    wrong = {"type": "Polygon", "coordinates": [[[0, 0], [90, 0], [90, "X"], [0, 5], [0, 0]]]}
+    features = [{"type": "Feature", "properties": {}, "geometry": shape} for shape in (None, good, wrong)]
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}).replace('"X"', value))
+    for unit in (None, "m"):
+        with pytest.raises(InputError, match=f"feature 3 has the coordinate {re.escape(shown)}, expected") as caught:
+            detect_survey(path, StatedOptions(unit=unit))
+        assert len(str(caught.value)) < len(str(path)) + 100
+
+
+def test_a_coordinate_that_no_place_has_is_named_with_its_shape(tmp_path):
+    areas = [shapely.box(0, 0, 90, 5), shapely.box(0, 0, 1e300, 5)]
+    pyogrio.raw.write(tmp_path / "a.gpkg", shapely.to_wkb(areas), [], [], geometry_type="Polygon", crs="EPSG:32632")
+    with pytest.raises(InputError, match=r"shape 2 has the coordinate 1e\+300, expected numbers below 1e\+12"):
+        detect_survey(tmp_path / "a.gpkg")
