@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import filecmp
 import json
-import re
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,17 +10,17 @@ from pathlib import Path
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from minexplore import is_built_in
 from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
 from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
+from pipeline.own_mines import DATA, WORDS, require_kept, require_name, require_same, survey_file
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
-from pipeline.places import CONF, WRITTEN_BY_NEW
+from pipeline.places import WRITTEN_BY_NEW
 from pipeline.remarks import Remark, warn_user
 from pipeline.store.files import missing_folders, take_back, write_atomically
 from pipeline.store.hashing import absence_of
@@ -32,10 +30,6 @@ from pipeline.survey.detection.found import Detection
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
 from pipeline.types import Image
 
-DATA = Path("data/mines")
-_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
-# YAML or this project gives these words another meaning.
-_WORDS = {"default", "true", "false", "null", "none", "nan", "inf", "yes", "no", "on", "off"}
 _DRAWN_ISLAND_M2 = 1.0  # in a drawing a hole is a pillar; a picture, whose limit is 10 m2, has specks
 
 
@@ -61,32 +55,6 @@ class Import:
     folders: list[Path] = field(default_factory=list)
 
 
-def survey_file(name: str) -> Path:
-    """Return the path of a mine's survey section."""
-    return CONF / "survey" / f"{name}.yaml"
-
-
-def require_name(name: str) -> None:
-    """Refuse a name that is no name of a world, or belongs to this project.
-
-    Raises
-    ------
-    ParamsError
-        The message states the rule.
-    """
-    if not re.fullmatch(_NAME, name):
-        raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
-    if name.lower() in _WORDS:
-        raise ParamsError(f"name = {name}: is a reserved word ({', '.join(sorted(_WORDS))}); choose another name")
-    if is_built_in(f"MineXplore/{name}-v0"):
-        raise ParamsError(f"name = {name}: MineXplore/{name}-v0 is an environment of this project; choose another name")
-    conf = survey_file(name)
-    if conf.is_file() and f"{WRITTEN_BY_NEW} {name}`" not in conf.read_text():
-        raise ParamsError(f"name = {name}: {conf} is a survey of this project; choose another name")
-    if conf.is_file() and not (DATA / name).is_dir():
-        raise ParamsError(f"name = {name}: {conf} is there without {DATA / name}; remove it to read the file again")
-
-
 def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
     """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
@@ -101,8 +69,8 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
     require_name(name)
     conf = survey_file(name)
     if conf.is_file():
-        _require_same(conf, name, source)
-        _require_kept(conf, stated)
+        require_same(conf, name, source)
+        require_kept(conf, stated)
         again = f"remove it to detect the file again, and {DATA / name} to read another file"
         warn_user(Remark(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}"))
         return ImportDraft(name, None)
@@ -151,42 +119,6 @@ def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
         forget_import(made)
         raise
     return made
-
-
-def _require_same(conf: Path, name: str, source: Path) -> None:
-    """Refuse a file of which a mine that exists has no copy: the mine was read from another one.
-
-    Raises
-    ------
-    InputError
-        If no file of the mine has the same bytes.
-    """
-    require_plain_file(source)
-    folder = DATA / name
-    if not any(path.is_file() and filecmp.cmp(source, path, shallow=False) for path in folder.rglob("*")):
-        raise InputError(
-            f"{source}: {name} was read from another file, which is in {folder}; remove {conf} and {folder} to read "
-            "this one, or choose another name"
-        )
-
-
-def _require_kept(conf: Path, stated: StatedOptions) -> None:
-    """Refuse options that differ from a section that exists, as it is kept and they would do nothing.
-
-    Raises
-    ------
-    ParamsError
-        If the section states another value of the same key.
-    """
-    section = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
-    scale = section.get("scale")
-    kept = {**section, **(scale if isinstance(scale, dict) else {})}
-    for key, value in stated.values().items():
-        written = [{"rgb": rgb} for rgb in value] if key == "ignore_colours" else value
-        if key not in ("heights", "trajectory") and key in kept and kept[key] != written:
-            raise ParamsError(
-                f"survey.{key} = {value}: {conf} exists and states {kept[key]}; change it there, or remove it"
-            )
 
 
 def _with_heights(detected: Detection, stated: StatedOptions, source: Path) -> Detection:
@@ -313,7 +245,7 @@ def survey_yaml(name: str, file: Path, detected: Detection, stated: StatedOption
 
 def _key(name: str) -> str:
     """Return a key as YAML reads it back: a leg's name may be a number or a word with a meaning."""
-    return name if name.isidentifier() and name.lower() not in _WORDS else json.dumps(name)
+    return name if name.isidentifier() and name.lower() not in WORDS else json.dumps(name)
 
 
 def _line(text: str, remark: str | None) -> str:

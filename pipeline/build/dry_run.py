@@ -11,7 +11,8 @@ from pathlib import Path
 
 from pipeline.compose import compose, floor_rules_of
 from pipeline.errors import GeometryError, MineError
-from pipeline.import_mine import DATA, draft_import, import_mine
+from pipeline.import_mine import draft_import, import_mine
+from pipeline.own_mines import DATA
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.config import Config
 from pipeline.params.floor_rules import reading_by

@@ -32,7 +32,7 @@ def new(
     What was guessed, dropped or assumed is listed once, at the end, also if the file is refused.
     """
     from pipeline.errors import DoubtError, InputError
-    from pipeline.import_mine import require_name
+    from pipeline.own_mines import require_name
     from pipeline.store.locks import hold_lock
     from pipeline.worlds import WORLDS
 

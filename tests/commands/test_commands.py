@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ArtifactError, InputError, ParamsError, lacks_memory, run_command
-from pipeline.import_mine import require_name
+from pipeline.own_mines import require_name
 from pipeline.params.validation import ValidationParams
 from pipeline.report.results import read_metrics
 from pipeline.store.manifest import read_params

@@ -17,7 +17,7 @@ import pipeline.params.stated as stated_module
 from pipeline.commands.options import add_options, stated_options
 from pipeline.errors import GeometryError, InputError, ParamsError
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
-from pipeline.import_mine import _require_kept
+from pipeline.own_mines import require_kept
 from pipeline.params.stated import FileKind, Option, StatedOptions, option, require_read, state
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.load import require_extent
@@ -132,12 +132,12 @@ def test_a_kept_section_refuses_other_values_and_only_what_is_stated(tmp_path):
     conf = tmp_path / "mine.yaml"
     kept = {"seeds_px": [], "wall_gap_px": 3.0, "ignore_colours": [{"rgb": [1, 2, 3]}], "entrance_m": [5.0, 1.0]}
     conf.write_text(yaml.safe_dump({"survey": {**kept, "scale": {"px_per_m": 8.0}}}))
-    _require_kept(conf, StatedOptions())
-    _require_kept(conf, StatedOptions(px_per_m=8.0, ignore_colours=[(1, 2, 3)], entrance_m=(5.0, 1.0)))
+    require_kept(conf, StatedOptions())
+    require_kept(conf, StatedOptions(px_per_m=8.0, ignore_colours=[(1, 2, 3)], entrance_m=(5.0, 1.0)))
     with pytest.raises(ParamsError, match=r"survey\.seeds_px = \[\[1\.0, 2\.0\]\]: .* states \[\]; change it there"):
-        _require_kept(conf, StatedOptions(seeds_px=[(1.0, 2.0)]))
+        require_kept(conf, StatedOptions(seeds_px=[(1.0, 2.0)]))
     with pytest.raises(ParamsError, match=r"survey\.px_per_m = 9\.0: .* states 8\.0"):
-        _require_kept(conf, StatedOptions(px_per_m=9.0))
+        require_kept(conf, StatedOptions(px_per_m=9.0))
 
 
 @pytest.mark.parametrize(
