@@ -103,11 +103,12 @@ def volume_of_cloud(
         sides = sided(cloud, planes, free.free, voxel_m)
     enclosed_m3 = len(free.free) * voxel_m**3
     if enclosed_m3 < _LEAST_M3 or not len(sides.rows):
-        why = missing_sides(cloud.points_m, planes.normals, voxel_m) or [
-            f"--voxel M (now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
-        ]
+        missing = missing_sides(cloud.points_m, planes.normals, voxel_m)
+        if missing:
+            raise InputError(f"its points bound no space of {_LEAST_M3:g} m3: {'; '.join(missing)}")
         raise InputError(
-            f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; {'; '.join(why)}"
+            f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; --voxel M "
+            f"(now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
         )
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on

@@ -158,11 +158,11 @@ def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
     if not points:
         return lines
     x, y, z = next(iter(points.values()))[0][1]
-    told = (
+    text = (
         f"{path.name}: lines cross at {sum(map(len, points.values())) // 2} places without a common point and less "
         f"than {most:g} m over each other; they meet there, the first at ({x:.1f}, {y:.1f}, {z:.1f})"
     )
-    warn_user("; ".join([told, *level_advice(fields)]))
+    warn_user("; ".join([text, *level_advice(fields)]))
     made, number = [], 0
     for line in lines:
         rows = []

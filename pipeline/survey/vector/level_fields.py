@@ -109,5 +109,5 @@ def warn_of_overlaps(path: Path, content: Shapes, moved: Sequence[BaseGeometry],
     if over_m2 < max(_OVERLAP_M2, _OVERLAP_SHARE * joined.area):
         return
     by_layer = ["--elevation LAYER=M keeps layers apart"] if len(set(content.layer_of)) > 1 else []
-    told = f"{path.name}: {over_m2:.0f} m2 of its areas lie over others and are joined with them as one level"
-    warn_user("; ".join([told, *by_layer, *level_advice(content.fields)]))
+    text = f"{path.name}: {over_m2:.0f} m2 of its areas lie over others and are joined with them as one level"
+    warn_user("; ".join([text, *by_layer, *level_advice(content.fields)]))

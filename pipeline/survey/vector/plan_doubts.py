@@ -75,11 +75,11 @@ def warn_of_crossings(path: Path, content: Shapes) -> None:
         return
     crossings = shapely.STRtree(lines).query(lines, predicate="crosses").shape[1] // 2
     if crossings:
-        told = (
+        text = (
             f"{path.name}: {crossings} pairs of its lines cross each other, as centrelines do; they are read as walls; "
             "--half-width M reads them as centrelines"
         )
-        warn_user("; ".join([told, *level_advice(content.fields)]))
+        warn_user("; ".join([text, *level_advice(content.fields)]))
 
 
 def _single_lines(content: Shapes) -> list[shapely.Geometry]:
