@@ -90,8 +90,8 @@ def _outcome(good: Path, folder: Path, files: Files, changed: Files, params: Val
         return CAUGHT, str(error).replace(str(folder), "w")
     except Exception as error:  # the fault that this benchmark looks for
         return CRASHED, f"{type(error).__name__}: {error}"
-    models = [load_model(bundle / MODEL) for bundle in (good, folder)]
-    differs = model_difference(*models, _SAME) or rays_differ(*models, world.record.spawn.anchor_m)
+    before, after = load_model(good / MODEL), load_model(folder / MODEL)
+    differs = model_difference(before, after, _SAME) or rays_differ(before, after, world.record.spawn.anchor_m)
     if differs is None:
         return HARMLESS, "equal model, equal rays"
     names = {name for name in {*files, *changed} if files.get(name) != changed.get(name)} - {"world.json"}
