@@ -102,7 +102,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("compare-collision", "setup", "benchmarks.comparisons.compare_collision", _PARTS + "compare-collision.md"),
     _python("search-texture", "setup", "benchmarks.comparisons.search_texture", _PARTS + "texture-search.md"),
     _python(
-        "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "45", one_thread=True
+        "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "5", one_thread=True
     ),
     _python(
         "volume-throws", "setup", "benchmarks.comparisons.volume.throw_bodies", "artifacts/bench/volume-throws", "5"
