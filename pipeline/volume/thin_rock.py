@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import manifold3d
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.errors import GeometryError
 from pipeline.volume.keyed import KeyedSolid, Neighbourhood, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
@@ -40,12 +43,22 @@ def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.
         if not len(facets) or (number >= _ALWAYS and thin_m2 < _LEFT_M2):
             break
         changed = volume.vertices[volume.faces[facets]]
-        about = Neighbourhood(volume, changed, 3 * half_m)
-        thick = _thickened(about, about.numbers(facets), half_m, floating_m3)
-        volume = about.put_back(without_slivers(thick, kept=about.at_border(thick)))
+        volume = _with_rock(volume, facets, half_m, floating_m3)
         some = near_facets(volume.vertices[volume.faces], changed, 4 * half_m)
     one = keyed(volume, volume.vertices, volume.label)
     return volume_of(KeyedSolid(without_crumbs(one.solid, floating_m3=floating_m3), one.keys), volume)
+
+
+def _with_rock(volume: Volume, facets: np.ndarray, half_m: float, floating_m3: float) -> Volume:
+    """Return the volume with rock before some facets.
+
+    Only their neighbourhood is changed; all is where manifold3d merges vertices across its border.
+    """
+    about = Neighbourhood(volume, volume.vertices[volume.faces[facets]], 3 * half_m)
+    thick = _thickened(about.volume, about.numbers(facets), half_m, floating_m3, about.border)
+    with suppress(GeometryError):
+        return about.put_back(without_slivers(thick, kept=about.at_border(thick)))
+    return without_slivers(_thickened(volume, facets, half_m, floating_m3))
 
 
 def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:
@@ -85,14 +98,16 @@ def _frames(volume: Volume, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return normal, along, np.cross(normal, along)
 
 
-def _thickened(about: Neighbourhood, facets: np.ndarray, half_m: float, floating_m3: float) -> Volume:
+def _thickened(
+    volume: Volume, facets: np.ndarray, half_m: float, floating_m3: float, border_of: int | None = None
+) -> Volume:
     """Return a volume without what is before some of its facets: prisms with bevelled edges, wider than the facet.
 
-    They are twice as deep as `half_m`, and so much wider on each side. Pockets that they cut off become rock.
+    They are twice as deep as `half_m`, and so much wider on each side. Pockets that they cut off become rock, but those
+    at facets with the source `border_of`.
     """
-    volume = about.volume
     one = keyed(volume, volume.vertices, volume.label)
-    border = [number for number, key in one.keys.items() if key // len(FacetLabel) == about.border]
+    border = [number for number, key in one.keys.items() if key // len(FacetLabel) == border_of]
     corners = volume.vertices[volume.faces[facets]]
     normal, along, across = _frames(volume, facets)
     ring = np.stack([along + across, across - along, -along - across, along - across], axis=1)

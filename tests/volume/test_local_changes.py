@@ -5,7 +5,8 @@ import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
-from pipeline.volume import floors, slivers
+from pipeline.errors import GeometryError
+from pipeline.volume import floors, slivers, thin_rock
 from pipeline.volume.shell import ShellPart, facets_without_part
 from pipeline.volume.world.parts import without_refused
 
@@ -61,3 +62,17 @@ def test_parts_without_a_volume_are_refused_and_the_others_keep_their_order():
     assert [part.facets[0] for part in good] == [0, 2, 4]
     assert refused == 2
     assert without_refused([]) == ([], 0)
+
+
+def test_rock_is_put_into_the_whole_volume_where_a_neighbourhood_cannot_be_put_back(cave, monkeypatch):
+    clean = slivers.without_slivers(cave)
+    wanted = thin_rock.without_thin_rock(clean, np.zeros((0, 3)))
+
+    def refuse(about, changed):
+        raise GeometryError("its border is not as it was")
+
+    monkeypatch.setattr(thin_rock.Neighbourhood, "put_back", refuse)
+    found = thin_rock.without_thin_rock(clean, np.zeros((0, 3)))
+    assert found.solid.volume() == pytest.approx(wanted.solid.volume(), rel=1e-4)
+    area = np.linalg.norm(found.normals, axis=1) / 2
+    assert area[list(facets_without_part(found))].sum() < 0.02
