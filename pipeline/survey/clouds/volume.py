@@ -88,7 +88,7 @@ def volume_of_cloud(
     Raises
     ------
     InputError
-        If the points enclose no space; the message says what they lack.
+        If the points enclose no space. The message names the side without points: roof, floor or wall.
     """
     planes = planes_of(cloud)
     free, walls, others = _flooded(cloud, planes, voxel_m, way_m)
