@@ -174,7 +174,7 @@ class Neighbourhood:
         Raises
         ------
         GeometryError
-            If its border is not as it was.
+            If the whole is not closed then: the border is not as it was, or two of its vertices are at one place.
         """
         whole, new = self._whole, ~self.at_border(changed)
         stay = whole.faces[~self._within]
@@ -186,15 +186,16 @@ class Neighbourhood:
         number = np.array([known.get(tuple(place), -1) for place in changed.vertices[used].tolist()], int)
         fresh = number < 0
         number[fresh] = len(whole.vertices) + np.arange(fresh.sum())
-        if len(known) > len(set(number[~fresh].tolist())):
-            raise GeometryError("volume: rock that is put before thin rock changes what is about it")
         vertices = np.concatenate([whole.vertices, changed.vertices[used[fresh]]])
         used, faces = np.unique(np.concatenate([same[stay], number[corners].reshape(-1, 3)]), return_inverse=True)
         source, label = (
             np.concatenate([ours[~self._within], theirs[new]])
             for ours, theirs in ((whole.source, changed.source), (whole.label, changed.label))
         )
-        return Volume(vertices[used], faces.reshape(-1, 3), source, label, whole.pieces)
+        found = Volume(vertices[used], faces.reshape(-1, 3), source, label, whole.pieces)
+        if keyed(found, found.vertices, found.label).solid.status() != manifold3d.Error.NoError:
+            raise GeometryError("volume: what is about a changed neighbourhood does not fit it")
+        return found
 
 
 def _corners(corners: list[list[float]]) -> tuple[tuple[float, ...], ...]:

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.comparisons.volume.cases import CASES
 from pipeline.errors import GeometryError
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.keyed import Neighbourhood, boxes_apart
+from pipeline.volume.keyed import Neighbourhood, boxes_apart, of_facets
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.separation import Facets
@@ -86,8 +86,17 @@ def test_a_neighbourhood_has_the_facets_about_a_place_and_no_free_space_far_from
 
 def test_a_border_that_has_changed_is_refused(tee):
     about = Neighbourhood(tee, tee.vertices[tee.faces[[0]]], 0.1)
-    with pytest.raises(GeometryError, match="changes what is about it"):
+    with pytest.raises(GeometryError, match="does not fit"):
         about.put_back(Neighbourhood(tee, tee.vertices[tee.faces[[len(tee.faces) - 1]]], 0.1).volume)
+
+
+def test_a_neighbourhood_that_lacks_a_facet_is_refused_though_its_border_is_whole(tee):
+    about = Neighbourhood(tee, tee.vertices[tee.faces[[0]]], 0.1)
+    inner = np.flatnonzero(~about.at_border(about.volume))
+    one = of_facets(about.volume, np.delete(np.arange(len(about.volume.faces)), inner[0]))
+    assert set(map(tuple, about.volume.vertices.tolist())) == set(map(tuple, one.vertices.tolist()))
+    with pytest.raises(GeometryError, match="does not fit"):
+        about.put_back(one)
 
 
 def test_slivers_of_facets_that_are_kept_stay(tee):
