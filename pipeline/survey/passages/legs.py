@@ -69,21 +69,29 @@ def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
     return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
 
 
-Chain = list[
-    tuple[str, tuple[float, float], tuple[float, float]]
-]  # station, position, wall distances left and right (nan: not measured)
+@dataclass(frozen=True)
+class ChainStation:
+    """A station of a passage, m: its place in plan, and its distances to the left and right wall (nan: not measured).
+
+    `heights_m` holds its elevation and the distances up and down; None in a level survey.
+    """
+
+    name: str
+    place_m: tuple[float, float]
+    sides_m: tuple[float, float]
+    heights_m: tuple[float, float, float] | None = None
 
 
-def legs_of_chains(
-    path: Path, chains: list[Chain], heights: dict[str, tuple[float, float, float]] | None = None
-) -> list[SurveyLeg]:
+Chain = list[ChainStation]
+
+
+def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
     """Make legs from sequences of stations, and interpolate wall distances that were not measured.
 
-    `heights` gives each station its elevation and the distances up and down, m. Legs need not be connected: a piece of
-    them may be built.
+    Legs need not be connected: a piece of them may be built.
 
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
-    With `heights`, shafts are legs of their own, at the end.
+    Where stations have heights, shafts are legs of their own, at the end.
 
     Raises
     ------
@@ -94,52 +102,52 @@ def legs_of_chains(
     if count > most:
         raise InputError(f"{path}: {count} stations, the limit is {most} (stations in {FILE})")
     farthest = reader_limits().farthest_wall_m
-    for label, _, sides in (row for chain in chains for row in chain):
-        for distance in sides:
+    for station in (station for chain in chains for station in chain):
+        for distance in station.sides_m:
             if distance > farthest:
                 raise InputError(
-                    f"{path}: a wall {distance:g} m beside station {label}, at most {farthest:g} "
+                    f"{path}: a wall {distance:g} m beside station {station.name}, at most {farthest:g} "
                     f"(farthest_wall_m in {FILE})"
                 )
     shafts: list[SurveyLeg] = []
-    if heights:
-        chains, shafts = _without_shafts(chains, heights)
+    if any(station.heights_m for chain in chains for station in chain):
+        chains, shafts = _without_shafts(chains)
     for number, chain in enumerate(chains, start=1):
-        kept = (
-            [chain[0], *(b for a, b in pairwise(chain) if np.hypot(*np.subtract(a[1], b[1])) > _SHAFT_M)]
-            if chain
-            else []
-        )
+        kept = chain[:1] + [b for a, b in pairwise(chain) if not _is_plumb(a, b)]
         if len(kept) < 2:
             continue
-        walls = np.array([distances for _, _, distances in kept], dtype=float)
-        for side, column in zip(("left", "right"), walls.T, strict=True):
+        leg = _leg_of(str(number), kept)
+        for side, column in zip(("left", "right"), leg.walls_m.T, strict=True):
             measured = np.flatnonzero(np.isfinite(column))
             if not len(measured):
-                raise InputError(f"{path}: no distance to the {side} wall from {kept[0][0]} to {kept[-1][0]}")
+                raise InputError(f"{path}: no distance to the {side} wall from {kept[0].name} to {kept[-1].name}")
             column[:] = np.interp(np.arange(len(column)), measured, column[measured])
-        names = [s for s, _, _ in kept]
-        levels = np.array([heights[name] for name in names], dtype=float) if heights else None
-        legs.append(SurveyLeg(str(number), names, np.array([p for _, p, _ in kept]), walls, levels))
+        legs.append(leg)
     if not legs and not shafts:
         raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
     return legs + shafts
 
 
-def _without_shafts(
-    chains: list[Chain], heights: dict[str, tuple[float, float, float]]
-) -> tuple[list[Chain], list[SurveyLeg]]:
+def _is_plumb(one: ChainStation, other: ChainStation) -> bool:
+    return bool(np.hypot(*np.subtract(one.place_m, other.place_m)) <= _SHAFT_M)
+
+
+def _leg_of(name: str, stations: Chain, is_plumb: bool = False) -> SurveyLeg:
+    places = np.array([station.place_m for station in stations])
+    sides = np.array([station.sides_m for station in stations], dtype=float)
+    heights = [station.heights_m for station in stations if station.heights_m]
+    known = np.array(heights, dtype=float) if heights else None
+    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb)
+
+
+def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
     """Cut chains at legs without a length in plan, which are returned beside them: each end keeps its station."""
     found, legs = [], []
     for chain in chains:
         part: Chain = []
         for station in chain:
-            if part and np.hypot(*np.subtract(part[-1][1], station[1])) <= _SHAFT_M:
-                ends = [part[-1], station]
-                names = [name for name, _, _ in ends]
-                walls = np.array([sides for _, _, sides in ends], dtype=float)
-                known = np.array([heights[name] for name in names], dtype=float)
-                legs.append(SurveyLeg("plumb", names, np.array([p for _, p, _ in ends]), walls, known, True))
+            if part and _is_plumb(part[-1], station):
+                legs.append(_leg_of("plumb", [part[-1], station], is_plumb=True))
                 found.append(part)
                 part = []
             part.append(station)

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.passages.legs import Chain, SurveyLeg, legs_of_chains
+from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
     Rows,
@@ -73,19 +73,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         rows = [(nodes, walls_across(plan.places[nodes], [splays.get(node) for node in nodes])) for nodes in chains]
     rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m))
     rows = _with_roofs(path, fill_down(rows, plan.places))
-    heights = {
-        plan.names[node]: (float(plan.places[node, 2]), float(w[2]), float(w[3]))
-        for nodes, walls in rows
-        for node, w in zip(nodes, walls, strict=True)
-    }
-    drawn: list[Chain] = [
-        [
-            (plan.names[node], (float(plan.places[node, 0]), float(plan.places[node, 1])), (float(w[0]), float(w[1])))
-            for node, w in zip(nodes, walls, strict=True)
-        ]
-        for nodes, walls in rows
-    ]
-    return legs_of_chains(path, drawn, heights)
+    return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
 
 
 def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], splays: dict[int, np.ndarray]) -> None:
@@ -116,6 +104,14 @@ class _StationPlan:
         """Return the nodes (k, 2) that some legs join, each pair once."""
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
+
+    def chain_of(self, nodes: Nodes, walls: np.ndarray) -> Chain:
+        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage."""
+        found = []
+        for node, (left, right, up, down) in zip(nodes, walls.tolist(), strict=True):
+            x, y, z = self.places[node].tolist()
+            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down)))
+        return found
 
     def joints(self, rows: list[tuple[Nodes, np.ndarray]]) -> list[tuple[Nodes, np.ndarray]]:
         """Return the legs between cross-sections that are no neighbours in a passage."""

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.floor_rules import floor_rules
-from pipeline.survey.passages.legs import SurveyLeg, legs_of_chains
+from pipeline.survey.passages.legs import ChainStation, SurveyLeg, legs_of_chains
 from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
@@ -76,7 +76,8 @@ def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
     if levels and max(levels) - min(levels) >= floor_rules().flat_step_m:
         return plan_legs(path, _survey_of(path, chains), half_width_m)
     warn_of_level(path, np.array(levels))
-    return legs_of_chains(path, [[(name, place[:2], (w[0], w[1])) for name, place, w in chain] for chain in chains])
+    level = [[ChainStation(name, place[:2], (w[0], w[1])) for name, place, w in chain] for chain in chains]
+    return legs_of_chains(path, level)
 
 
 def _survey_of(path: Path, chains: list[list[_Station]]) -> SolvedSurvey:
