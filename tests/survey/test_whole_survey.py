@@ -142,14 +142,23 @@ WINZE = (
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)])
-def test_a_drift_keeps_its_floor_and_roof_where_a_shaft_or_a_side_drift_begins(order, tmp_path, capsys):
+def test_a_drift_keeps_its_floor_where_a_shaft_or_a_side_drift_begins(order, tmp_path, capsys):
     path = tmp_path / "winze.csv"
     path.write_text(HEADER + "".join(WINZE[k] for k in order))
     legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/winze.csv")).legs
     found = {(a, b): leg.heights_m[:, 1:].tolist() for leg in legs for a, b in [(leg.stations[0], leg.stations[-1])]}
     assert found["1", "3"] == [[3, 0], [3, 0], [3, 0]]
     assert found["5", "6"] == [[3, 0], [3, 0]]
-    assert found["2", "7"] == [[3, 0], [8, 2]]
+    assert found["2", "7"] == [[8, 0], [8, 2]]
     said = capsys.readouterr().err
-    assert "2 stations have different distances up or down in two passages" in said
-    assert "At 2 up 3 and down 0 m are taken, not 8 and 2" in said
+    assert "2 stations have different distances down to the floor in two passages" in said
+    assert "At 2 0 m are taken, not 2" in said
+
+
+def test_each_passage_keeps_its_own_roof_where_a_crawl_leads_into_a_chamber(tmp_path):
+    path = tmp_path / "chamber.csv"
+    crawl = "A,1,0,0,0,1,1,0.4,0.3\nA,2,20,0,0,1,1,0.4,0.3\nA,3,40,0,0,1,1,0.4,0.3\n"
+    path.write_text(HEADER + crawl + "B,2,20,0,0,5,5,15,0.3\nB,4,20,20,2,5,5,15,0.3\n")
+    legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/chamber.csv")).legs
+    found = {(leg.stations[0], leg.stations[-1]): leg.heights_m[:, 1].tolist() for leg in legs}
+    assert found == {("1", "3"): [0.4, 0.4, 0.4], ("2", "4"): [15, 15]}

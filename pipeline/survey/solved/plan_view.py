@@ -16,7 +16,7 @@ from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_o
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
     Rows,
-    agree_on_heights,
+    agree_on_floors,
     beyond_ends,
     fill_down,
     fill_sides,
@@ -171,14 +171,14 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
 
 
 def _with_one_floor(path: Path, plan: _StationPlan, rows: Rows) -> Rows:
-    """Return the rows with one roof and one floor at each station, with a warning where passages state others."""
-    agreed, differ = agree_on_heights(rows, plan.places)
+    """Return the rows with one floor at each station, with a warning where passages state others."""
+    agreed, differ = agree_on_floors(rows, plan.places)
     if differ:
-        node, (up, down), (other_up, other_down) = max(differ, key=lambda one: np.nanmax(np.abs(one[1] - one[2])))
+        node, down, other = max(differ, key=lambda one: abs(one[1] - one[2]))
         warn_user(
-            f"{path.name}: {len(differ)} stations have different distances up or down in two passages; the passage "
-            f"that goes on through the station counts, and a flat one before a steep one. At {plan.names[node]} up "
-            f"{up:g} and down {down:g} m are taken, not {other_up:g} and {other_down:g}"
+            f"{path.name}: {len(differ)} stations have different distances down to the floor in two passages; the "
+            f"passage that goes on through the station counts, and a flat one before a steep one. At "
+            f"{plan.names[node]} {down:g} m are taken, not {other:g}"
         )
     return agreed
 

@@ -13,7 +13,7 @@ from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
-_DIFFER_M = 0.01  # distances up or down that differ by more are listed
+_DIFFER_M = 0.01  # distances down that differ by more are listed
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
 
@@ -118,12 +118,14 @@ def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]
     return filled, int(stated.sum())
 
 
-def agree_on_heights(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, np.ndarray, np.ndarray]]]:
-    """Return the rows with one distance up and one down at every node, as legs that meet have one floor.
+def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:
+    """Return the rows with one distance down at every node, as legs that meet have one floor.
 
     Where rows differ, a passage that is not steep there counts before a steep one, then one that goes on through the
-    node before one that ends there, then the taller one. The second result has each node where passages that are not
-    plumb differ by more than 1 cm: the node, the distances (2,) m that are taken, and those farthest from them.
+    node before one that ends there, then the taller one. Each row keeps its own roof; where it has none, or where its
+    floor comes up to that of another passage, it gets that passage's if it is higher. The second result has each node
+    where passages that are not plumb differ by more than 1 cm: the node, the distance that is taken, and the one
+    farthest from it, m.
     """
     found: dict[int, list[tuple[tuple[bool, int, float, float], bool, np.ndarray]]] = defaultdict(list)
     for nodes, walls in rows:
@@ -135,16 +137,22 @@ def agree_on_heights(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple
             tall, down = np.nan_to_num([walls[k, 2:].sum(), walls[k, 3]]).tolist()
             found[node].append(((flat == 0, -flat, -tall, -down), plumb, walls[k, 2:]))
     taken: dict[int, np.ndarray] = {}
-    differ: list[tuple[int, np.ndarray, np.ndarray]] = []
+    differ: list[tuple[int, float, float]] = []
     for node, stated in found.items():
         stated.sort(key=lambda one: one[0])
         ordered = np.array([heights for _, _, heights in stated])
         first = np.isfinite(ordered).argmax(axis=0)
         taken[node] = ordered[first, [0, 1]]
-        apart = np.nan_to_num(np.abs(ordered - taken[node])).max(axis=1) * [not plumb for _, plumb, _ in stated]
+        downs = ordered[:, 1]
+        apart = np.nan_to_num(np.abs(downs - taken[node][1])) * [not plumb for _, plumb, _ in stated]
         if apart.max() > _DIFFER_M:
-            differ.append((node, taken[node], ordered[apart.argmax()]))
-    agreed = [(nodes, np.column_stack([walls[:, :2], [taken[node] for node in nodes]])) for nodes, walls in rows]
+            differ.append((node, float(taken[node][1]), float(downs[apart.argmax()])))
+    agreed = []
+    for nodes, walls in rows:
+        up, down = np.array([taken[node] for node in nodes]).T
+        keeps = np.isfinite(walls[:, 2]) & ~(walls[:, 3] > down + _DIFFER_M)
+        roof = np.where(keeps, walls[:, 2], np.fmax(walls[:, 2], up))
+        agreed.append((nodes, np.column_stack([walls[:, :2], roof, down])))
     return agreed, differ
 
 
@@ -154,7 +162,10 @@ def fill_up(rows: Rows) -> tuple[Rows, int, float | None]:
     It is the median of the measured ones, if there are `_LEAST_ROOFS`: fewer may all be those of stopes. Else, or if no
     distance down is known, nothing changes.
     """
-    over = {n: float(r) for nodes, walls in rows for n, r in zip(nodes, walls[:, 2:].sum(axis=1), strict=True)}
+    over: dict[int, float] = {}  # the tallest roof at each node
+    for nodes, walls in rows:
+        for node, roof in zip(nodes, walls[:, 2:].sum(axis=1).tolist(), strict=True):
+            over[node] = max(roof, over.get(node, roof))
     known = [roof for roof in over.values() if np.isfinite(roof)]
     if len(known) < _LEAST_ROOFS or len(known) == len(over):
         return rows, 0, None
