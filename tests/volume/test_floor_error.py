@@ -68,6 +68,12 @@ SURVEYED_TWICE = (
     "D,d,1.89,11.73,0.3,1.2,0.21,0.6,1.2\nD,e,-0.05,-0.41,2.5,0.2,-0.08,1.6,0.9\n"
     "E,e,-0.05,-0.41,2.5,0.2,-0.08,1.6,0.9\nE,f,4.71,-1.58,0.4,1,-0.06,1.5,0.8\n"
 )
+# A floor that steps up twice, by 0.4 and 0.3 m, and comes back over its beginning. As in a real cave.
+TWO_STEPS_UP = (
+    "A,a,-1.1,6.1,1.1,1.1,0,2.5,0.7\nA,b,0,0,1.1,1.1,0,2.5,0.7\nA,c,0,0,1.1,1.1,0.4,2.5,0.7\n"
+    "A,d,1.3,-0.9,1.1,1.1,0.4,2.5,0.7\nA,e,1.3,-0.9,1.1,1.1,0.7,2.5,0.7\nA,f,1.55,-3.5,1.1,1.1,0.7,2.5,0.7\n"
+    "A,g,-0.2,0.1,1.1,1.1,0.7,2.5,0.7\n"
+)
 
 
 def built(table, folder):
@@ -107,6 +113,7 @@ KNOTS = {
     "low": OVER_A_LOW_LEG,
     "depths": TWO_DEPTHS,
     "twice": SURVEYED_TWICE,
+    "steps": TWO_STEPS_UP,
 }
 
 

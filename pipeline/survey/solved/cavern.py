@@ -24,8 +24,10 @@ _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
 # Survex only warns of readings that no instrument shows; a mine of them would be turned or mirrored in part.
 _UNREAL = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
-    r"(Negative (?:adjusted )?tape.*|Suspicious compass.*|Clino reading over 90.*)$"
+    r"(Negative (?:adjusted )?tape.*|Clino reading over 90.*)$"
 )
+# Survex goes on round the circle. Large published surveys have such readings.
+_BEYOND_CIRCLE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Suspicious compass.*)$")
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
@@ -104,6 +106,13 @@ def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
         unreal = _named(_UNREAL, path, source, output, written)
         if unreal is not None:
             raise InputError(f"{unreal}; correct it")
+        beyond = _named(_BEYOND_CIRCLE, path, source, output, written)
+        if beyond is not None:
+            count = sum(_BEYOND_CIRCLE.match(line) is not None for line in output.splitlines())
+            warn_user(
+                f"{path.name}: {count} compass readings are beyond 360 deg and go on round the circle, 364 as 4; the "
+                f"first is {beyond.rpartition('/')[2]}"
+            )
         turned = _named(_CONVERGENCE, path, source, output, written)
         if turned is not None:
             raise InputError(

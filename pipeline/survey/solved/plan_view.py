@@ -33,8 +33,8 @@ Nodes = list[int]
 def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = None) -> list[SurveyLeg]:
     """Return the legs of a solved survey in plan, with their heights.
 
-    Its passages' cross-sections make the legs; a leg of the centreline that joins two cross-sections of different
-    passages joins these. A survey without cross-sections gets its walls from its splays (`walls_across`).
+    Its passages' cross-sections make the legs. All other legs of the centreline get their walls from splays
+    (`walls_across`), from the passages that they continue, or as legs that nobody measured.
 
     Parameters
     ----------
@@ -58,19 +58,15 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     plan = _StationPlan(survey)
     # The ends of splays are no stations of passages; a survey by laser has ten to a station.
     require_at_most(path, len(np.unique(plan.all_edges)), "stations", "stations of passages or more")
-    if survey.passages:
-        rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
-        rows += plan.joints(rows)
-    else:
-        if half_width_m is None and not (survey.leg_flags & LegFlag.SPLAY).any():
-            raise InputError(
-                f"{path}: no cross-sections and no splays; state the distance to the walls (survey.half_width_m, "
-                "--half-width)"
-            )
-        splays = splays_by_node(survey, plan.node)
-        chains = plan.chains()
-        _warn_of_splays_beyond(path, plan, chains, splays)
-        rows = [(nodes, walls_across(plan.places[nodes], [splays.get(node) for node in nodes])) for nodes in chains]
+    if half_width_m is None and not survey.passages and not (survey.leg_flags & LegFlag.SPLAY).any():
+        raise InputError(
+            f"{path}: no cross-sections and no splays; state the distance to the walls (survey.half_width_m, "
+            "--half-width)"
+        )
+    splays = splays_by_node(survey, plan.node)
+    rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
+    rows += plan.between(rows, splays)
+    _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
     rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m))
     rows = _with_roofs(path, fill_down(rows, plan.places))
     return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
@@ -113,29 +109,50 @@ class _StationPlan:
             found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down)))
         return found
 
-    def joints(self, rows: list[tuple[Nodes, np.ndarray]]) -> list[tuple[Nodes, np.ndarray]]:
-        """Return the legs between cross-sections that are no neighbours in a passage."""
-        drawn = {frozenset(pair) for nodes, _ in rows for pair in pairwise(nodes)}
-        walls = {node: row for nodes, lrud in rows for node, row in zip(nodes, lrud, strict=True)}
+    def between(self, passages: Rows, splays: dict[int, np.ndarray]) -> Rows:
+        """Return the legs of the centreline that are in no passage, between junctions, ends and stations of passages.
+
+        Distances are those of splays. At an end that continues a passage, what no splay measured is the passage's.
+        """
+        drawn, measured_at = set[frozenset[int]](), set[int]()
+        ends = dict[int, tuple[np.ndarray, np.ndarray]]()  # of passages: the heading in plan, and the section
+        for nodes, walls in passages:
+            drawn.update(map(frozenset, pairwise(nodes)))
+            measured_at.update(nodes)
+            heading = self._headings(nodes)
+            ends |= {nodes[k]: (heading[k], walls[k]) for k in (0, -1)}
+        edges = [(a, b) for a, b in self.edges.tolist() if frozenset((a, b)) not in drawn]
         found = []
-        for a, b in self.edges.tolist():
-            if a in walls and b in walls and frozenset((a, b)) not in drawn:
-                sides = np.array([walls[a], walls[b]])
-                if np.isfinite(sides[:, :2]).all():
-                    found.append(([a, b], sides))
+        for nodes in _chains(edges, measured_at):
+            walls = walls_across(self.places[nodes], [splays.get(node) for node in nodes])
+            heading = self._headings(nodes)
+            for k in (0, -1):
+                if nodes[k] in ends:
+                    theirs, section = ends[nodes[k]]
+                    same = section if theirs @ heading[k] >= 0 else section[[1, 0, 2, 3]]
+                    walls[k] = np.where(np.isfinite(walls[k]), walls[k], same)
+            found.append((nodes, walls))
         return found
 
-    def chains(self) -> list[Nodes]:
-        """Return the centreline as rows of stations between its junctions and ends."""
-        graph: nx.Graph = nx.Graph(self.edges.tolist())
-        left = {frozenset(edge) for edge in graph.edges}
-        starts = [node for node in graph if graph.degree(node) != 2]
-        found = []
-        for start in [*starts, *graph]:  # then the rings without a junction
-            for follower in list(graph[start]):
-                if frozenset((start, follower)) in left:
-                    found.append(_walk(graph, start, follower, left))
+    def _headings(self, nodes: Nodes) -> np.ndarray:
+        """Return the direction (n, 2) in plan of a row of nodes at each of them, of no stated length."""
+        if len(nodes) < 2:
+            return np.zeros((len(nodes), 2))
+        found: np.ndarray = np.gradient(self.places[nodes][:, :2], axis=0)
         return found
+
+
+def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
+    """Return edges between nodes as rows of nodes between junctions, ends and nodes at which rows are to stop."""
+    graph: nx.Graph = nx.Graph(edges)
+    left = {frozenset(edge) for edge in graph.edges}
+    stops = stops | {node for node in graph if graph.degree(node) != 2}
+    found = []
+    for start in [*(node for node in graph if node in stops), *graph]:  # then the rings without a stop
+        for follower in list(graph[start]):
+            if frozenset((start, follower)) in left:
+                found.append(_walk(graph, start, follower, left, stops))
+    return found
 
 
 def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
@@ -194,11 +211,11 @@ def _with_roofs(path: Path, rows: Rows) -> Rows:
     return filled
 
 
-def _walk(graph: nx.Graph, start: int, follower: int, left: set[frozenset[int]]) -> Nodes:
-    """Follow the centreline to the next junction or end, and take its edges out of `left`."""
+def _walk(graph: nx.Graph, start: int, follower: int, left: set[frozenset[int]], stops: set[int]) -> Nodes:
+    """Follow edges to the next stop, and take them out of `left`."""
     nodes = [start, follower]
     left.discard(frozenset((start, follower)))
-    while graph.degree(nodes[-1]) == 2:
+    while nodes[-1] not in stops:
         following = [node for node in graph[nodes[-1]] if frozenset((nodes[-1], node)) in left]
         if not following:
             break

@@ -73,7 +73,7 @@ def beyond_ends(
     """
     count, farthest, at = 0, 0.0, None
     legs = Counter(node for chain in chains for pair in pairwise(chain) for node in pair)
-    for chain in chains:
+    for chain in (chain for chain in chains if len(chain) > 1):
         for end, before in ((chain[0], chain[1]), (chain[-1], chain[-2])):
             step = (places_m[end] - places_m[before])[:2]
             run = float(np.linalg.norm(step))
@@ -101,21 +101,29 @@ def usual_half_width_m(rows: Rows) -> float | None:
 
 
 def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]:
-    """Return walls (n, 4) with both sides of every station, and how many stations got the stated half width.
+    """Return walls (n, 4) with both sides of each station (`_along`), and how many stations got the stated half width."""
+    filled = walls.copy()
+    filled[:, 0], filled[:, 1] = (_along(side, half_width_m) for side in walls[:, :2].T)
+    stated = [not _says_enough(side) for side in walls[:, :2].T]
+    return filled, len(walls) if any(stated) else 0
 
-    If half of a row's stations or more were measured, a side is interpolated between them, and beyond the first and the
-    last it is that of the nearest. Else it is `half_width_m` all along: the few splays of a traverse look into side
-    workings, and say nothing of a drift of 200 m.
+
+def _says_enough(distances: np.ndarray) -> bool:
+    known = np.isfinite(distances).sum()
+    return bool(known and 2 * known >= len(distances))
+
+
+def _along(distances: np.ndarray, else_m: float) -> np.ndarray:
+    """Return the distances (n,) m along a row of stations without a gap.
+
+    If half of the stations or more were measured, a distance is interpolated between them, and beyond the first and the
+    last it is that of the nearest. Else it is `else_m` all along: the few splays of a traverse look into side workings,
+    and say nothing of a drift of 200 m.
     """
-    filled, stated = walls.copy(), np.zeros(len(walls), dtype=bool)
-    for side in range(2):
-        known = np.isfinite(walls[:, side])
-        if known.any() and 2 * known.sum() >= len(walls):
-            filled[:, side] = np.interp(np.arange(len(walls)), np.flatnonzero(known), walls[known, side])
-            continue
-        filled[:, side] = half_width_m
-        stated[:] = True
-    return filled, int(stated.sum())
+    if not _says_enough(distances):
+        return np.full(len(distances), else_m)
+    known = np.flatnonzero(np.isfinite(distances))
+    return np.interp(np.arange(len(distances)), known, distances[known])
 
 
 def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:
@@ -159,22 +167,30 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
 def fill_up(rows: Rows) -> tuple[Rows, int, float | None]:
     """Return the rows with a distance up at every node, how many got the usual roof, and that, m over the floor.
 
-    It is the median of the measured ones, if there are `_LEAST_ROOFS`: fewer may all be those of stopes. Else, or if no
-    distance down is known, nothing changes.
+    If half of a row's stations or more have a roof, its height over the floor is interpolated between them (`_along`).
+    The usual one is the median of the measured ones, if there are `_LEAST_ROOFS`: fewer may all be those of stopes. If
+    no distance down is known, nothing changes.
     """
     over: dict[int, float] = {}  # the tallest roof at each node
+    filled = []
     for nodes, walls in rows:
-        for node, roof in zip(nodes, walls[:, 2:].sum(axis=1).tolist(), strict=True):
+        tall = walls[:, 2:].sum(axis=1)
+        for node, roof in zip(nodes, tall.tolist(), strict=True):
             over[node] = max(roof, over.get(node, roof))
+        filled.append((nodes, _with_roof(walls, _along(tall, np.nan))))
     known = [roof for roof in over.values() if np.isfinite(roof)]
-    if len(known) < _LEAST_ROOFS or len(known) == len(over):
-        return rows, 0, None
-    usual, filled = float(np.median(known)), []
-    for nodes, walls in rows:
-        own = walls.copy()
-        own[:, 2] = np.where(np.isfinite(walls[:, 2]), walls[:, 2], usual - walls[:, 3])
-        filled.append((nodes, own))
-    return filled, len(over) - len(known), usual
+    without = {node for nodes, walls in filled for node in np.array(nodes)[~np.isfinite(walls[:, 2])].tolist()}
+    if len(known) < _LEAST_ROOFS or not without:
+        return filled, 0, None
+    usual = float(np.median(known))
+    return [(nodes, _with_roof(walls, np.full(len(walls), usual))) for nodes, walls in filled], len(without), usual
+
+
+def _with_roof(walls: np.ndarray, tall_m: np.ndarray) -> np.ndarray:
+    """Return walls (n, 4) with a roof so high (n,) m over the floor where they have none."""
+    found = walls.copy()
+    found[:, 2] = np.where(np.isfinite(walls[:, 2]), walls[:, 2], tall_m - walls[:, 3])
+    return found
 
 
 def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:

@@ -92,7 +92,7 @@ class SharedFloors:
         least = np.where(low * high <= 0, 0.0, np.minimum(np.abs(low), np.abs(high)))
         pairs = list(zip(one.tolist(), two.tolist(), strict=True))
         stations = stations_of(network, pieces)
-        follow = np.array(list(_following(pairs, overlap, stations)), int).reshape(-1, 2)
+        follow = np.array(list(_following(pairs, overlap, least < MEET_M, stations)), int).reshape(-1, 2)
         n = len(pairs)
         count, run = connected_components(coo_matrix((np.ones(len(follow)), follow.T), (n, n)), directed=False)
         nearest = np.full(count, np.inf)
@@ -204,9 +204,13 @@ def stations_of(network: SurveyNetwork, pieces: list[Solid]) -> list[set[int]]:
 
 
 def _following(
-    pairs: list[tuple[int, int]], overlap: np.ndarray, stations: list[set[int]]
+    pairs: list[tuple[int, int]], overlap: np.ndarray, meets: np.ndarray, stations: list[set[int]]
 ) -> Iterator[tuple[int, int]]:
-    """Yield the overlaps that follow each other: of one piece with two that share a station, where these touch."""
+    """Yield the overlaps that follow each other: of one piece with two that meet or share a station, where they touch.
+
+    `meets` (n,) are the pairs with floors hardly apart. The overlaps of a third floor with two that meet follow each
+    other, or a ledge would begin where the floor between the two ends.
+    """
     row = {pair: k for k, pair in enumerate(pairs)}
     beside: dict[int, list[int]] = {}
     for one, two in pairs:
@@ -215,7 +219,8 @@ def _following(
     for piece, others in beside.items():
         for n, one in enumerate(others):
             for two in others[:n]:
-                if stations[one] & stations[two] and (min(one, two), max(one, two)) in row:
+                both = row.get((min(one, two), max(one, two)))
+                if both is not None and (meets[both] or stations[one] & stations[two]):
                     a, b = (row[min(piece, k), max(piece, k)] for k in (one, two))
                     if shapely.dwithin(overlap[a], overlap[b], _NEAR_M):
                         yield a, b

@@ -1,10 +1,14 @@
 """Walls from splays, and what stands in for walls that nobody measured."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.node_links import read_node_links
+from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.splay_walls import (
     beyond_ends,
     fill_down,
@@ -102,19 +106,57 @@ def test_four_zeros_are_a_section_that_nobody_measured():
     np.testing.assert_array_equal(walls, [[np.nan] * 4, [0, 2, 0, 0], [1, 1, 1, np.nan]])
 
 
-def roofs(*up):
+def roofs(*up, first=0):
     """Return one row of stations with distances up, each 1 m over the floor."""
-    return [(list(range(len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
+    return [(list(range(first, first + len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
 
 
 def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
-    filled, count, usual = fill_up(roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, np.nan, np.nan))
+    filled, count, usual = fill_up(roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0) + roofs(0.7, np.nan, np.nan, first=20))
     assert (count, usual) == (2, pytest.approx(1.4))
-    np.testing.assert_allclose(filled[0][1][:, 2], [*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, 0.4, 0.4])
+    np.testing.assert_allclose(filled[0][1][:, 2], [*[0.4] * 6, 0.8, 0.8, 0.9, 22.0])
+    np.testing.assert_allclose(filled[1][1][:, 2], [0.7, 0.4, 0.4])
+
+
+def test_roofs_are_interpolated_where_half_of_a_row_was_measured():
+    filled, count, usual = fill_up(roofs(0.4, np.nan, 1.4, np.nan))
+    np.testing.assert_allclose(filled[0][1][:, 2], [0.4, 0.9, 1.4, 1.4])
+    assert (count, usual) == (0, None)
 
 
 def test_few_measured_roofs_say_nothing_of_the_others():
-    rows = roofs(*[22.0] * 9, np.nan)
+    rows = roofs(*[22.0] * 9) + roofs(np.nan, first=20)
     filled, count, usual = fill_up(rows)
-    assert filled is rows
+    np.testing.assert_array_equal(filled[1][1], rows[1][1])
     assert (count, usual) == (0, None)
+
+
+def test_legs_without_a_section_are_built_and_go_on_as_the_passages_that_they_continue():
+    # A passage of three stations; a leg on from its end, drawn from far to near, one off its middle, and one of splays.
+    places = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0], [30, 0, 0], [10, 9, 1], [10, -9, 0], [10, -10.5, 0]])
+    legs = np.array([[0, 1], [1, 2], [3, 2], [1, 4], [1, 5], [5, 6]])
+    flags = np.array([0, 0, 0, 0, 0, LegFlag.SPLAY], np.uint8)
+    passage = Passage(np.array([0, 1, 2]), np.array([[1.0, 2, 3, 0.5]] * 3))
+    survey = SolvedSurvey(
+        tuple("abcdefg"), places, np.zeros(7, np.uint8), legs, flags, np.zeros(6, np.uint8), (passage,)
+    )
+    found = {frozenset((leg.stations[0], leg.stations[-1])): leg for leg in plan_legs(Path("cave.3d"), survey, 0.8)}
+    assert set(found) == {frozenset(pair) for pair in ("ac", "cd", "be", "bf")}
+    on = found[frozenset("cd")]
+    sides = [1.0, 2.0] if on.stations == ["c", "d"] else [2.0, 1.0]
+    np.testing.assert_allclose(on.walls_m, [sides, sides])
+    np.testing.assert_allclose(on.heights_m[:, 1:], [[3, 0.5]] * 2)
+    np.testing.assert_allclose(found[frozenset("be")].walls_m, 0.8)
+    assert {tuple(row) for row in found[frozenset("be")].heights_m[:, [0, 2]]} == {(0, 0.5), (1, 0.5)}
+    assert found[frozenset("bf")].walls_m.shape == (2, 2)
+
+
+def test_a_section_of_one_station_is_that_of_the_legs_that_end_there():
+    places = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])
+    alone = Passage(np.array([0]), np.array([[3.0, 3, 4, 1]]))
+    one, two = np.zeros(3, np.uint8), np.zeros(2, np.uint8)
+    survey = SolvedSurvey(tuple("abc"), places, one, np.array([[0, 1], [1, 2]]), two, two, (alone,))
+    (leg,) = plan_legs(Path("cave.3d"), survey, 0.8)
+    assert leg.stations == ["a", "b", "c"]
+    np.testing.assert_allclose(leg.walls_m, 0.8)  # one section in three says nothing of the others
+    np.testing.assert_allclose(leg.heights_m[:, 1:], [[4, 1], [np.nan, 1], [np.nan, 1]])

@@ -350,7 +350,6 @@ def test_wheal_pell_differs_from_pell_3d_by_the_age_of_the_magnetic_model_only(t
     ("reading", "message"),
     [
         ("-10 90 0", r"mine\.th:\d+: Negative tape reading"),
-        ("10 400 0", r"mine\.th:\d+: Suspicious compass reading"),
         ("10 90 100", r"mine\.th:\d+: Clino reading over 90"),
     ],
 )
@@ -366,3 +365,16 @@ def test_readings_that_no_instrument_shows_are_refused_with_their_line(tmp_path,
     path.write_text(f"*fix a 0 0 0\n*data normal from to tape compass clino\na b {reading}\n")
     with pytest.raises(InputError, match=r"cave\.svx:3: "):
         solve_file(path)
+
+
+@needs_cavern
+def test_compass_readings_beyond_the_circle_go_on_round_it_and_are_listed(tmp_path, capsys):
+    path, head = tmp_path / "cave.svx", "*fix a 0 0 0\n*data normal from to tape compass clino\n"
+    path.write_text(head + "a b 10 400 0\nb c 10 364 0\n")
+    found = solve_file(path).positions_m
+    said = " ".join(capsys.readouterr().err.split())
+    assert "cave.svx: 2 compass readings are beyond 360 deg and go on round the circle, 364 as 4" in said
+    assert "cave.svx:3: Suspicious compass reading" in said
+    path.write_text(head + "a b 10 40 0\nb c 10 4 0\n")
+    np.testing.assert_allclose(found, solve_file(path).positions_m)
+    assert "compass" not in capsys.readouterr().err
