@@ -17,7 +17,7 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, roofs_of, shots_of, usual_roof_m
 from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
@@ -112,9 +112,23 @@ class BuiltPiece:
 def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> BuiltPiece:
     """Return the longest piece of a survey, or the one that the user names; others are listed in a warning."""
     legs, others = _pieces(path, survey, piece)
+    _warn_of_roofs(path, legs)
     stations = {name for leg in legs for name in leg.stations}
     entrances = [name for name in survey.entrances if name in stations]
     return BuiltPiece(legs, others, entrances, sum(map(_length_m, survey.legs)))
+
+
+def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
+    """Warn of the stations without a measured roof that get the survey's usual one."""
+    usual = None if any(leg.heights_m is None for leg in legs) else usual_roof_m(legs)
+    if usual is None:
+        return
+    known, count = roofs_of(legs)
+    if count:
+        warn_user(
+            f"{path.name}: {count} of {count + len(known)} stations have no measured roof; {usual:.2f} m over the "
+            "floor is taken, the median of the others, and less under floors that pass over it"
+        )
 
 
 def whole_in_frame(

@@ -157,8 +157,8 @@ def _shots_within(beside: list[list[tuple[int, float, int]]], start: int, reach_
     return {shot for station in way for _, _, shot in beside[station]}
 
 
-def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwork:
-    """Return the network of the plan's legs; heights and widths that nobody measured are `up_m` and `half_m`.
+def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyNetwork:
+    """Return the network of the plan's legs; heights over the floor and half widths that nobody measured are as given.
 
     Shots without a length are counted and left out: their stations are one place, which has the name of the first.
     Sections without an area, or turned inside out, get 5 cm. Both are listed by station.
@@ -180,7 +180,8 @@ def network_of(legs: list[SurveyLeg], up_m: float, half_m: float) -> SurveyNetwo
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
         roofless = ~np.isfinite(lrud[:, 2])
-        lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, up_m, 0.0])
+        lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
+        lrud[roofless, 2] = height_m - lrud[roofless, 3]
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))

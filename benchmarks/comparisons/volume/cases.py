@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
-from pipeline.volume.network import SurveyNetwork, network_of
+from pipeline.volume.height_field.assumed_roofs import network_with_roofs
+from pipeline.volume.network import SurveyNetwork
 from tests.heights import HEADER, levels, spiral, table
 
 LEVEL = Path("artifacts/realism/world")  # the mine that steps a second are compared with
@@ -44,7 +45,8 @@ class GateCase:
         """Return the survey's network."""
         path = self.path(folder)
         survey = solve_file(path)
-        return network_of(plan_legs(path, survey, HALF_M if "--half-width" in self.options else None), ROOF_M, HALF_M)
+        legs = plan_legs(path, survey, HALF_M if "--half-width" in self.options else None)
+        return network_with_roofs(legs, ROOF_M, HALF_M)
 
 
 def _spiral() -> str:

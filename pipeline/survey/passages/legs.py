@@ -20,6 +20,7 @@ from pipeline.types import Points2, SurveyedLegs, lines_of
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
+_LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,26 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
         heights = np.column_stack([places[:, 2], lrud[:, 2:]])
         legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights))
     return legs
+
+
+def roofs_of(legs: list[SurveyLeg]) -> tuple[list[float], int]:
+    """Return the height of the roof over the floor, m, at each station where it is known, and how many have none.
+
+    Of passages that share a station the tallest counts.
+    """
+    over: dict[str, float] = {}
+    for leg in legs:
+        assert leg.heights_m is not None
+        for name, tall in zip(leg.stations, leg.heights_m[:, 1:].sum(axis=1).tolist(), strict=True):
+            over[name] = np.fmax(tall, over.get(name, np.nan)).item()
+    known = [tall for tall in over.values() if np.isfinite(tall)]
+    return known, len(over) - len(known)
+
+
+def usual_roof_m(legs: list[SurveyLeg]) -> float | None:
+    """Return the median height of roofs over the floor, m, if ten or more are known: fewer may be those of stopes."""
+    known, _ = roofs_of(legs)
+    return float(np.median(known)) if len(known) >= _LEAST_ROOFS else None
 
 
 def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:

@@ -20,7 +20,7 @@ from pipeline.survey.solved.splay_walls import (
     beyond_ends,
     fill_down,
     fill_sides,
-    fill_up,
+    interpolate_roofs,
     measured,
     splays_by_node,
     usual_half_width_m,
@@ -68,7 +68,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     rows += plan.between(rows, splays)
     _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
     rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m))
-    rows = _with_roofs(path, fill_down(rows, plan.places))
+    rows = interpolate_roofs(fill_down(rows, plan.places))
     return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
 
 
@@ -198,17 +198,6 @@ def _with_one_floor(path: Path, plan: _StationPlan, rows: Rows) -> Rows:
             f"{plan.names[node]} {down:g} m are taken, not {other:g}"
         )
     return agreed
-
-
-def _with_roofs(path: Path, rows: Rows) -> Rows:
-    """Return the rows with the usual roof where none was measured, with a warning that counts them."""
-    filled, count, usual = fill_up(rows)
-    if count:
-        warn_user(
-            f"{path.name}: {count} of {len({node for nodes, _ in rows for node in nodes})} stations have no measured "
-            f"roof; {usual:.2f} m over the floor is taken, the median of the others"
-        )
-    return filled
 
 
 def _walk(graph: nx.Graph, start: int, follower: int, left: set[frozenset[int]], stops: set[int]) -> Nodes:

@@ -14,7 +14,6 @@ from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
 _DIFFER_M = 0.01  # distances down that differ by more are listed
-_LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
 
 
@@ -101,7 +100,7 @@ def usual_half_width_m(rows: Rows) -> float | None:
 
 
 def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]:
-    """Return walls (n, 4) with both sides of each station (`_along`), and how many stations got the stated half width."""
+    """Return walls (n, 4) with both sides of every station, and how many stations got the stated one."""
     filled = walls.copy()
     filled[:, 0], filled[:, 1] = (_along(side, half_width_m) for side in walls[:, :2].T)
     stated = [not _says_enough(side) for side in walls[:, :2].T]
@@ -139,14 +138,17 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
     for nodes, walls in rows:
         step = np.abs(np.diff(places_m[nodes], axis=0))
         run, rise = np.hypot(step[:, 0], step[:, 1]), step[:, 2]
-        for k, node in enumerate(nodes):
+        known = np.nan_to_num(np.column_stack([walls[:, 2] + walls[:, 3], walls[:, 3]])).tolist()
+        for k, (node, (tall, down)) in enumerate(zip(nodes, known, strict=True)):
             beside = slice(max(k - 1, 0), k + 1)
             flat, plumb = int((rise[beside] <= run[beside]).sum()), bool((run[beside] <= _PLUMB_M).all())
-            tall, down = np.nan_to_num([walls[k, 2:].sum(), walls[k, 3]]).tolist()
             found[node].append(((flat == 0, -flat, -tall, -down), plumb, walls[k, 2:]))
     taken: dict[int, np.ndarray] = {}
     differ: list[tuple[int, float, float]] = []
     for node, stated in found.items():
+        if len(stated) == 1:
+            taken[node] = stated[0][2]
+            continue
         stated.sort(key=lambda one: one[0])
         ordered = np.array([heights for _, _, heights in stated])
         first = np.isfinite(ordered).argmax(axis=0)
@@ -164,32 +166,17 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
     return agreed, differ
 
 
-def fill_up(rows: Rows) -> tuple[Rows, int, float | None]:
-    """Return the rows with a distance up at every node, how many got the usual roof, and that, m over the floor.
+def interpolate_roofs(rows: Rows) -> Rows:
+    """Return the rows with a distance up at every node of those of which half or more have one.
 
-    If half of a row's stations or more have a roof, its height over the floor is interpolated between them (`_along`).
-    The usual one is the median of the measured ones, if there are `_LEAST_ROOFS`: fewer may all be those of stopes. If
-    no distance down is known, nothing changes.
+    The height over the floor is interpolated between them (`_along`). If no distance down is known, nothing changes.
     """
-    over: dict[int, float] = {}  # the tallest roof at each node
-    filled = []
+    found = []
     for nodes, walls in rows:
-        tall = walls[:, 2:].sum(axis=1)
-        for node, roof in zip(nodes, tall.tolist(), strict=True):
-            over[node] = max(roof, over.get(node, roof))
-        filled.append((nodes, _with_roof(walls, _along(tall, np.nan))))
-    known = [roof for roof in over.values() if np.isfinite(roof)]
-    without = {node for nodes, walls in filled for node in np.array(nodes)[~np.isfinite(walls[:, 2])].tolist()}
-    if len(known) < _LEAST_ROOFS or not without:
-        return filled, 0, None
-    usual = float(np.median(known))
-    return [(nodes, _with_roof(walls, np.full(len(walls), usual))) for nodes, walls in filled], len(without), usual
-
-
-def _with_roof(walls: np.ndarray, tall_m: np.ndarray) -> np.ndarray:
-    """Return walls (n, 4) with a roof so high (n,) m over the floor where they have none."""
-    found = walls.copy()
-    found[:, 2] = np.where(np.isfinite(walls[:, 2]), walls[:, 2], tall_m - walls[:, 3])
+        own = walls.copy()
+        tall = _along(walls[:, 2:].sum(axis=1), np.nan)
+        own[:, 2] = np.where(np.isfinite(walls[:, 2]), walls[:, 2], tall - walls[:, 3])
+        found.append((nodes, own))
     return found
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from pipeline.volume.network import NEAR_M, SurveyNetwork
+from pipeline.survey.passages.legs import SurveyLeg, usual_roof_m
+from pipeline.volume.network import NEAR_M, SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
 
 ROCK_M = 0.5  # left between an assumed roof and the floor over it
@@ -16,6 +17,15 @@ _LEAST_M = 1.0  # of a passage's height: in lower ones hardly a robot fits, and 
 _THIN_M = 0.05  # of rock between a roof and the floor over it: a roof with more stays
 _LEAST_M2 = 1e-4  # of the place where two legs lie over each other
 _SIDES = np.array([1.0, -1.0])[:, None]
+
+
+def network_with_roofs(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyNetwork:
+    """Return the network of legs whose roofs that nobody measured are the usual ones (`usual_roof_m`).
+
+    Where the survey has none they are `height_m` over the floor; under floors that pass over them they are lower. Half
+    widths that nobody measured are `half_m`.
+    """
+    return lower_assumed_roofs(network_of(legs, usual_roof_m(legs) or height_m, half_m))
 
 
 def lower_assumed_roofs(network: SurveyNetwork) -> SurveyNetwork:

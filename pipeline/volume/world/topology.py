@@ -13,8 +13,8 @@ from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import SurveyedLegs
-from pipeline.volume.height_field.assumed_roofs import lower_assumed_roofs
-from pipeline.volume.network import SurveyNetwork, network_of
+from pipeline.volume.height_field.assumed_roofs import network_with_roofs
+from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST
 from pipeline.volume.world.reach import components_of
 
@@ -54,12 +54,12 @@ class LegNetwork:
     total_length_m: float
 
 
-def mine_network(surveyed: SurveyedLegs, up_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
+def mine_network(surveyed: SurveyedLegs, height_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
     """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin.
 
-    Heights and widths that nobody measured are `up_m` and `half_m`; heights are less under floors that pass over them.
+    What nobody measured is as `network_with_roofs` says.
     """
-    network = lower_assumed_roofs(network_of(legs_of(surveyed), up_m, half_m))
+    network = network_with_roofs(legs_of(surveyed), height_m, half_m)
     return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.survey.passages.legs import SurveyLeg, roofs_of, usual_roof_m
 from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
@@ -13,12 +14,13 @@ from pipeline.survey.solved.splay_walls import (
     beyond_ends,
     fill_down,
     fill_sides,
-    fill_up,
+    interpolate_roofs,
     measured,
     usual_half_width_m,
     walls_across,
 )
 from pipeline.survey.solved_surveys import read_passages, survey_files
+from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 
 NAN = np.nan
 ROW = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])
@@ -106,29 +108,37 @@ def test_four_zeros_are_a_section_that_nobody_measured():
     np.testing.assert_array_equal(walls, [[np.nan] * 4, [0, 2, 0, 0], [1, 1, 1, np.nan]])
 
 
-def roofs(*up, first=0):
+def roofs(*up):
     """Return one row of stations with distances up, each 1 m over the floor."""
-    return [(list(range(first, first + len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
-
-
-def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
-    filled, count, usual = fill_up(roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0) + roofs(0.7, np.nan, np.nan, first=20))
-    assert (count, usual) == (2, pytest.approx(1.4))
-    np.testing.assert_allclose(filled[0][1][:, 2], [*[0.4] * 6, 0.8, 0.8, 0.9, 22.0])
-    np.testing.assert_allclose(filled[1][1][:, 2], [0.7, 0.4, 0.4])
+    return [(list(range(len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
 
 
 def test_roofs_are_interpolated_where_half_of_a_row_was_measured():
-    filled, count, usual = fill_up(roofs(0.4, np.nan, 1.4, np.nan))
-    np.testing.assert_allclose(filled[0][1][:, 2], [0.4, 0.9, 1.4, 1.4])
-    assert (count, usual) == (0, None)
+    rows = interpolate_roofs(roofs(0.4, NAN, 1.4, NAN) + roofs(NAN, NAN, 2.0))
+    np.testing.assert_allclose(rows[0][1][:, 2], [0.4, 0.9, 1.4, 1.4])
+    np.testing.assert_allclose(rows[1][1][:, 2], [NAN, NAN, 2.0])
 
 
-def test_few_measured_roofs_say_nothing_of_the_others():
-    rows = roofs(*[22.0] * 9) + roofs(np.nan, first=20)
-    filled, count, usual = fill_up(rows)
-    np.testing.assert_array_equal(filled[1][1], rows[1][1])
-    assert (count, usual) == (0, None)
+def legs_with_roofs(*up):
+    heights = np.column_stack([np.zeros(len(up)), up, np.ones(len(up))])
+    places = np.column_stack([10.0 * np.arange(len(up)), np.zeros(len(up))])
+    return [SurveyLeg("1", [str(k) for k in range(len(up))], places, np.ones((len(up), 2)), heights)]
+
+
+def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
+    legs = legs_with_roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, NAN, NAN)
+    assert usual_roof_m(legs) == pytest.approx(1.4)
+    network = network_with_roofs(legs, 3.5, 1.0)
+    np.testing.assert_allclose(network.lrud_m[-1, :, 2:], [[0.4, 1.0]] * 2)  # the median is over the floor
+    assert network.roof_assumed[-1].all()
+    legs = legs_with_roofs(*[22.0] * 9, NAN)  # few measured ones say nothing of the others
+    assert usual_roof_m(legs) is None
+    np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0).lrud_m[-1, :, 2], [22.0, 2.5])
+
+
+def test_of_passages_that_share_a_station_the_tallest_says_how_high_it_is():
+    low, high = legs_with_roofs(1.0, 2.0), legs_with_roofs(5.0, NAN)
+    assert roofs_of(low + high) == roofs_of(high + low) == ([6.0, 3.0], 0)
 
 
 def test_legs_without_a_section_are_built_and_go_on_as_the_passages_that_they_continue():
