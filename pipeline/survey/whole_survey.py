@@ -17,8 +17,8 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, roofs_of, shots_of, usual_roof_m
-from pipeline.survey.passages.relief import has_relief
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
+from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
 from pipeline.survey.solved_surveys import solve_file

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.legs import SurveyLeg, along_stations
 
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
@@ -49,8 +49,8 @@ class SurveyNetwork:
         Distances left, right, up and down at either end.
     joined : (m, 2) bool
         Ends at which a shot shares its section with the one before or after it in its chain.
-    roof_assumed : (m, 2) bool
-        Ends at which nobody measured the distance up.
+    roof_assumed, roof_lowered : (m, 2) bool
+        Ends at which nobody measured the distance up, and those of them whose roof is lower under another floor.
     names : tuple of str
         Of the stations.
     skipped : int
@@ -65,6 +65,7 @@ class SurveyNetwork:
     lrud_m: np.ndarray
     joined: np.ndarray
     roof_assumed: np.ndarray
+    roof_lowered: np.ndarray
     names: tuple[str, ...]
     skipped: int = 0
     repairs: tuple[str, ...] = ()
@@ -131,6 +132,7 @@ class SurveyNetwork:
             lrud_m=self.lrud_m[kept],
             joined=joined[kept],
             roof_assumed=self.roof_assumed[kept],
+            roof_lowered=self.roof_lowered[kept],
         )
 
     def near_legs(self, reach_m: float) -> NearLegs:
@@ -158,7 +160,9 @@ def _shots_within(beside: list[list[tuple[int, float, int]]], start: int, reach_
 
 
 def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyNetwork:
-    """Return the network of the plan's legs; heights over the floor and half widths that nobody measured are as given.
+    """Return the network of the plan's legs; half widths that nobody measured are `half_m`.
+
+    The roof's height over the floor is interpolated along a leg of which half was measured, and is `height_m` else.
 
     Shots without a length are counted and left out: their stations are one place, which has the name of the first.
     Sections without an area, or turned inside out, get 5 cm. Both are listed by station.
@@ -181,7 +185,8 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
         roofless = ~np.isfinite(lrud[:, 2])
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
-        lrud[roofless, 2] = height_m - lrud[roofless, 3]
+        tall = along_stations(lrud[:, 2] + lrud[:, 3], height_m)
+        lrud[roofless, 2] = (tall - lrud[:, 3])[roofless]
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
@@ -206,7 +211,8 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
     named = tuple(names)
-    return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, named, skipped, tuple(repairs))
+    none = np.zeros_like(assumed)
+    return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
 
 
 def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:

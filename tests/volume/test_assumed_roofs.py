@@ -23,7 +23,7 @@ def helix(pitch_m, turns=2, up=""):
 def crossing(gap_m, up=""):
     """Return the table of two level drifts that cross, one so far under the other; a ramp joins their far ends."""
     over = f"A,1,-30,0,{gap_m},2,2,3,0\nA,2,30,0,{gap_m},2,2,3,0\nA,3,60,30,{gap_m / 2},2,2,3,0\n"
-    under = f"A,4,30,60,0,2,2,3,0\nA,5,0,50,0,2,2,{up},\nA,6,0,-30,0,2,2,{up},\n"
+    under = f"B,3,60,30,{gap_m / 2},2,2,{up},\nB,4,30,60,0,2,2,{up},\nB,5,0,50,0,2,2,{up},\nB,6,0,-30,0,2,2,{up},\n"
     return HEADER + over + under
 
 
@@ -75,15 +75,15 @@ def test_legs_that_meet_lower_no_roof(tmp_path):
 
 def test_stage_3_says_how_many_roofs_are_lower_than_assumed_and_where_the_lowest_is(tmp_path, capsys):
     VolumeWorld(crossing(2.0), tmp_path)
-    line = next(line for line in capsys.readouterr().err.splitlines() if "compile3d.height_m" in line)
+    line = next(line for line in capsys.readouterr().err.splitlines() if "without a measured roof" in line)
     assert line == (
-        "compile3d: 2 stations without a measured roof have one lower than 3.5 m (compile3d.height_m), as floors pass "
-        "over them: 1.50 m over the floor at 5, with 0.5 m of rock over it"
+        "compile3d: 2 stations without a measured roof have a lower one, as floors pass over them: "
+        "1.50 m over the floor at 5, with 0.5 m of rock over it"
     )
 
 
 @pytest.mark.parametrize(
-    ("up", "why"), [("", "1 of them where compile3d.height_m is the roof"), ("3.5", "as surveyed")]
+    ("up", "why"), [("", "1 of them under an assumed roof (up_m, compile3d.height_m)"), ("3.5", "as surveyed")]
 )
 def test_a_floor_that_an_assumed_roof_cuts_is_listed_with_the_option(tmp_path, capsys, up, why):
     world = VolumeWorld(crossing(1.4, up), tmp_path)

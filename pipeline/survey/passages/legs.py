@@ -20,7 +20,6 @@ from pipeline.types import Points2, SurveyedLegs, lines_of
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
-_LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 
 
 @dataclass(frozen=True)
@@ -52,24 +51,23 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
     return legs
 
 
-def roofs_of(legs: list[SurveyLeg]) -> tuple[list[float], int]:
-    """Return the height of the roof over the floor, m, at each station where it is known, and how many have none.
+def says_enough(distances: np.ndarray) -> bool:
+    """Return whether half of the distances (n,) along a row of stations or more were measured."""
+    known = np.isfinite(distances).sum()
+    return bool(known and 2 * known >= len(distances))
 
-    Of passages that share a station the tallest counts.
+
+def along_stations(distances: np.ndarray, else_m: float) -> np.ndarray:
+    """Return the distances (n,) m along a row of stations without a gap.
+
+    If half of the stations or more were measured, a distance is interpolated between them, and beyond the first and the
+    last it is that of the nearest. Else it is `else_m` all along: the few splays of a traverse look into side workings,
+    and say nothing of a drift of 200 m.
     """
-    over: dict[str, float] = {}
-    for leg in legs:
-        assert leg.heights_m is not None
-        for name, tall in zip(leg.stations, leg.heights_m[:, 1:].sum(axis=1).tolist(), strict=True):
-            over[name] = np.fmax(tall, over.get(name, np.nan)).item()
-    known = [tall for tall in over.values() if np.isfinite(tall)]
-    return known, len(over) - len(known)
-
-
-def usual_roof_m(legs: list[SurveyLeg]) -> float | None:
-    """Return the median height of roofs over the floor, m, if ten or more are known: fewer may be those of stopes."""
-    known, _ = roofs_of(legs)
-    return float(np.median(known)) if len(known) >= _LEAST_ROOFS else None
+    if not says_enough(distances):
+        return np.full(len(distances), else_m)
+    known = np.flatnonzero(np.isfinite(distances))
+    return np.interp(np.arange(len(distances)), known, distances[known])
 
 
 def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:

@@ -1,4 +1,4 @@
-"""Whether the legs of a survey rise or fall: then they are built as one volume, else as a level plan."""
+"""The heights of a survey's legs: whether they rise or fall, and how high their roofs are over the floor."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.legs import SurveyLeg
 
 _EVEN_M = 0.01  # smaller differences are rounding
+_LEAST_ROOFS = 10  # measured ones that show a survey's usual one
 
 
 def floor_of(leg: SurveyLeg) -> np.ndarray:
@@ -24,6 +25,8 @@ def floor_of(leg: SurveyLeg) -> np.ndarray:
 
 def has_relief(legs: list[SurveyLeg]) -> bool:
     """Return whether a survey has grades, or floors that differ in height by `flat_step_m` or more; else it is flat.
+
+    With relief it is built as one volume, else as a level plan.
 
     A shaft has relief. Legs without elevations have none, also where `flat_step_m` is 0.
     """
@@ -44,3 +47,23 @@ def warn_of_level(path: Path, heights_m: np.ndarray) -> None:
             f"{path.name}: its elevations differ by {rise:.2f} m, no more than {most:g} m, and it is built level; "
             "survey.flat_step_m=0 builds the heights"
         )
+
+
+def roofs_of(legs: list[SurveyLeg]) -> tuple[list[float], int]:
+    """Return the height of the roof over the floor, m, at each station where it is known, and how many have none.
+
+    Of passages that share a station the tallest counts.
+    """
+    over: dict[str, float] = {}
+    for leg in legs:
+        assert leg.heights_m is not None
+        for name, tall in zip(leg.stations, leg.heights_m[:, 1:].sum(axis=1).tolist(), strict=True):
+            over[name] = np.fmax(tall, over.get(name, np.nan)).item()
+    known = [tall for tall in over.values() if np.isfinite(tall)]
+    return known, len(over) - len(known)
+
+
+def usual_roof_m(legs: list[SurveyLeg]) -> float | None:
+    """Return the median height of roofs over the floor, m, if ten or more are known: fewer may be those of stopes."""
+    known, _ = roofs_of(legs)
+    return float(np.median(known)) if len(known) >= _LEAST_ROOFS else None

@@ -20,7 +20,6 @@ from pipeline.survey.solved.splay_walls import (
     beyond_ends,
     fill_down,
     fill_sides,
-    interpolate_roofs,
     measured,
     splays_by_node,
     usual_half_width_m,
@@ -68,7 +67,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     rows += plan.between(rows, splays)
     _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
     rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m))
-    rows = interpolate_roofs(fill_down(rows, plan.places))
+    rows = fill_down(rows, plan.places)
     return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
 
 

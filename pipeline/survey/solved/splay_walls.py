@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
+from pipeline.survey.passages.legs import along_stations, says_enough
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
@@ -102,27 +103,9 @@ def usual_half_width_m(rows: Rows) -> float | None:
 def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]:
     """Return walls (n, 4) with both sides of every station, and how many stations got the stated one."""
     filled = walls.copy()
-    filled[:, 0], filled[:, 1] = (_along(side, half_width_m) for side in walls[:, :2].T)
-    stated = [not _says_enough(side) for side in walls[:, :2].T]
+    filled[:, 0], filled[:, 1] = (along_stations(side, half_width_m) for side in walls[:, :2].T)
+    stated = [not says_enough(side) for side in walls[:, :2].T]
     return filled, len(walls) if any(stated) else 0
-
-
-def _says_enough(distances: np.ndarray) -> bool:
-    known = np.isfinite(distances).sum()
-    return bool(known and 2 * known >= len(distances))
-
-
-def _along(distances: np.ndarray, else_m: float) -> np.ndarray:
-    """Return the distances (n,) m along a row of stations without a gap.
-
-    If half of the stations or more were measured, a distance is interpolated between them, and beyond the first and the
-    last it is that of the nearest. Else it is `else_m` all along: the few splays of a traverse look into side workings,
-    and say nothing of a drift of 200 m.
-    """
-    if not _says_enough(distances):
-        return np.full(len(distances), else_m)
-    known = np.flatnonzero(np.isfinite(distances))
-    return np.interp(np.arange(len(distances)), known, distances[known])
 
 
 def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:
@@ -164,20 +147,6 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
         roof = np.where(keeps, walls[:, 2], np.fmax(walls[:, 2], up))
         agreed.append((nodes, np.column_stack([walls[:, :2], roof, down])))
     return agreed, differ
-
-
-def interpolate_roofs(rows: Rows) -> Rows:
-    """Return the rows with a distance up at every node of those of which half or more have one.
-
-    The height over the floor is interpolated between them (`_along`). If no distance down is known, nothing changes.
-    """
-    found = []
-    for nodes, walls in rows:
-        own = walls.copy()
-        tall = _along(walls[:, 2:].sum(axis=1), np.nan)
-        own[:, 2] = np.where(np.isfinite(walls[:, 2]), walls[:, 2], tall - walls[:, 3])
-        found.append((nodes, own))
-    return found
 
 
 def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:

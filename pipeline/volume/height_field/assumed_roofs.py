@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from pipeline.survey.passages.legs import SurveyLeg, usual_roof_m
+from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.relief import usual_roof_m
 from pipeline.volume.network import NEAR_M, SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
 
@@ -44,7 +45,7 @@ def lower_assumed_roofs(network: SurveyNetwork) -> SurveyNetwork:
     lrud, wanted = network.lrud_m.copy(), most[network.shots]
     lower = network.roof_assumed & (tall > wanted)
     lrud[:, :, 2] = np.where(lower, wanted - lrud[:, :, 3], lrud[:, :, 2])
-    return replace(network, lrud_m=lrud) if lower.any() else network
+    return replace(network, lrud_m=lrud, roof_lowered=lower) if lower.any() else network
 
 
 def _floors_over(network: SurveyNetwork) -> Iterator[tuple[int, float]]:

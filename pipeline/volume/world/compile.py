@@ -110,7 +110,7 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     if network.repairs:
         more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
         warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
-    _warn_of_lowered(network, params.height_m)
+    _warn_of_lowered(network)
     require_flat_leg(network)
     solved = solve_floors(network)
     volume = in_mine_frame(solved, offset)
@@ -118,16 +118,15 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     return _VolumeDraft(solved, volume, offset, cells, surveyed, network, False)
 
 
-def _warn_of_lowered(network: SurveyNetwork, height_m: float) -> None:
-    """Print how many stations have an assumed roof that is lower than `height_m`, as a floor passes over it."""
-    up = network.lrud_m[:, :, 2]
-    lowered = network.roof_assumed & (up < height_m)
+def _warn_of_lowered(network: SurveyNetwork) -> None:
+    """Print how many stations have an assumed roof that is lower than others, as a floor passes over it."""
+    lowered = network.roof_lowered
     if lowered.any():
         tall = np.where(lowered, network.lrud_m[:, :, 2:].sum(axis=2), np.inf)
         leg, end = np.unravel_index(tall.argmin(), tall.shape)
         warn_user(
-            f"compile3d: {len(np.unique(network.shots[lowered]))} stations without a measured roof have one lower than "
-            f"{height_m:g} m (compile3d.height_m), as floors pass over them: {tall[leg, end]:.2f} m over the floor at "
+            f"compile3d: {len(np.unique(network.shots[lowered]))} stations without a measured roof have a lower one, "
+            f"as floors pass over them: {tall[leg, end]:.2f} m over the floor at "
             f"{network.names[network.shots[leg, end]]}, with {ROCK_M:g} m of rock over it"
         )
 

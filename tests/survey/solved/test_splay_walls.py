@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.survey.passages.legs import SurveyLeg, roofs_of, usual_roof_m
+from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.relief import roofs_of, usual_roof_m
 from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
@@ -14,7 +15,6 @@ from pipeline.survey.solved.splay_walls import (
     beyond_ends,
     fill_down,
     fill_sides,
-    interpolate_roofs,
     measured,
     usual_half_width_m,
     walls_across,
@@ -108,32 +108,29 @@ def test_four_zeros_are_a_section_that_nobody_measured():
     np.testing.assert_array_equal(walls, [[np.nan] * 4, [0, 2, 0, 0], [1, 1, 1, np.nan]])
 
 
-def roofs(*up):
-    """Return one row of stations with distances up, each 1 m over the floor."""
-    return [(list(range(len(up))), np.column_stack([np.ones((len(up), 2)), up, np.ones(len(up))]))]
-
-
-def test_roofs_are_interpolated_where_half_of_a_row_was_measured():
-    rows = interpolate_roofs(roofs(0.4, NAN, 1.4, NAN) + roofs(NAN, NAN, 2.0))
-    np.testing.assert_allclose(rows[0][1][:, 2], [0.4, 0.9, 1.4, 1.4])
-    np.testing.assert_allclose(rows[1][1][:, 2], [NAN, NAN, 2.0])
-
-
-def legs_with_roofs(*up):
+def legs_with_roofs(*up, first=0):
+    """Return one leg of stations with distances up, each 1 m over the floor."""
     heights = np.column_stack([np.zeros(len(up)), up, np.ones(len(up))])
     places = np.column_stack([10.0 * np.arange(len(up)), np.zeros(len(up))])
-    return [SurveyLeg("1", [str(k) for k in range(len(up))], places, np.ones((len(up), 2)), heights)]
+    return [SurveyLeg("1", [str(first + k) for k in range(len(up))], places, np.ones((len(up), 2)), heights)]
+
+
+def test_roofs_are_interpolated_where_half_of_a_leg_was_measured_and_are_assumed():
+    network = network_with_roofs(legs_with_roofs(0.4, NAN, 1.4, NAN), 3.5, 1.0)
+    np.testing.assert_allclose(network.lrud_m[:, :, 2], [[0.4, 0.9], [0.9, 1.4], [1.4, 1.4]])
+    assert network.roof_assumed.tolist() == [[False, True], [True, False], [False, True]]
+    np.testing.assert_allclose(network_with_roofs(legs_with_roofs(NAN, NAN, 2.0), 3.5, 1.0).lrud_m[0, :, 2], 2.5)
 
 
 def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
-    legs = legs_with_roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0, NAN, NAN)
+    legs = legs_with_roofs(*[0.4] * 6, 0.8, 0.8, 0.9, 22.0) + legs_with_roofs(NAN, NAN, first=20)
     assert usual_roof_m(legs) == pytest.approx(1.4)
     network = network_with_roofs(legs, 3.5, 1.0)
     np.testing.assert_allclose(network.lrud_m[-1, :, 2:], [[0.4, 1.0]] * 2)  # the median is over the floor
     assert network.roof_assumed[-1].all()
-    legs = legs_with_roofs(*[22.0] * 9, NAN)  # few measured ones say nothing of the others
+    legs = legs_with_roofs(*[22.0] * 9) + legs_with_roofs(NAN, NAN, first=20)  # few say nothing of the others
     assert usual_roof_m(legs) is None
-    np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0).lrud_m[-1, :, 2], [22.0, 2.5])
+    np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0).lrud_m[-1, :, 2], 2.5)
 
 
 def test_of_passages_that_share_a_station_the_tallest_says_how_high_it_is():
@@ -155,7 +152,7 @@ def test_legs_without_a_section_are_built_and_go_on_as_the_passages_that_they_co
     on = found[frozenset("cd")]
     sides = [1.0, 2.0] if on.stations == ["c", "d"] else [2.0, 1.0]
     np.testing.assert_allclose(on.walls_m, [sides, sides])
-    np.testing.assert_allclose(on.heights_m[:, 1:], [[3, 0.5]] * 2)
+    assert sorted(on.heights_m[:, 1:].tolist()) == [[3, 0.5], [pytest.approx(NAN, nan_ok=True), 0.5]]
     np.testing.assert_allclose(found[frozenset("be")].walls_m, 0.8)
     assert {tuple(row) for row in found[frozenset("be")].heights_m[:, [0, 2]]} == {(0, 0.5), (1, 0.5)}
     assert found[frozenset("bf")].walls_m.shape == (2, 2)

@@ -37,7 +37,7 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
     named = ", ".join(through[:_NAMED] + [f"and {len(through) - _NAMED} more"] * (len(through) > _NAMED))
     if through:
         assumed = sum(k.is_assumed for k in found.elsewhere)
-        why = f", {assumed} of them where compile3d.height_m is the roof" if assumed else ", as surveyed"
+        why = f", {assumed} of them under an assumed roof (up_m, compile3d.height_m)" if assumed else ", as surveyed"
         warn_user(f"validation: {len(through)} pairs of legs break through each other's floors{why}: {named}")
     figures = {
         "error_mm": round(_MM * found.error_m, 6),
