@@ -100,7 +100,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
     | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
-    | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each; vectors: `vectorization_mode` `"sync"` or `"async"` |
+    | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each; vectors: modes `"sync"`, `"async"` |
     | `conditions` | `"ideal"` | of all sensors, the beams too: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
 
     ## Version History
