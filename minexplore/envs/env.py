@@ -86,7 +86,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     ## Copies
     `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An
-    environment also steps in a fork of its process. After `close` it refuses every call.
+    environment also steps in a fork of its process; if anything was drawn before the fork, it draws in none, and only
+    processes started by `"spawn"` do. After `close` it refuses every call.
 
     ## Arguments
 
