@@ -34,14 +34,14 @@ ROBOT_TASKS: dict[str, dict[str, Any]] = {
 
 # A source checkout's own worlds, made by `python -m pipeline new NAME`, are MineXplore/NAME-v0.
 OWN_WORLDS: dict[str, dict[str, Any]] = {
-    f"MineXplore/{_record.parents[2].name}-v0": {"world": _record.parent}
+    f"MineXplore/{_record.parents[2].name}-v0": {"world": str(_record.parent)}
     for _record in sorted(Path(__file__).parents[1].glob(f"artifacts/worlds/*/realism/world/{RECORD}"))
     if re.fullmatch(r"[A-Za-z0-9_-]+", _record.parents[2].name)
 }
 
 # The mines of the generated family that a source checkout has built, made by `python -m benchmarks worlds`.
 FAMILY_MINES: dict[str, dict[str, Any]] = {
-    f"MineXplore/Family-{_record.parents[3].name}-{_record.parents[2].name}-v0": {"world": _record.parent}
+    f"MineXplore/Family-{_record.parents[3].name}-{_record.parents[2].name}-v0": {"world": str(_record.parent)}
     for _record in sorted(Path(__file__).parents[1].glob(f"artifacts/families/light/*/*/realism/world/{RECORD}"))
     if re.fullmatch(r"(train|validation|test)-\d{4}", f"{_record.parents[3].name}-{_record.parents[2].name}")
 }

@@ -6,18 +6,19 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from minexplore import environments, full_id
-from minexplore.bundle import BundleError
+from minexplore.bundle import BundleError, is_volume
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
 from minexplore.physics.robots import ROBOTS
 from minexplore.pictures.opengl import DisplayError
-from minexplore.record.command import add_arguments, given_of, record
+from minexplore.record.command import add_arguments, check_least, given_of, record
 from minexplore.record.policies import spread_command
 from minexplore.world import find_world, load_world
 
@@ -40,8 +41,8 @@ def list_envs() -> None:
             continue
         changes = {**kwargs.get("task", {}), **{k: v for k, v in kwargs.items() if k == "robot"}}
         task = ", ".join(f"{k}={v}" for k, v in changes.items()) or "as published"
-        area, drifts = record["areas"]["tunnel_m2"], record["drifts"]
-        print(f"{env_id:36} {record['name']}, {area:,.0f} m2, {drifts} drifts, {record['world_sha256'][:12]}; {task}")
+        area = f"{record['areas']['tunnel_m2']:,.0f} m2{' in plan' if is_volume(record) else ''}"
+        print(f"{env_id:36} {record['name']}, {area}, {record['drifts']} drifts, {record['world_sha256'][:12]}; {task}")
 
 
 def ahead(observation: np.ndarray, beams: int) -> np.ndarray:
@@ -56,8 +57,14 @@ def ahead(observation: np.ndarray, beams: int) -> np.ndarray:
 
 def play(env_id: str, kwargs: dict[str, Any], policy: str, steps: int, video: str | None) -> None:
     """Drive by the arrow keys in MuJoCo's viewer, or let a policy drive; `--video FOLDER` records without a screen."""
+    if video and policy == "keyboard":
+        raise ValueError("policy = 'keyboard': --video has no screen to take keys from; want ahead or random")
     env = gymnasium.make(env_id, render_mode="rgb_array" if video else "human", **kwargs)
     if video:
+        try:
+            Path(video).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ValueError(f"video = {video!r}: no folder that can be written ({error.strerror})") from error
         env = gymnasium.wrappers.RecordVideo(env, video, episode_trigger=lambda k: True)
     mine: MineEnv = env.unwrapped  # type: ignore[assignment]
     keyboard, commands = np.zeros(2, dtype=np.float32), mine.robot.COMMANDS
@@ -112,11 +119,11 @@ def main() -> int:
     recorder = commands.add_parser("record", help="Record one episode as MCAP for ROS 2, or show it in a browser.")
     for command in (player, timer, recorder):
         command.add_argument("id", type=full_id, choices=list(environments()), metavar="ID", help=_ID)
-        command.add_argument("--world", help="a bundle, for MineXplore/World-v0")
+        command.add_argument("--world", help="a bundle's folder, for MineXplore/World-v0 only")
         command.add_argument("--robot", choices=list(ROBOTS), help="another than the id's")
     player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")
-    player.add_argument("--steps", type=int, default=6000)
-    player.add_argument("--video", metavar="FOLDER")
+    player.add_argument("--steps", type=int, default=6000, help="control steps of 0.1 s")
+    player.add_argument("--video", metavar="FOLDER", help="with --policy ahead or random")
     player.set_defaults(run=lambda a: play(a.id, given_of(a), a.policy, a.steps, a.video))
     add_arguments(recorder)
     recorder.set_defaults(run=lambda a: record(a, ahead))
@@ -126,6 +133,7 @@ def main() -> int:
     timer.set_defaults(run=lambda a: time_env(a.id, given_of(a), a.robots, a.threads, a.steps))
     arguments = parser.parse_args()
     try:
+        check_least("steps", getattr(arguments, "steps", 1), 1)
         arguments.run(arguments)
     except (BundleError, DisplayError, FileNotFoundError, ImportError, ValueError) as error:
         print(f"{arguments.command}: {error}", file=sys.stderr)

@@ -224,6 +224,6 @@ def _register(name: str, folder: Path) -> None:
             env_id,
             ENTRY_POINT,
             vector_entry_point=VECTOR_ENTRY_POINT,
-            kwargs={"world": folder},
+            kwargs={"world": str(folder)},
             order_enforce=True,
         )

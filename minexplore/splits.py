@@ -54,5 +54,6 @@ def world_folder(name: str, families: Path | None = None) -> Path:
     folder = root / light_folder(split, number) / "realism" / "world"
     if not folder.is_dir():
         command = f"python -m benchmarks worlds --count {number + 1} --split {split}"
-        raise FileNotFoundError(f"{folder}: mine {name} is not built; `{command}` builds it and those before it")
+        built = f"`{command}` in a source checkout builds it and those before it in artifacts/families"
+        raise FileNotFoundError(f"{folder}: mine {name} is not built; {built}")
     return folder

@@ -126,7 +126,7 @@ def find_world(world: str | Path | None) -> Path:
     if world is None:
         raise FileNotFoundError("no world: give world=, the path of a world bundle or one of its names")
     if not isinstance(world, str | os.PathLike) or not os.fspath(world):
-        raise FileNotFoundError(f"world = {world!r}: want the path of a world bundle, or one of its names")
+        raise FileNotFoundError(f"world = {world!r:.80}: want the path of a world bundle, or one of its names")
     shipped = Path(__file__).parent / "worlds"
     artifacts = Path(__file__).parents[1] / "artifacts"  # of a source checkout
     names = {record.parents[2].name: record.parent for record in artifacts.glob(f"worlds/*/realism/world/{RECORD}")}

@@ -9,6 +9,7 @@ from typing import Any, get_args
 import gymnasium
 import numpy as np
 
+from minexplore.bundle import GeomGroup
 from minexplore.envs.batches import commands_of, make_batch, observations_of
 from minexplore.envs.call_checks import check_options, numbers_of, one_seed
 from minexplore.envs.outcome import StepOutcome, info_of_robot
@@ -85,7 +86,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     ## Copies
     `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An
-    environment also steps in a fork of its process. After `close` it refuses every call.
+    environment also steps in a fork of its process; if anything was drawn before the fork, it draws in none, and only
+    processes started by `"spawn"` do. After `close` it refuses every call.
 
     ## Arguments
 
@@ -99,7 +101,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
     | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
-    | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each; vector form: `vectorization_mode="sync"` |
+    | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each; vectors: modes `"sync"`, `"async"` |
     | `conditions` | `"ideal"` | of all sensors, the beams too: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
 
     ## Version History
@@ -218,7 +220,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if self._viewer is None:
             from minexplore.pictures.viewer import Viewer
 
-            self._viewer = Viewer(model, data, lambda code: self.on_key(code), shown_groups(self.world))
+            groups = [group for group in shown_groups(self.world) if group is not GeomGroup.ROOF]  # seen from above
+            self._viewer = Viewer(model, data, lambda code: self.on_key(code), groups)
         self._viewer.sync()
 
     def close(self) -> None:

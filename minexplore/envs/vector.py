@@ -157,6 +157,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
         """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
         self._require_open()
+        if not self._rngs:
+            raise gymnasium.error.ResetNeeded("call reset before render")
         if self.render_mode is None:
             return None
         robots = self.robots

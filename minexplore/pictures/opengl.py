@@ -16,6 +16,7 @@ from mujoco.rendering.classic import gl_context
 
 _EGL, _OSMESA = "libEGL.so.1", ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
 _EGL_PLATFORM_DEVICE, _MOST_DEVICES = 0x313F, 32
+_DRAWING: set[int] = set()  # processes that have made a context: this one, and those that it is a fork of
 _RENDERERS: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()
 
 
@@ -57,7 +58,18 @@ def new_renderer(model: mujoco.MjModel, size_px: tuple[int, int], max_geom: int)
     """Return a renderer of pictures of `size_px` (width, height) that is closed before the process ends.
 
     MuJoCo ends its EGL display at exit, and frees the contexts of open renderers afterwards, which fails.
+
+    Raises
+    ------
+    DisplayError
+        In a fork of a process that has drawn: the threads of its OpenGL are not in the fork, which would wait for them.
     """
+    if _DRAWING and os.getpid() not in _DRAWING:
+        raise DisplayError(
+            "this process is a fork of one that has drawn, and would wait for ever; start it by 'spawn', which "
+            "gymnasium.make_vec takes as vector_kwargs={'context': 'spawn'}, or draw nothing before the fork"
+        )
+    _DRAWING.add(os.getpid())
     renderer = mujoco.Renderer(model, size_px[1], size_px[0], max_geom=max_geom)
     _RENDERERS.add(renderer)
     _close_all_at_exit()

@@ -27,9 +27,10 @@ _ROCK, _FREE, _CELL, _SEEN, _ROBOT = (54, 47, 42), (150, 140, 128), (190, 182, 1
 
 
 def shown_groups(world: World) -> list[GeomGroup]:
-    """Return the geom groups that pictures show: floor, robots, and the visible rock or else the collision parts."""
-    rock = GeomGroup.ROUGH_SURFACE if has_visible_rock(world.record) else GeomGroup.COLLISION
-    return [GeomGroup.FLOOR, GeomGroup.ROBOT, rock]
+    """Return the geom groups that pictures show: floor, robots, and the visible rock or else what LiDARs hit."""
+    bare = [GeomGroup.COLLISION, GeomGroup.ROOF]
+    rock = [GeomGroup.ROUGH_SURFACE] if has_visible_rock(world.record) else bare
+    return [GeomGroup.FLOOR, GeomGroup.ROBOT, *rock]
 
 
 def light_nearest(model: mujoco.MjModel, data: mujoco.MjData, eye_m: np.ndarray) -> None:

@@ -15,6 +15,7 @@ from minexplore.bundle import (
     MINE_BODY,
     MODEL,
     ROCK_CLASS,
+    ROOF_GEOM,
     BundleError,
     GeomGroup,
     floor_part,
@@ -31,6 +32,7 @@ from minexplore.tiles import group_by_tile, tiles_at
 from minexplore.world import World
 
 _TILE_M = 20.0  # of the meshes
+_FADING, _EXPONENT = (1.0, 0.0, 0.004), 8.0  # of lamps, which a volume's model without visible rock does not state
 _LEAST_M2 = 1e-9  # of a mesh: MuJoCo refuses one without an area
 
 
@@ -38,7 +40,7 @@ def shown_spec(world: World) -> mujoco.MjSpec:
     """Return the spec of a world that is one volume for pictures; nothing in it collides.
 
     Floors have the material of their zone. Walls and roofs are in the groups of collision parts, which pictures show
-    where a world has no visible rock.
+    where a world has no visible rock. Its lamps fade and cast no shadows, as those of all other worlds.
 
     Raises
     ------
@@ -51,15 +53,18 @@ def shown_spec(world: World) -> mujoco.MjSpec:
     except ValueError as error:
         raise BundleError(f"{world.folder / MODEL}: MuJoCo does not read it: {line_of(error)}") from error
     spec.modelfiledir = str(world.folder)
+    for light in spec.lights:
+        light.castshadow, light.attenuation, light.exponent = False, _FADING, _EXPONENT
     mine, rock, facets = spec.body(MINE_BODY), spec.find_default(ROCK_CLASS), world.volume.facets
     apart = {"contype": 0, "conaffinity": 0}
     for number, (label, zone, some) in enumerate(_pieces(world, facets)):
         if label is FacetLabel.FLOOR:
             one = world.floor_zones[zone]
             name, look = floor_part(one.name, number), {"material": ground_material(one.name), "group": GeomGroup.FLOOR}
+        elif label is FacetLabel.ROOF:
+            name, look = f"{ROOF_GEOM}_{number}", {"group": GeomGroup.ROOF}
         else:
-            name = rock_geom(number)
-            look = {"group": GeomGroup.ROOF if label is FacetLabel.ROOF else GeomGroup.COLLISION}
+            name, look = rock_geom(number), {"group": GeomGroup.COLLISION}
         _add_mesh(spec, name, facets, some)
         mine.add_geom(rock, type=mujoco.mjtGeom.mjGEOM_MESH, name=name, meshname=name, **look, **apart)
     return spec

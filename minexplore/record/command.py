@@ -45,8 +45,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def given_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of an environment that were given."""
-    return {key: value for key in ("world", "robot") if (value := getattr(arguments, key)) is not None}
+    """Return the arguments of an environment that were given.
+
+    Raises
+    ------
+    ValueError
+        If a world is given for an id that has one.
+    """
+    given = {key: value for key in ("world", "robot") if (value := getattr(arguments, key)) is not None}
+    if "world" in given and "world" in gymnasium.spec(arguments.id).kwargs:
+        raise ValueError(
+            f"world = {given['world']!r}: {arguments.id} has its own; want MineXplore/World-v0 for another"
+        )
+    return given
+
+
+def check_least(name: str, value: int, least: int) -> None:
+    """Refuse an option below its least value.
+
+    Raises
+    ------
+    ValueError
+    """
+    if value < least:
+        raise ValueError(f"{name} = {value}: want {least} or more")
 
 
 def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
@@ -61,8 +83,7 @@ def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     """
     sensors = check_sensors([name for name in arguments.sensors.split(",") if name])
     for name, low in (("steps", 1), ("every", 1), ("seed", 0)):
-        if getattr(arguments, name) < low:
-            raise ValueError(f"{name} = {getattr(arguments, name)}: want {low} or more")
+        check_least(name, getattr(arguments, name), low)
     if arguments.live is not None and not 0 <= arguments.live <= _LAST_PORT:
         raise ValueError(f"live = {arguments.live}: want a port from 0 to {_LAST_PORT}; 0 takes one that is free")
     if arguments.out is None and arguments.live is None:
@@ -110,8 +131,6 @@ def _run(
             sink.add(frame)
     if frame is not None:
         error_m = float(np.linalg.norm(frame.counted.place_m[:2] - frame.robot.place_m[:2]))
+        wheels = "" if env.robot.FLIES else f", odometry off by {error_m:.2f} m"
         size = f", {arguments.out} {arguments.out.stat().st_size / 1e6:.1f} MB" if arguments.out else ""
-        print(
-            f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %, "
-            f"odometry off by {error_m:.2f} m{size}"
-        )
+        print(f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %{wheels}{size}")

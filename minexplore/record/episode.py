@@ -18,14 +18,15 @@ class SensedStep:
     """One control step.
 
     `robot` is the true pose in the mine frame, its origin on the floor under the robot's middle; `counted` that which
-    its wheels count, level, or of a robot without wheels the true one. `speed_mps` and `turn_radps` are the counted
-    twist. `readings` holds the sensors' by name; it is empty in the steps between two looks.
+    its wheels count, level, or of a robot without wheels the true one. `speed_mps` (3,), ahead, left and up, and
+    `turn_radps` are the twist of that pose, means of the step. `readings` holds the sensors' by name; it is empty in
+    the steps between two looks.
     """
 
     time_ns: int
     robot: Pose3D
     counted: Pose3D
-    speed_mps: float
+    speed_mps: np.ndarray
     turn_radps: float
     readings: dict[str, Any]
     coverage: float
@@ -47,27 +48,34 @@ def frames_of(
     """
     step_ns = round(1e9 * env.task.control_s)
     observation, info = env.reset(seed=seed)
-    before, wheels = info["pose_m_rad"], "true_pose_m_rad" in info
+    yaw, wheels = info["pose_m_rad"][2], "true_pose_m_rad" in info
+    last: Pose3D | None = None
     for step in range(steps + 1):
         if step:
             given = {**info, "pose_m_rad": info["true_pose_m_rad"]} if true_pose and wheels else info
             observation, _, _, truncated, info = env.step(drive(observation, given))
         looks = sensors if step % every == 0 else ()
-        counted = info["pose_m_rad"]
-        ahead_m = float(np.linalg.norm(counted[:2] - before[:2]))
-        turn = float((counted[2] - before[2] + np.pi) % (2 * np.pi) - np.pi)
+        counted = level_pose(info["pose_m_rad"]) if wheels else env.suite.robot_pose()
+        turn = float((info["pose_m_rad"][2] - yaw + np.pi) % (2 * np.pi) - np.pi)
         yield SensedStep(
             time_ns=step * step_ns,
             robot=env.suite.robot_pose(),
-            counted=level_pose(counted) if wheels else env.suite.robot_pose(),
-            speed_mps=ahead_m / env.task.control_s,
+            counted=counted,
+            speed_mps=moved_between(last or counted, counted) / env.task.control_s,
             turn_radps=turn / env.task.control_s,
             readings={name: env.capture(name) for name in looks},
             coverage=float(info["coverage"]),
         )
-        before = counted
+        yaw, last = info["pose_m_rad"][2], counted
         if step and truncated:
             return
+
+
+def moved_between(before: Pose3D, after: Pose3D) -> np.ndarray:
+    """Return the way (3,) m from one pose to another, in the axes halfway between theirs."""
+    halfway = before.axes + after.axes
+    way: np.ndarray = (halfway / np.linalg.norm(halfway, axis=0)).T @ (after.place_m - before.place_m)
+    return way
 
 
 def level_pose(pose_m_rad: np.ndarray) -> Pose3D:

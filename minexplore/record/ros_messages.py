@@ -174,11 +174,11 @@ def imu_of(time_ns: int, frame: str, reading: np.ndarray) -> Message:
     }
 
 
-def odometry_of(time_ns: int, pose: Pose3D, speed_mps: float, turn_radps: float) -> Message:
-    """Return the counted pose of `base_link` in `odom`, and the speed, in the robot's frame."""
+def odometry_of(time_ns: int, pose: Pose3D, speed_mps: np.ndarray, turn_radps: float) -> Message:
+    """Return the counted pose of `base_link` in `odom`, and the speed (3,) and turn rate, in the robot's frame."""
     nothing = [0.0] * 36
     placed = {"position": vector_of(pose.place_m), "orientation": rotation_of(pose.axes)}
-    moving = {"linear": vector_of(np.array([speed_mps, 0, 0])), "angular": vector_of(np.array([0, 0, turn_radps]))}
+    moving = {"linear": vector_of(speed_mps), "angular": vector_of(np.array([0, 0, turn_radps]))}
     return {
         **{"header": header_of(time_ns, "odom"), "child_frame_id": "base_link"},
         **{"pose": {"pose": placed, "covariance": nothing}, "twist": {"twist": moving, "covariance": nothing}},

@@ -36,11 +36,13 @@ def degrade_depth(
     baseline_m: float,
     params: SensorParams,
     rng: np.random.Generator,
+    farthest_m: float = np.inf,
 ) -> np.ndarray:
     """Return a depth image (h, w) m as an active stereo camera measures it; 0 where it measures nothing.
 
     Noise grows with the square of the depth: a disparity of f b / z is off by `depth_noise_px`. Dust takes the
-    camera's own light twice, and returns from particles as those of a LiDAR do. Standing water mirrors it away.
+    camera's own light twice, and returns from particles as those of a LiDAR do, up to `farthest_m`. Standing water
+    mirrors it away.
     """
     surface = np.where(depth_m > 0, depth_m, np.inf).astype(np.float32)
     film = rng.random(surface.shape) < params.film_share
@@ -52,7 +54,7 @@ def degrade_depth(
         before = np.float32(half_m) * drawn ** np.float32(1 / _DUST_SHAPE)
         lost |= np.exp(-2 * params.dust_per_m * surface) < _LOST_SHARE
         found = np.minimum(surface, before)
-        lost &= before > surface  # particles return where a surface does not
+        lost &= before > np.minimum(surface, farthest_m)  # particles return where a surface does not
     found = np.where(lost, np.float32(0), found)
     noise = params.depth_noise_px * np.square(found) / np.float32(focal_px * baseline_m)
     found = found + noise.astype(np.float32) * rng.standard_normal(found.shape, dtype=np.float32)

@@ -261,7 +261,10 @@ def test_a_mine_has_one_name_and_a_name_that_no_split_has_is_refused(tmp_path):
     for name in ("test-0200", "variants-0001", "test-7", "test-00071"):
         with pytest.raises(ValueError, match=f"mine = '{name}': want one of train-0000 to train-0999"):
             parse_name(name)
-    with pytest.raises(FileNotFoundError, match="mine test-0007 is not built; `python -m benchmarks worlds --count 8 "):
+    built = (
+        r"mine test-0007 is not built; `python -m benchmarks worlds --count 8 --split test` in a source checkout builds"
+    )
+    with pytest.raises(FileNotFoundError, match=built):
         world_folder("test-0007", tmp_path)
 
 

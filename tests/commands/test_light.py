@@ -9,9 +9,12 @@ import pytest
 from benchmarks.faults.injection import edit_record, seal
 from minexplore.bundle import VOLUME, BundleError
 from minexplore.envs.env import MineEnv
+from minexplore.pictures.cameras import CameraParams
 from minexplore.pictures.render import shown_groups
 from minexplore.schema import check_files, check_world, hash_files, read_folder
 from minexplore.sensing.lidar import collision_meshes, shared_lidar
+from minexplore.sensing.scanners import Mount
+from minexplore.sensing.scanners.labels import NUMBERS
 from minexplore.world import load_world
 from pipeline.commands.proofs import parity, replay
 from pipeline.errors import ArtifactError, InputError
@@ -172,7 +175,37 @@ def test_a_robot_drives_and_sees_in_a_light_world(light):
     assert info["coverage"] > 0
     picture = env.render()
     assert picture.std() > 5
-    assert [group.name for group in shown_groups(env.world)] == ["FLOOR", "ROBOT", "COLLISION"]
+    assert [group.name for group in shown_groups(env.world)] == ["FLOOR", "ROBOT", "COLLISION", "ROOF"]
+    env.close()
+
+
+def test_the_viewer_which_looks_from_above_leaves_the_roof_of_a_light_world_out(light, monkeypatch):
+    shown = []
+
+    class Window:
+        def __init__(self, model, data, on_key, groups):
+            shown.extend(groups)
+
+        def sync(self):
+            pass
+
+        def close(self):
+            pass
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("minexplore.pictures.viewer.Viewer", Window)
+    env = MineEnv(light.bundle, render_mode="human")
+    env.reset(seed=4)
+    env.close()
+    assert [group.name for group in shown] == ["FLOOR", "ROBOT", "COLLISION"]
+
+
+def test_a_camera_that_looks_up_in_a_light_world_sees_its_roof(light):
+    env = MineEnv(light.bundle)
+    env.reset(seed=4)
+    env.suite.camera = CameraParams(mount=Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0))
+    assert (env.capture("labels") == NUMBERS["roof"]).mean() > 0.2
+    assert (env.capture("depth") > 0).all()
     env.close()
 
 

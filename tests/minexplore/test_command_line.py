@@ -69,6 +69,14 @@ def test_a_short_name_is_the_id(tee: BuiltMine):
     assert done.returncode == 0, done.stderr
 
 
+def test_a_folder_of_videos_that_cannot_be_made_is_named(tee: BuiltMine):
+    options = ("--world", str(tee.bundle), "--policy", "ahead", "--steps", "2", "--video", "README.md/videos")
+    done = run_anew("play", "World", *options)
+    assert done.returncode == 2
+    assert "play: video = 'README.md/videos': no folder that can be written (Not a directory)" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -76,6 +84,10 @@ def test_a_short_name_is_the_id(tee: BuiltMine):
         (("time", "MineXplore/World-v0", "--world", "nowhere"), "no such folder"),
         (("time", "MineXplore/Moon-v0"), "invalid choice"),
         (("time", "MineXplore/World-v0", "--world", "tests"), "not a world bundle"),
+        (("time", "World", "--steps", "0"), "time: steps = 0: want 1 or more"),
+        (("play", "World", "--steps", "-3"), "play: steps = -3: want 1 or more"),
+        (("play", "World", "--video", "videos"), "policy = 'keyboard': --video has no screen to take keys from"),
+        (("time", "ChileanMine", "--world", "tests"), "MineXplore/ChileanMine-v0 has its own; want MineXplore/World"),
     ],
 )
 def test_wrong_input_gets_one_message_and_code_two(arguments, words):

@@ -36,6 +36,22 @@ if sys.argv[2] == "close":
 print("done")
 """
 
+FORK_AND_DRAW = """
+import gymnasium, minexplore, sys
+kwargs = {"world": sys.argv[1], "render_mode": "rgb_array"}
+if __name__ == "__main__":
+    env = gymnasium.make("MineXplore/World-v0", **kwargs)
+    env.reset(seed=0)
+    env.render()
+    context = {"context": sys.argv[2]}
+    many = gymnasium.make_vec("MineXplore/World-v0", 2, vectorization_mode="async", vector_kwargs=context, **kwargs)
+    many.reset(seed=0)
+    try:
+        print(len(many.render()))
+    finally:
+        many.close()
+"""
+
 NOTHING = "import sys, minexplore.pictures.opengl as o; o.egl_works = o.osmesa_works = lambda: False; "
 
 
@@ -49,6 +65,17 @@ def run(*command, **variables):
 
 
 needs_opengl = pytest.mark.skipif(not (egl_works() or osmesa_works()), reason="neither EGL nor OSMesa is installed")
+
+
+@needs_opengl
+def test_a_fork_of_a_process_that_has_drawn_is_refused_and_does_not_hang(tee: BuiltMine, tmp_path):
+    script = tmp_path / "fork_and_draw.py"
+    script.write_text(FORK_AND_DRAW)
+    forked = run(str(script), str(tee.bundle), "fork", PYTHONPATH=str(ROOT))
+    assert "DisplayError: this process is a fork of one that has drawn" in forked.stderr
+    spawned = run(str(script), str(tee.bundle), "spawn", PYTHONPATH=str(ROOT))
+    assert spawned.returncode == 0, spawned.stderr
+    assert spawned.stdout.split("\n")[0] == "2"
 
 
 @needs_opengl
@@ -95,7 +122,7 @@ def test_a_policy_is_recorded_without_a_display(tee: BuiltMine, tmp_path):
 
 
 def test_a_machine_without_any_library_gets_a_line_on_what_to_install(tee: BuiltMine):
-    play = ["minexplore", "play", "MineXplore/World-v0", "--world", str(tee.bundle), "--video", "videos"]
+    play = ["minexplore", "play", "World", "--world", str(tee.bundle), "--policy", "ahead", "--video", "videos"]
     done = run("-c", NOTHING + f"import minexplore.__main__ as m; sys.argv = {play}; sys.exit(m.main())")
     assert done.returncode == 2
     assert done.stderr.startswith("play: no display, and neither EGL nor OSMesa works; install one of them")
@@ -106,7 +133,7 @@ def test_a_machine_without_any_library_gets_a_line_on_what_to_install(tee: Built
     ("arguments", "variables", "words"),
     [
         ((), {}, "render_mode = 'human' needs a display"),
-        (("--video", "videos"), {"MUJOCO_GL": "glfw"}, "MUJOCO_GL = 'glfw' needs a display"),
+        (("--policy", "ahead", "--video", "videos"), {"MUJOCO_GL": "glfw"}, "MUJOCO_GL = 'glfw' needs a display"),
     ],
 )
 def test_what_needs_a_display_says_so_where_there_is_none(tee: BuiltMine, arguments, variables, words):

@@ -1,5 +1,6 @@
 """Worlds of one's own, in a copy of the package beside an `artifacts` folder as a source checkout has it."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -31,6 +32,14 @@ def test_an_own_world_is_listed(checkout):
     assert done.returncode == 0, done.stderr
     (line,) = [line for line in done.stdout.splitlines() if line.startswith(MINE)]
     assert "m2, 3 drifts" in line
+
+
+def test_the_spec_of_an_own_world_can_be_written_as_json(checkout):
+    code = f"import gymnasium, minexplore; print(gymnasium.spec({MINE!r}).to_json())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=checkout, check=False)
+    assert done.returncode == 0, done.stderr
+    world = checkout / "artifacts" / "worlds" / "my-mine" / "realism" / "world"
+    assert json.loads(done.stdout)["kwargs"] == {"world": str(world)}
 
 
 def test_an_own_world_is_timed_by_its_id(checkout):

@@ -34,7 +34,8 @@ cloud = env.unwrapped.capture("mid-360")  # any sensor, at any time
 {sensors}
 
 The camera looks ahead from the robot's front, {width_px} x {height_px} pixels, {fovy_deg:g} deg upwards, in the light
-of the headlamp. Depths are along its axis, at most {depth_m:g} m; 0 means none. The labels of images and clouds are
+of the headlamp. Depths are along its axis, at most {depth_m:g} m before noise; 0 means none. The label image is that of
+the surfaces, whatever the dust. The labels of images and clouds are
 {labels}.
 
 ### LiDARs

@@ -152,6 +152,7 @@ class SensorSuite:
         if self._camera is None:
             self._camera = RobotCamera(self._robots.world, self._drawing(), self.camera)
         camera, params, qpos, pose = self._camera, self.params, self._robots.qpos, self._world_pose()
+        own = self.camera
         if name == "labels":
             return camera.labels(qpos, pose)
         if name == "depth":
@@ -159,13 +160,13 @@ class SensorSuite:
             if params.is_ideal:
                 return depth
             labels = camera.labels(qpos, pose) if params.film_share else np.zeros(depth.shape, np.uint8)
-            return degrade_depth(depth, labels, self.camera.focal_px, self.camera.baseline_m, params, self._rng)
+            return degrade_depth(depth, labels, own.focal_px, own.baseline_m, params, self._rng, own.depth_m)
         picture = camera.colour(qpos, pose)
         if params.is_ideal:
             return picture
         far = camera.depth(qpos, pose) if params.dust_per_m else None
         if far is not None:
-            far = np.where(far > 0, far, self.camera.depth_m)
+            far = np.where(far > 0, far, own.depth_m)
         return degrade_picture(picture, far, params, self._rng)
 
     def copy_state(self) -> dict[str, Any]:

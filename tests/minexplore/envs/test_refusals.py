@@ -14,6 +14,7 @@ from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
+from minexplore.world import load_world
 from tests.mines import BuiltMine
 
 
@@ -69,6 +70,9 @@ def test_numbers_of_numpy_are_numbers():
 def test_a_world_or_a_number_of_robots_of_another_kind_is_refused(tee: BuiltMine):
     with pytest.raises(FileNotFoundError, match="world = 5: want the path of a world bundle, or one of its names"):
         MineEnv(5)
+    with pytest.raises(FileNotFoundError, match="want the path of a world bundle") as refusal:
+        MineEnv(load_world(tee.bundle))
+    assert len(str(refusal.value)) < 200  # the record of a world has pages
     for name, message in (("", "world = '': want the path"), ("a" * 10_000, "File name too long")):
         with pytest.raises(FileNotFoundError, match=message):
             MineEnv(name)
@@ -84,8 +88,9 @@ def test_a_world_or_a_number_of_robots_of_another_kind_is_refused(tee: BuiltMine
 
 
 def test_a_raw_environment_wants_a_reset_before_a_step_and_nothing_after_its_end(tee: BuiltMine):
-    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before render"):
-        MineEnv(tee.bundle).render()
+    for made in (MineEnv(tee.bundle), MineVectorEnv(2, tee.bundle)):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before render"):
+            made.render()
     with pytest.raises(ValueError, match="seed = True: want None or a whole number"):
         MineEnv(tee.bundle).reset(seed=True)
     for made, action in ((MineEnv(tee.bundle), np.zeros(2)), (MineVectorEnv(2, tee.bundle), np.zeros((2, 2)))):

@@ -83,6 +83,15 @@ def test_dust_returns_light_where_nothing_else_is_in_reach():
     assert (clear == 0).all()
 
 
+def test_dust_beyond_the_farthest_depth_returns_nothing():
+    rng, label = np.random.default_rng(0), np.zeros((50, 50), np.uint8)
+    thin = SensorParams(dust_per_m=0.005, dust_transmittance=0.725)
+    half_m = -np.log(0.725) / 0.005
+    seen = degrade_depth(np.zeros((50, 50), np.float32), label, 200, 0.1, thin, rng, half_m)
+    assert seen.max() <= half_m
+    assert np.mean(seen > 0) == pytest.approx(0.5, abs=0.03)  # half of the rays return within that distance
+
+
 def test_a_camera_that_none_sells_is_refused_in_one_line():
     with pytest.raises(ValueError, match=r"camera: fovy_deg = 190: want a number from 5 to 150"):
         CameraParams(fovy_deg=190)

@@ -9,7 +9,10 @@ import pytest
 from minexplore.bundle import MODEL, GeomGroup, is_floor
 from minexplore.envs.env import MineEnv
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
+from minexplore.pictures.cameras import CameraParams
 from minexplore.pictures.shown import shown_spec, without_parts
+from minexplore.sensing.scanners import Mount
+from minexplore.sensing.scanners.labels import NUMBERS
 from minexplore.world import load_world
 from pipeline.volume.world.model import part_names
 
@@ -73,6 +76,25 @@ def test_a_facet_alone_in_its_tile_is_shown(world):
     model = shown_spec(dataclasses.replace(world, volume=volume)).compile()
     floors = [model.geom(k) for k in range(model.ngeom) if is_floor(model.geom(k).name)]
     assert [int(model.mesh_facenum[geom.dataid[0]]) for geom in floors] == [1]
+
+
+def test_lamps_of_a_volume_without_visible_rock_fade_and_cast_no_shadow(shown):
+    assert shown.nlight
+    assert not shown.light_castshadow.any()
+    assert (shown.light_attenuation[:, 2] > 0).all()
+
+
+def test_cameras_see_the_roof_that_lidars_hit(ramp):
+    env = MineEnv(ramp)
+    env.reset(seed=0)
+    suite = env.suite
+    high = Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0)
+    suite.camera = CameraParams(mount=high)
+    assert set(np.unique(env.capture("labels"))) <= {NUMBERS["rock"], NUMBERS["roof"]}
+    assert (env.capture("labels") == NUMBERS["roof"]).mean() > 0.2
+    assert (env.capture("depth") > 0).all()
+    assert NUMBERS["roof"] in env.capture("vlp-16").label
+    env.close()
 
 
 def test_a_camera_on_the_robot_sees_rock_and_floor(ramp):
