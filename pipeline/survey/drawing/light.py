@@ -66,18 +66,21 @@ def has_one_grey(picture: Image) -> bool:
 def is_light_on_dark(picture: Image) -> bool:
     """Return whether a plan is drawn light on dark, by the grey values at the edge of its picture.
 
-    A dim photograph of white paper may be dark there, too: what counts is whether the edge is ink without the trend of
-    the light.
+    Dim paper may be dark there, too: what counts is whether the edge is among the darker pixels, in a photograph
+    without the trend of the light.
     """
-    edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
-    if np.median(edge) >= 128 or has_one_grey(picture):
-        return bool(np.median(edge) < 128)
-    grey = np.log(np.maximum(_shrunk(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), _FIT_PX), 4).astype(np.float32))
-    level = grey - _fitted(grey, np.ones(grey.shape, bool), 2)
-    low, high = float(level.min()), float(level.max())
-    shown = np.round((level - low) / max(high - low, 1e-6) * 255).astype(np.uint8)
-    edge = np.concatenate([shown[0], shown[-1], shown[:, 0], shown[:, -1]])
-    return bool(np.median(edge) <= otsu_threshold(shown))
+    if np.median(_edge(picture).mean(axis=1)) >= 128:
+        return False
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    if not has_one_grey(picture):
+        log = np.log(np.maximum(_shrunk(grey, _FIT_PX), 4).astype(np.float32))
+        level = log - _fitted(log, np.ones(log.shape, bool), 2)
+        grey = np.round((level - level.min()) / max(float(np.ptp(level)), 1e-6) * 255).astype(np.uint8)
+    return bool(np.median(_edge(grey)) <= otsu_threshold(grey))
+
+
+def _edge(picture: np.ndarray) -> np.ndarray:
+    return np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
 
 
 def _paper_light(picture: Image) -> np.ndarray:

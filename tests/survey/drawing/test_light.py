@@ -11,6 +11,7 @@ from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.picture import detect_picture
+from pipeline.survey.drawing.image import read_pixels
 from pipeline.survey.drawing.light import even_light, is_light_on_dark
 from pipeline.survey.load import read_plan
 from tests.mines import RING, TEE, frame_for, plan_of
@@ -115,6 +116,37 @@ def test_a_blueprint_in_uneven_light_is_light_on_dark():
     blueprint = np.where(plan < 128, 230, 70).astype(np.uint8)
     assert is_light_on_dark(photographed(blueprint, 0.5, 0.0))
     assert not is_light_on_dark(photographed(plan, 0.6, 0.5, dim=0.5))
+
+
+@pytest.mark.parametrize("white", [255, 1023, 4095, 65535])
+def test_a_picture_of_16_bits_that_uses_fewer_is_read(data, white):
+    frame = frame_for(TEE)
+    stored = np.where(plan_of(TEE, frame) < 128, white // 8, white).astype(np.uint16)
+    cv2.imwrite(str(data / "plan.png"), stored)
+    found, values = read(data / "plan.png")
+    assert not values["light_on_dark"]
+    assert (found == fill_polygon(TEE, frame)).all()
+    dark = stored // 200  # an occupancy grid states shares of the full range
+    cv2.imwrite(str(data / "map.png"), dark)
+    assert read_pixels(data / "map.png", 1.0).max() == dark.max() // 257
+
+
+def test_white_lines_on_transparent_ground_are_refused_with_what_to_do(data):
+    plan = plan_of(TEE, frame_for(TEE))
+    opaque = np.where(plan[..., :1] < 128, 255, 0)
+    cv2.imwrite(str(data / "white.png"), np.dstack([np.full_like(plan, 255), opaque]).astype(np.uint8))
+    with pytest.raises(InputError, match="lines are white, and so is what is transparent in it; save it on a dark"):
+        detect_picture(data / "white.png", StatedOptions(px_per_m=8.0))
+    assert (read_pixels(data / "white.png", 1.0) == 255).all()
+
+
+@pytest.mark.parametrize("ink", [10, 60])
+def test_a_dim_flat_scan_is_dark_on_light(data, ink):
+    frame = frame_for(TEE)
+    cv2.imwrite(str(data / "dim.png"), np.where(plan_of(TEE, frame) < 128, ink, 110).astype(np.uint8))
+    found, values = read(data / "dim.png")
+    assert not values["light_on_dark"]
+    assert iou(found, fill_polygon(TEE, frame)) > 0.99
 
 
 @pytest.mark.parametrize("seed", range(3))
