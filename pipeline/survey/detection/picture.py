@@ -20,7 +20,7 @@ from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.found import Detection
 from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
 from pipeline.survey.drawing.image import read_image
-from pipeline.survey.drawing.light import is_light_on_dark
+from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark
 from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
 from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
 from pipeline.survey.drawing.reduction import Box, box_in, fitting_reduction
@@ -30,7 +30,6 @@ from pipeline.survey.formats import kind_of
 from pipeline.types import Image, Mask
 
 _IN_PX = ("px_per_m", "bar_box_px", "crop_px", "seeds_px", "wall_gap_px")
-_BETTER_LIGHT = "; its light is uneven, as in a photograph: scan the plan, or photograph it flat in even light"
 _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 
 
@@ -103,7 +102,7 @@ def _advice_on_light(evened: bool) -> Iterator[None]:
     except DoubtError as doubt:
         if not evened:
             raise
-        raise DoubtError(f"{doubt}{_BETTER_LIGHT}", doubt.picture) from doubt
+        raise DoubtError(f"{doubt}{BETTER_LIGHT}", doubt.picture) from doubt
 
 
 def _ready_picture(path: Path, stated: StatedOptions, page: Image | None) -> tuple[Image, bool, dict[str, Any]]:

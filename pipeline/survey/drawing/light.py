@@ -8,15 +8,16 @@ import numpy as np
 from pipeline.geometry.outline.binarize import disc, otsu_threshold
 from pipeline.types import Image, Mask
 
-_EVEN = 0.3  # of the pixels within one grey value of the most frequent one: drawings 0.67 or more, photographs 0.2
+BETTER_LIGHT = "; its light is uneven, as in a photograph: scan the plan, or photograph it flat in even light"
+_EVEN = 0.45  # of the pixels within one grey value of the most frequent one: drawings have 0.5 or more, photographs 0.2
 _UNEVEN = 0.2  # of the light that the darkest paper lacks; thresholds over the whole picture bear less
 _SIDE_PX, _FIT_PX = 512, 64  # longest side of the copies on which the light is measured, and a smooth one is fitted
 _SOFT_PX = 1.5  # of the copy: noise is smoothed
 _INK = 0.1  # half the width of what the closing takes for ink, of the shorter side
-_STEP = 0.07  # change of the light from one pixel of the copy to the next: a steeper one is the border of a fill
-_PART = 0.05  # of the picture, that a part between such borders covers at least
+_PART = 0.05  # of the picture, that paper covers at least
 _PAPER, _FILL = 0.8, 0.35  # of the fitted light: darker pixels are not fitted; darker areas are wide fills
 _WHITE = 1.1  # paper is made a little lighter than white: noise and the rest of a shadow's edge differ by less
+_PALE = 90  # difference of channels below which a colour is the rest of the light's; print has 150 or more
 _NOISE, _MOST_BLUR_PX = 7.0, 2.5  # grey values of noise for each pixel of smoothing, and the most smoothing
 _ROWS, _STRIPS = 64, 16  # of the picture, in which the noise is measured
 _NEAR_PX = 4.0  # noise is what differs from its surroundings
@@ -46,15 +47,19 @@ def even_light(picture: Image) -> tuple[Image, float]:
     if has_one_grey(picture):
         return picture, 1.0
     light = _paper_light(picture)
-    darkest = _darkest(light)
-    if darkest > 1 - _UNEVEN:
+    low, high = np.percentile(light.max(axis=2), (2, 98))
+    if low > (1 - _UNEVEN) * high:
         return picture, 1.0
     rows, cols = picture.shape[:2]
     full = cv2.resize(np.round(light).astype(np.uint8), (cols, rows), interpolation=cv2.INTER_LINEAR)
     blur_px = min(_noise(picture, full) / _NOISE, _MOST_BLUR_PX)
     if blur_px > 0:
         picture = cv2.GaussianBlur(picture, (0, 0), max(blur_px, 0.1))
-    return cv2.divide(picture, full, scale=255 * _WHITE), darkest
+    evened = cv2.divide(picture, full, scale=255 * _WHITE)
+    blue, green, red = cv2.split(evened)
+    pale = cv2.subtract(cv2.max(cv2.max(blue, green), red), cv2.min(cv2.min(blue, green), red)) < _PALE
+    cv2.copyTo(cv2.cvtColor(cv2.cvtColor(evened, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR), pale.view(np.uint8), evened)
+    return evened, float(low / high)
 
 
 def has_one_grey(picture: Image) -> bool:
@@ -114,17 +119,6 @@ def _fitted(values: np.ndarray, kept: Mask, degree: int) -> np.ndarray:
     terms = np.stack([x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)], axis=-1)
     factors = np.linalg.lstsq(terms[kept], values[kept].astype(float), rcond=None)[0]
     return np.asarray(terms @ factors, np.float32)
-
-
-def _darkest(light: np.ndarray) -> float:
-    """Return how dark paper gets without a step, as a share of the lightest; fills have steps at their borders."""
-    grey = light.max(axis=2)
-    log = np.log(np.maximum(grey, 4))
-    slope = np.hypot(cv2.Sobel(log, -1, 1, 0, scale=1 / 8), cv2.Sobel(log, -1, 0, 1, scale=1 / 8))
-    _, parts, stats, _ = cv2.connectedComponentsWithStats((slope < _STEP).astype(np.uint8), connectivity=4)
-    large = [k for k in range(1, len(stats)) if stats[k, cv2.CC_STAT_AREA] >= _PART * grey.size]
-    ranges = [np.percentile(grey[parts == k], (2, 98)) for k in large]
-    return min((float(low / high) for low, high in ranges), default=1.0)
 
 
 def _noise(picture: Image, light: Image) -> float:

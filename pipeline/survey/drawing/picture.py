@@ -20,7 +20,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.image import read_image, require_workings_drawn
-from pipeline.survey.drawing.light import even_light
+from pipeline.survey.drawing.light import BETTER_LIGHT, even_light
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.survey.drawing.reduction import reduce_picture, size_read
 from pipeline.types import Image
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import pypdfium2
 
 USUAL_DPI, _LEAST_DPI = 200.0, 36.0  # of a page if none is stated, and the least that may be
+_DARK, _LEAST_DARK = 160, 1e-3  # ink on evened paper, and its least share of a photograph
 _FITTING_PX = 40e6  # of a page: reading takes about 25 bytes a pixel beside libraries, 1 GB in all
 
 
@@ -131,7 +132,7 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> tuple[Im
     Raises
     ------
     InputError
-        If the crop box is not inside the picture.
+        If the crop box is not inside the picture, or a photograph shows nothing but paper.
     """
     if params.crop_px is not None:
         col0, row0, col1, row1 = params.crop_px
@@ -144,6 +145,8 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> tuple[Im
     picture = reduce_picture(picture, params.reduction)
     picture, darkest = even_light(255 - picture if params.light_on_dark else picture)
     if darkest < 1:
+        if (picture.max(axis=2) < _DARK).mean() < _LEAST_DARK:
+            raise InputError(f"{path}: nothing in it is much darker than its paper{BETTER_LIGHT}")
         warn_user(
             f"{path.name}: light is uneven, as in a photograph, and is evened out: the darkest paper has "
             f"{100 * darkest:.0f} % of the light of the lightest"

@@ -69,6 +69,21 @@ def test_a_photograph_is_read_as_the_flat_scan_is(data, capsys, mine, lost, shad
     assert found.sum() == pytest.approx(flat.sum(), rel=0.01)
 
 
+def test_how_dark_the_paper_gets_counts_the_gradient_and_the_shadow_together():
+    plan = plan_of(TEE, frame_for(TEE))
+    gradient, both = (even_light(photographed(plan, 0.5, shadow))[1] for shadow in (0.0, 0.5))
+    assert gradient == pytest.approx(0.5, abs=0.06)
+    assert both == pytest.approx(0.25, abs=0.06)
+
+
+def test_warm_light_is_no_coloured_annotation_and_red_letters_stay_red(data):
+    plan = plan_of(TEE, frame_for(TEE))
+    plan[20:60, 20:120] = (30, 30, 220)
+    cv2.imwrite(str(data / "photo.png"), photographed((plan * [0.6, 0.8, 1.0]).astype(np.uint8), sigma=3.0, shadow=0.0))
+    found, _ = read(data / "photo.png")
+    assert iou(found, fill_polygon(TEE, frame_for(TEE))) > 0.98
+
+
 def test_a_wide_room_and_a_dim_photograph_are_read(data):
     room = shapely.box(0, 0, 40, 20)
     plan = plan_of(room, frame_for(room))
