@@ -149,7 +149,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         require_plan(path, content)
         require_no_boundary(path, content)
     if path.suffix.lower() == ".dxf" and not stated.layers and not has_levels:
-        require_walls_alone(path, content, _vector(path, None, stated).snap_m)
+        require_walls_alone(path, content, _vector(path, None, stated).snap_m, WIDTHS_M)
     for unit in units:
         params = _vector(path, unit, stated)
         with collect_remarks() as remarks_of[unit]:

@@ -353,7 +353,7 @@ def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:
 def read_plan(params: PlanSurveyParams) -> Reading:
     """Read a plan image, prepared for tracing."""
     path, length = Path(params.image), params.scale.bar_length_m
-    plan = make_ready(path, read_picture(path, params), params)
+    plan, _ = make_ready(path, read_picture(path, params), params)
     require_few_regions(path, plan)
     by, stated_box = params.reduction, list(params.scale.bar_box_px or ())
     params = in_reduced_px(params)

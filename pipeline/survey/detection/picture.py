@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,7 @@ import cv2
 import numpy as np
 from pydantic import ValidationError
 
-from pipeline.errors import InputError
+from pipeline.errors import DoubtError, InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.refusals import in_own_words
@@ -18,6 +20,7 @@ from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.found import Detection
 from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
 from pipeline.survey.drawing.image import read_image
+from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark
 from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
 from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
 from pipeline.survey.drawing.reduction import Box, box_in, fitting_reduction
@@ -42,18 +45,19 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     is_pdf = kind_of(path) is FileKind.PDF
     page, most = int(stated.page or 1), reader_limits().megapixels
     dpi = stated.dpi or (_fitting_dpi(path, page, stated) if is_pdf else 0.0)
-    picture, section = _ready_picture(path, stated, read_page(path, page, dpi, most) if is_pdf else None)
+    picture, evened, section = _ready_picture(path, stated, read_page(path, page, dpi, most) if is_pdf else None)
     by = section["reduction"]
     require_few_regions(path, picture)
     scale, remarks, files = _detect_scale(path, picture, by, stated, (page, dpi) if is_pdf else None)
     box = None if scale["bar_box_px"] is None else box_in(scale["bar_box_px"], by)
     dark = _workings_mask(picture, box)
     per_m = (scale["px_per_m"] or 0.0) / by
-    found = find_workings(path, picture, dark, per_m, stated, by)
-    if box is not None:
-        per_m = _read_bar(path, _cut(picture, box), by, found.width_px, scale, remarks, stated)
-        if not found.workings_only:  # strokes count as drifts from a width in metres on
-            found = find_workings(path, picture, dark, per_m, stated, by)
+    with _advice_on_light(evened):
+        found = find_workings(path, picture, dark, per_m, stated, by)
+        if box is not None:
+            per_m = _read_bar(path, _cut(picture, box), by, found.width_px, scale, remarks, stated)
+            if not found.workings_only:  # strokes count as drifts from a width in metres on
+                found = find_workings(path, picture, dark, per_m, stated, by)
     width_px = found.width_px
     values: dict[str, Any] = {
         "kind": "plan",
@@ -90,18 +94,31 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     return Detection(values, remarks, [path, *files], width_px / per_m, shown)
 
 
-def _ready_picture(path: Path, stated: StatedOptions, page: Image | None) -> tuple[Image, dict[str, Any]]:
-    """Return a picture, or a page, dark on light and of a size that can be searched, and the section of that."""
+@contextmanager
+def _advice_on_light(evened: bool) -> Iterator[None]:
+    """Add to a doubt about a picture in uneven light that a scan would settle it."""
+    try:
+        yield
+    except DoubtError as doubt:
+        if not evened:
+            raise
+        raise DoubtError(f"{doubt}{BETTER_LIGHT}", doubt.picture) from doubt
+
+
+def _ready_picture(path: Path, stated: StatedOptions, page: Image | None) -> tuple[Image, bool, dict[str, Any]]:
+    """Return a picture, or a page, dark on light and of a size that can be searched.
+
+    Also return whether its light was evened out, and the section of what was done.
+    """
     picture = read_image(path, reader_limits().megapixels) if page is None else page
-    edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]]).mean(axis=1)
     left, top, right, bottom = stated.crop_px or (0, 0, picture.shape[1], picture.shape[0])
     section = {
         "crop_px": stated.crop_px,
         "ignore_colours": [{"rgb": rgb} for rgb in stated.ignore_colours or []],
-        "light_on_dark": bool(np.median(edge) < 128),
+        "light_on_dark": is_light_on_dark(picture),
         "reduction": fitting_reduction(right - left, bottom - top),
     }
-    return make_ready(path, picture, _picture_section(section)), section
+    return *make_ready(path, picture, _picture_section(section)), section
 
 
 def _fitting_dpi(path: Path, page: int, stated: StatedOptions) -> float:

@@ -20,6 +20,7 @@ from pipeline.survey.drawing.picture_header import (
 from pipeline.types import Image
 
 _NUMBERS_AS_TEXT = (b"P1", b"P2", b"P3")  # PNM files whose pixels are decimal numbers
+_DEPTHS = (255, 1023, 4095, 16383, 65535)  # white in pictures of 16 bits, which may hold fewer
 _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
 
 
@@ -31,10 +32,10 @@ def read_image(path: Path, max_megapixels: float) -> Image:
     InputError
         If the file is empty, unreadable, too large or of one colour only.
     """
-    return require_workings_drawn(path, read_pixels(path, max_megapixels))
+    return require_workings_drawn(path, read_pixels(path, max_megapixels, is_plan=True))
 
 
-def read_pixels(path: Path, max_megapixels: float) -> Image:
+def read_pixels(path: Path, max_megapixels: float, is_plan: bool = False) -> Image:
     """Read an image file as BGR.
 
     Parameters
@@ -44,6 +45,8 @@ def read_pixels(path: Path, max_megapixels: float) -> Image:
         as its Exif data say. Of several pages of a TIFF or frames of a GIF the first is read, with a warning.
     max_megapixels : float
         Upper limit of the image's size.
+    is_plan : bool
+        Whether pixels of 16 bits may use fewer, and white on transparent ground is refused.
 
     Returns
     -------
@@ -70,7 +73,15 @@ def read_pixels(path: Path, max_megapixels: float) -> Image:
         warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
     if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
         raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
-    return _to_bgr(picture)
+    read = _to_bgr(picture, is_plan)
+    if (
+        is_plan
+        and picture.shape[2:] == (4,)
+        and picture[..., 3].any()
+        and all((strip == 255).all() for strip in _strips(read))
+    ):
+        raise InputError(f"{path}: its lines are white, and so is what is transparent in it; save it on a dark ground")
+    return read
 
 
 def _decode(path: Path) -> np.ndarray:
@@ -118,19 +129,22 @@ def _strips(picture: np.ndarray) -> list[np.ndarray]:
     return [picture[row : row + _STRIP_ROWS] for row in range(0, len(picture), _STRIP_ROWS)]
 
 
-def _to_bgr(picture: np.ndarray) -> Image:
+def _to_bgr(picture: np.ndarray, fewer_bits: bool) -> Image:
     """Convert a decoded picture to 8-bit BGR. Transparent pixels become white."""
     if picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3:
         return picture  # a copy of 200 megapixels takes 600 MB
     result = np.empty((*picture.shape[:2], 3), np.uint8)
+    most = picture.max() if fewer_bits and picture.dtype == np.uint16 else _DEPTHS[-1]
+    white = next(white for white in _DEPTHS if most <= white)
     for row, strip in zip(range(0, len(picture), _STRIP_ROWS), _strips(picture), strict=True):
-        result[row : row + _STRIP_ROWS] = _strip_to_bgr(strip)
+        result[row : row + _STRIP_ROWS] = _strip_to_bgr(strip, white)
     return result
 
 
-def _strip_to_bgr(picture: np.ndarray) -> Image:
+def _strip_to_bgr(picture: np.ndarray, white: int) -> Image:
+    """Convert some rows; `white` is the lightest value of pixels of 16 bits."""
     if picture.dtype == np.uint16:
-        picture = (picture // 257).astype(np.uint8)
+        picture = (picture.astype(np.uint32) * 255 // white).astype(np.uint8)
     elif picture.dtype != np.uint8:
         shares = np.nan_to_num(picture.astype(np.float64), nan=1.0, posinf=1.0, neginf=0.0)
         picture = np.round(np.clip(shares, 0, 1) * 255).astype(np.uint8)

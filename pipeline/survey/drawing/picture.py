@@ -20,6 +20,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.image import read_image, require_workings_drawn
+from pipeline.survey.drawing.light import BETTER_LIGHT, even_light
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.survey.drawing.reduction import reduce_picture, size_read
 from pipeline.types import Image
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import pypdfium2
 
 USUAL_DPI, _LEAST_DPI = 200.0, 36.0  # of a page if none is stated, and the least that may be
+_DARK, _LEAST_DARK = 160, 1e-3  # ink on evened paper, and its least share of a photograph
 _FITTING_PX = 40e6  # of a page: reading takes about 25 bytes a pixel beside libraries, 1 GB in all
 
 
@@ -118,13 +120,19 @@ def _open_page(path: Path, page: int) -> Iterator[tuple[pypdfium2.PdfPage, int]]
         raise InputError(f"{path}: cannot be read as PDF: it is broken, cut off or locked by a password") from error
 
 
-def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
+def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> tuple[Image, bool]:
     """Crop, reduce, clean and rotate a picture by the parameters; the result is dark on light.
+
+    Returns
+    -------
+    picture : (rows, cols, 3) uint8
+    evened : bool
+        Whether its light was uneven, as in a photograph, and was evened out, with a remark.
 
     Raises
     ------
     InputError
-        If the crop box is not inside the picture.
+        If the crop box is not inside the picture, or a photograph shows nothing but paper.
     """
     if params.crop_px is not None:
         col0, row0, col1, row1 = params.crop_px
@@ -135,17 +143,24 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
             )
         picture = picture[row0:row1, col0:col1]
     picture = reduce_picture(picture, params.reduction)
+    picture, darkest = even_light(255 - picture if params.light_on_dark else picture)
+    if darkest < 1:
+        if (picture.max(axis=2) < _DARK).mean() < _LEAST_DARK:
+            raise InputError(f"{path}: nothing in it is much darker than its paper{BETTER_LIGHT}")
+        warn_user(
+            f"{path.name}: light is uneven, as in a photograph, and is evened out: the darkest paper has "
+            f"{100 * darkest:.0f} % of the light of the lightest"
+        )
     for ignored in params.ignore_colours:
         colour = np.array(ignored.rgb[::-1])
+        colour = 255 - colour if params.light_on_dark else colour
         has_colour = cv2.inRange(picture, colour - ignored.within, colour + ignored.within) > 0
         paper = 255 if has_colour.all() else np.median(picture[~has_colour], axis=0).astype(np.uint8)
         picture = picture.copy()
         picture[has_colour] = paper
-    if params.light_on_dark:
-        picture = 255 - picture
     if params.turn_deg:
         picture, _ = turn_picture(picture, params.turn_deg)
-    return picture
+    return picture, darkest < 1
 
 
 def require_few_regions(path: Path, picture: Image) -> None:

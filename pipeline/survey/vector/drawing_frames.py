@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from shapely import LineString
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import one_line
+from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.vector.shapes import METRES, Shapes
 
 _FRAME = 0.9  # of the drawing's extent, both ways: a rectangle this large round other lines is a frame
@@ -20,11 +20,13 @@ _LEVEL = 1e-3  # of the extent
 _LISTED = 12  # layers that a message names
 
 
-def require_walls_alone(path: Path, content: Shapes, snap_m: float) -> None:
+def require_walls_alone(path: Path, content: Shapes, snap_m: float, widths_m: tuple[float, float]) -> None:
     """Refuse a drawing with a frame or a grid, whose layers the user did not choose. Ends within `snap_m` are joined.
 
-    A rectangle round all else counts as a frame only if other lines lie on other layers, or a second frame lies in it:
-    the workings of a small mine may be a rectangle with pillars.
+    A rectangle round all else counts as a frame if other lines lie on other layers, a second frame lies in it, or one
+    closed line lies in it that holds the rest, as a mine holds its pillars. The workings of a small mine may be a
+    rectangle with pillars: several closed lines in it, apart from each other, that leave passages of a width between
+    the two of `widths_m`.
 
     Raises
     ------
@@ -38,14 +40,26 @@ def require_walls_alone(path: Path, content: Shapes, snap_m: float) -> None:
     west, south, east, north = shapely.total_bounds(lines)
     extent = np.array([east - west, north - south])
     frames = [k for k, line in enumerate(lines) if _is_frame(line, extent)]
-    same = max(_LEVEL * extent.max(), snap_m / METRES[content.unit or "m"])
+    metres = METRES[content.unit or "m"]
+    same = max(_LEVEL * extent.max(), snap_m / metres)
     ruled = sum(_is_ruled(line, extent) for line in _with_free_ends(lines, same))
-    elsewhere = {content.layer_of[k] for k in frames} != set(layers)
-    framed = bool(frames) and (len(frames) > 1 or (len(layers) > 1 and elsewhere))
+    frame_layers = sorted({content.layer_of[k] for k in frames})
+    elsewhere = bool(frames) and frame_layers != layers
+    framed = len(frames) > 1
+    if len(frames) == 1:
+        inside = [line for k, line in enumerate(lines) if k not in frames]
+        has_pillars = elsewhere and _has_pillars(lines[frames[0]], inside, metres, widths_m)
+        framed = _is_round_mine(inside) or (elsewhere and not has_pillars)
+        if has_pillars:
+            name = one_line(frame_layers[0], 60)
+            warn_user(
+                f"{path.name}: the rectangle on layer {name!r} is read as the wall round pillars; --layer chooses"
+            )
     if not framed and ruled < _GRID_LINES:
         return
+    frame = f"a frame on layer {one_line(', '.join(frame_layers), 60)!r}" if elsewhere else "a frame"
     shown = " and ".join(
-        text for text, is_shown in (("a frame", framed), (f"{ruled} lines of a grid", ruled >= _GRID_LINES)) if is_shown
+        text for text, is_shown in ((frame, framed), (f"{ruled} lines of a grid", ruled >= _GRID_LINES)) if is_shown
     )
     if len(layers) > 1:
         advice = _choice(layers)
@@ -101,6 +115,34 @@ def _with_free_ends(lines: list[LineString], same: float) -> list[LineString]:
     tree = cKDTree(ends.reshape(-1, 2))
     near = tree.query_ball_point(ends.reshape(-1, 2), same, return_length=True).reshape(-1, 2)
     return [line for line, others in zip(lines, near, strict=True) if not line.is_closed and (others == 1).all()]
+
+
+def _is_round_mine(inside: list[LineString]) -> bool:
+    """Return whether one of the closed lines in a frame holds all others: walls that hold pillars."""
+    areas = _areas_of(inside)
+    if len(areas) < 2:
+        return False
+    outer = max(areas, key=lambda area: area.area)
+    shapely.prepare(outer)
+    return all(outer.contains_properly(area) for area in areas if area is not outer)
+
+
+def _has_pillars(
+    frame: LineString, inside: list[LineString], metres_per_unit: float, widths_m: tuple[float, float]
+) -> bool:
+    """Return whether a rectangle is the wall round pillars: closed lines, apart, with passages between them."""
+    pillars, rock = _areas_of(inside), shapely.Polygon(frame)
+    if len(pillars) < 2 or len(pillars) != len(inside):
+        return False
+    together = shapely.union_all(pillars)
+    if len(shapely.get_parts(together)) != len(pillars) or not rock.contains_properly(together):
+        return False
+    free = rock.difference(together)
+    return bool(widths_m[0] <= 2 * free.area / free.length * metres_per_unit <= widths_m[1])
+
+
+def _areas_of(lines: list[LineString]) -> list[shapely.Polygon]:
+    return [area for line in lines if line.is_closed and (area := shapely.Polygon(line)).is_valid and area.area > 0]
 
 
 def _is_frame(line: LineString, extent: np.ndarray) -> bool:

@@ -39,8 +39,8 @@ def save(path, mine, frames=1, grid=True, one_layer=False):
 @pytest.mark.parametrize(
     ("shown", "message"),
     [
-        ({}, "with a frame and 6 lines of a grid; --layer NAME, .* layers: FRAME, GRID, WALLS$"),
-        ({"grid": False}, "with a frame; --layer NAME"),
+        ({}, "with a frame on layer 'FRAME' and 6 lines of a grid; --layer NAME, .* layers: FRAME, GRID, WALLS$"),
+        ({"grid": False}, "with a frame on layer 'FRAME'; --layer NAME"),
         ({"frames": 0}, "with 6 lines of a grid; --layer NAME"),
         ({"one_layer": True}, "all its lines are on one layer: save the walls alone, or give a PDF or a picture"),
         ({"one_layer": True, "grid": False, "frames": 2}, "with a frame; all its lines are on one layer"),
@@ -86,6 +86,53 @@ def test_lines_whose_ends_nearly_meet_are_no_grid(tmp_path, cut_m):
         drawing.modelspace().add_line(*[(end.x, end.y) for end in ends])
     drawing.saveas(tmp_path / "mine.dxf")
     assert detect_survey(tmp_path / "mine.dxf").width_m == pytest.approx(2 * fork.area / fork.length, rel=0.02)
+
+
+ROOM = box(0, 0, 60, 40)
+PILLARS = [box(x, y, x + 9, y + 8) for x in (6, 21, 36) for y in (6, 20)]
+
+
+def save_rings(path, **layers):
+    """Write a DXF drawing in metres with the closed lines of each layer."""
+    drawing = ezdxf.new(units=6)
+    for layer, areas in layers.items():
+        for area in areas:
+            points = list(area.exterior.coords)[:-1]
+            drawing.modelspace().add_lwpolyline(points, close=True, dxfattribs={"layer": layer})
+    drawing.saveas(path)
+    return path
+
+
+def test_a_rectangular_mine_whose_pillars_are_on_another_layer_is_read_as_on_one(tmp_path, capsys):
+    one = detect_survey(save_rings(tmp_path / "one.dxf", WALLS=[ROOM, *PILLARS]))
+    two = detect_survey(save_rings(tmp_path / "two.dxf", WALLS=[ROOM], PILLARS=PILLARS))
+    told = capsys.readouterr().err
+    assert "two.dxf: the rectangle on layer 'WALLS' is read as the wall round pillars; --layer chooses" in told
+    assert "one.dxf: the rectangle" not in told
+    free = ROOM.difference(shapely.union_all(PILLARS))
+    assert one.width_m == two.width_m == pytest.approx(2 * free.area / free.length)
+
+
+@pytest.mark.parametrize(
+    "layers",
+    [
+        {"FRAME": [box(-60, -60, 170, 140)], "WALLS": [ROOM], "PILLARS": PILLARS},  # a frame round a mine
+        {"FRAME": [box(-60, -60, 170, 140)], "WALLS": [TEE, box(0, 60, 60, 65), box(0, 80, 60, 85)]},  # three levels
+        {"FRAME": [box(-9, -9, 69, 49)], "WALLS": [ROOM]},  # the room may be a pillar in the frame
+        {"FRAME": [ROOM], "WALLS": [PILLARS[0], shapely.affinity.translate(PILLARS[0], 4, 4)]},  # they overlap
+    ],
+)
+def test_a_rectangle_round_what_is_no_row_of_pillars_stays_a_frame_whose_layer_is_named(tmp_path, layers):
+    path = save_rings(tmp_path / "mine.dxf", **layers)
+    with pytest.raises(InputError, match=r"a frame on layer 'FRAME'; --layer NAME, .* layers: FRAME, .*WALLS$"):
+        detect_survey(path)
+    assert detect_survey(path, StatedOptions(layers=["WALLS"])).values["layers"] == ["WALLS"]
+
+
+def test_a_frame_round_a_mine_with_pillars_is_noticed_on_one_layer(tmp_path):
+    path = save_rings(tmp_path / "mine.dxf", WALLS=[box(-20, -20, 110, 70), ROOM, *PILLARS])
+    with pytest.raises(InputError, match="with a frame; all its lines are on one layer: save the walls alone"):
+        detect_survey(path)
 
 
 LEASE = shapely.Polygon([(-30, -20), (120, -30), (130, 70), (-20, 80)])
