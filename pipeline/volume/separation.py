@@ -25,7 +25,8 @@ class ConvexBodies:
     ----------
     corners : (n, c, 3) float64, m
     directions : (n, d, 3) float64
-        Unit normals of the bodies' faces, outward, the one with most facets beyond it first. Any direction is sound.
+        Unit normals of the bodies' faces, outward, the one with most facets beyond it first; zeros of a face without an
+        area. Any direction is sound.
     edges : (n, e, 3) float64
         Directions of the bodies' edges.
     owner : (n,) int64
@@ -236,9 +237,10 @@ class _Apart:
     """Bodies with their components apart, `(k, 3, n)`: NumPy is slow along short axes."""
 
     def __init__(self, bodies: ConvexBodies) -> None:
-        """Take bodies, and how far each reaches in its directions."""
+        """Take bodies, and how far each reaches in its directions; one of no length parts nothing."""
         self.points, self.directions, self.edges = map(_apart, (bodies.corners, bodies.directions, bodies.edges))
-        self.reach = np.array([_dots(self.points, one).max(axis=0) for one in self.directions])
+        reach = np.array([_dots(self.points, one).max(axis=0) for one in self.directions])
+        self.reach = np.where(self.directions.any(axis=1), reach, np.inf)
         self.longest = np.sqrt((self.edges**2).sum(axis=1).max(axis=0, initial=0.0))
 
 

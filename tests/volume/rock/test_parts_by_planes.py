@@ -232,3 +232,19 @@ def test_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
     assert len(parts) >= 20  # four shares at least
     assert len(found[1][1]) > 20
     assert found[1] == found[2] == found[3]
+
+
+@pytest.mark.parametrize("number", [0, 3])
+def test_a_direction_of_no_length_parts_a_body_from_no_facet(drift, number):
+    volume, _ = drift
+    floors = np.flatnonzero(volume.label == 0)[:3]
+    polygons = RockSurfaces.of_facets(volume, floors.tolist()).polygons()[0]
+    bodies = shaped(polygons, "moved", 0.3)
+    bodies = dataclasses.replace(bodies, corners=bodies.corners + np.array([0, 0, 0.2]), owner=np.full(len(bodies), -1))
+    facets = Facets(volume.vertices, volume.faces)
+    wanted = facets.crossing(bodies)
+    directions = bodies.directions.copy()
+    directions[:, number] = 0.0
+    found = facets.crossing(dataclasses.replace(bodies, directions=directions))
+    assert set(wanted.body.tolist()) == set(range(len(bodies)))
+    assert set(zip(wanted.body, wanted.facet, strict=True)) <= set(zip(found.body, found.facet, strict=True))
