@@ -41,7 +41,7 @@ def test_a_world_loads_by_the_hash_that_the_card_states(corpus):
     assert digest in (folder / "README.md").read_text()
     world = minexplore.load("corpus:tee", folder, digest)
     assert world.record["world_sha256"] == entries[0].record["world_sha256"]
-    assert gymnasium.spec("MineXplore/corpus:tee-v0").kwargs["world"] == world.folder
+    assert gymnasium.spec("MineXplore/corpus:tee-v0").kwargs["world"] == str(world.folder)
 
 
 def test_croissant_reads_the_table_of_worlds(corpus):
