@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
@@ -147,6 +147,12 @@ def printable(text: str, most: int) -> str:
     """Return a text of a library on one line without control characters, at most so many characters."""
     line = "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
     return line if len(line) <= most else f"{line[:most]} ..."
+
+
+def first_few(items: Sequence[str], most: int, between: str = ", ") -> str:
+    """Return the first `most` items in one line, and how many more there are."""
+    more = f" and {len(items) - most} more" if len(items) > most else ""
+    return between.join(items[:most]) + more
 
 
 def describe_os_error(error: OSError) -> str:

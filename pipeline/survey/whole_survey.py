@@ -12,7 +12,7 @@ import numpy as np
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
@@ -126,8 +126,9 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
     known, count = roofs_of(legs)
     if count:
         warn_user(
-            f"{path.name}: {count} of {count + len(known)} stations have no measured roof; {usual:.2f} m over the "
-            "floor is taken, the median of the others, and less under floors that pass over it"
+            f"{path.name}: {count} of {count + len(known)} stations have no measured roof; it is interpolated along "
+            "passages with roofs at half of their stations or more, and elsewhere "
+            f"{usual:.2f} m over the floor, the median; it is lower under floors that pass over it"
         )
 
 
@@ -212,11 +213,10 @@ def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[
     others = [(name, metres) for metres, name, stations in found if stations is not nodes]
     if others:
         about = _about(survey, about)
-        listed = ", ".join(f"{metres:.0f} m about {_about(survey, name)}" for name, metres in others[:_NAMED])
-        more = f", and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+        lengths = [f"{metres:.0f} m about {_about(survey, name)}" for name, metres in others]
         warn_user(
             f"{path.name}: {len(found)} pieces share no station; built is the one of {length:.0f} m about {about}; "
-            f"--piece (survey.piece) builds another: {listed}{more}"
+            f"--piece (survey.piece) builds another: {first_few(lengths, _NAMED)}"
         )
     return [leg for leg in legs if leg.stations[0] in nodes], others
 

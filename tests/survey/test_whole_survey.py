@@ -49,6 +49,14 @@ def test_the_longest_piece_is_built_and_the_others_are_listed_with_the_option_th
     assert "20 m about 8" in said
 
 
+def test_of_many_pieces_the_ten_longest_are_listed_and_the_others_are_counted(tmp_path, capsys):
+    rows = "".join(f"P{k},p{k},{100 * k},0,5,2,2,3,0\nP{k},q{k},{100 * k + 30 - k},0,5,2,2,3,0\n" for k in range(2, 15))
+    assert len(lines_of(legs_of_table(RAMP + rows, tmp_path).pieces)) == 13
+    said = " ".join(capsys.readouterr().err.split())
+    assert "19 m about p11 and 3 more" in said
+    assert "about p12" not in said
+
+
 def test_pieces_may_lie_farther_apart_than_a_mine_may_reach(tmp_path):
     far = RAMP + "X,8,40000,0,5,2,2,3,0\nX,9,40020,0,5,2,2,3,0\n"
     assert set(places_of(legs_of_table(far, tmp_path))) == {"1", "2", "3"}

@@ -9,7 +9,7 @@ import manifold3d
 import numpy as np
 from shapely import MultiPolygon
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.clouds.points import Origin, ScanFile, read_points, turned
@@ -109,11 +109,6 @@ def _place(middle_m: tuple[float, float, float], down: float) -> str:
     return f"({x:.1f}, {y:.1f}, {z - down:.1f})"
 
 
-def _listed(texts: list[str]) -> str:
-    more = f" and {len(texts) - _NAMED} more" if len(texts) > _NAMED else ""
-    return ", ".join(texts[:_NAMED]) + more
-
-
 def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
     """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
@@ -130,7 +125,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             for thing in found.things
             for a, b, c in [thing.size_m]
         ]
-        warn_user(f"{name}: {len(found.things)} things stand free and are left out: {_listed(listed)}")
+        warn_user(f"{name}: {len(found.things)} things stand free and are left out: {first_few(listed, _NAMED)}")
     thin = len(found.thin_points_m)
     if thin:
         warn_user(f"{name}: {thin} voxels with points have free space on both sides, as ropes have, and are left out")
@@ -148,7 +143,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     ):
         if gaps:
             listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m, down)}" for gap in gaps]
-            warn_user(f"{name}: {len(gaps)} {what}: {_listed(listed)}")
+            warn_user(f"{name}: {len(gaps)} {what}: {first_few(listed, _NAMED)}")
     if found.unseen:
         sample = found.unseen + len(found.rays_m)
         warn_user(

@@ -11,7 +11,7 @@ import shapely
 from shapely import LinearRing, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.geometry.floor.stitched import FloorPart, StitchedFloors, stitch
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.geometry.rock.partition import triangulate
@@ -177,11 +177,10 @@ def _warn_of_pieces(path: Path, areas: list[Area], joins: nx.Graph) -> None:
     pieces = sorted(nx.connected_components(joins), key=lambda names: -_size_m2(areas, names))
     if len(pieces) < 2:
         return
-    listed = ", ".join(f"{_size_m2(areas, names):.0f} m2 about {_about(areas, names)}" for names in pieces[:_NAMED])
-    more = f", and {len(pieces) - _NAMED} more" if len(pieces) > _NAMED else ""
+    sizes = [f"{_size_m2(areas, names):.0f} m2 about {_about(areas, names)}" for names in pieces]
     warn_user(
         f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; all are built, and --piece "
-        f"(survey.piece) builds one: {listed}{more}"
+        f"(survey.piece) builds one: {first_few(sizes, _NAMED)}"
     )
     warn_of_near_areas(path, areas, joins)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.types import Piece
 
@@ -21,9 +21,8 @@ def require_near(path: Path, piece: Piece, far_m: float, what: str) -> None:
 
 def list_others(path: Path, others: list[tuple[str, str]]) -> None:
     """List the pieces that are left out, each by its size and what names it, and the option that builds one."""
-    listed = ", ".join(f"{size} about {about}" for size, about in others[:_NAMED])
-    more = f", and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    warn_user(f"{path.name}: --piece (survey.piece) builds another piece: {listed}{more}")
+    pieces = [f"{size} about {about}" for size, about in others]
+    warn_user(f"{path.name}: --piece (survey.piece) builds another piece: {first_few(pieces, _NAMED)}")
 
 
 def _text(piece: Piece) -> str:

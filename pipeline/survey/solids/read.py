@@ -12,7 +12,7 @@ import trimesh
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
@@ -137,9 +137,8 @@ def _warn(path: Path, pieces: ClosedPieces, free: PiecedSpace, params: SolidSurv
     say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
     if pieces.holes:
         widest = sorted(pieces.holes, key=lambda hole: -hole.edge_m)
-        listed = ", ".join(f"{hole.edge_m / np.pi:.2f} m at {_at(hole.middle_m)}" for hole in widest[:_NAMED])
-        more = f" and {len(widest) - _NAMED} more" if len(widest) > _NAMED else ""
-        say(f"{len(widest)} holes are closed: {listed}{more}; the widest allowed is {params.close_m:g} m (--close M)")
+        sizes = first_few([f"{hole.edge_m / np.pi:.2f} m at {_at(hole.middle_m)}" for hole in widest], _NAMED)
+        say(f"{len(widest)} holes are closed: {sizes}; the widest allowed is {params.close_m:g} m (--close M)")
     if free.rock:
         largest = max(free.rock, key=lambda rock: rock.volume_m3)
         say(

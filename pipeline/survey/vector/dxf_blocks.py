@@ -12,6 +12,7 @@ from ezdxf.entities.insert import Insert
 from ezdxf.entities.polyline import Polyline
 from ezdxf.xclip import XClip
 
+from pipeline.errors import first_few
 from pipeline.guard.reading_process import one_line, warn_user
 
 _SCALES = ("xscale", "yscale", "zscale")
@@ -51,10 +52,9 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
         )
     absent = absent_drawings(drawing)
     if absent:
-        more = ", ..." if len(absent) > _NAMED else ""
         warn_user(
             f"{path.name}: {len(absent)} drawings that it refers to are not in the file, and are not read: "
-            f"{', '.join(absent[:_NAMED])}{more}; bind the external references in CAD"
+            f"{first_few(absent, _NAMED)}; bind the external references in CAD"
         )
     return _without_annotations(drawing)
 
@@ -71,10 +71,9 @@ def shown(path: Path, drawing: Drawing, entities: list[DXFEntity]) -> list[DXFEn
     if not kept or len(kept) == len(entities):
         return entities
     names = sorted({one_line(str(e.dxf.layer), 40) for e in entities if str(e.dxf.layer).lower() in hidden})
-    more = ", ..." if len(names) > _NAMED else ""
     warn_user(
         f"{path.name}: {len(entities) - len(kept)} entities on layers that are off or frozen are not read: "
-        f"{', '.join(names[:_NAMED])}{more}; --layer NAME reads a layer"
+        f"{first_few(names, _NAMED)}; --layer NAME reads a layer"
     )
     return kept
 

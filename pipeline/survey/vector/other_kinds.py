@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.vector.shapes import Shapes
 
@@ -56,5 +56,4 @@ def warn_of_others(path: Path, content: Shapes) -> None:
 
 def _listed(others: dict[str, int]) -> str:
     kinds = sorted(others, key=lambda kind: (-others[kind], kind))
-    more = f" and {len(kinds) - _NAMED} more kinds" if len(kinds) > _NAMED else ""
-    return ", ".join(f"{others[kind]} {one_line(kind, 40)}" for kind in kinds[:_NAMED]) + more
+    return first_few([f"{others[kind]} {one_line(kind, 40)}" for kind in kinds], _NAMED)

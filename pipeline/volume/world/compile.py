@@ -9,7 +9,7 @@ import numpy as np
 
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
-from pipeline.errors import GeometryError, MineError
+from pipeline.errors import GeometryError, MineError, first_few
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
@@ -108,8 +108,7 @@ class _VolumeDraft:
 def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
     if network.repairs:
-        more = f", and {len(network.repairs) - _NAMED} more" if len(network.repairs) > _NAMED else ""
-        warn_user(f"compile3d: repaired are {'; '.join(network.repairs[:_NAMED])}{more}")
+        warn_user(f"compile3d: repaired are {first_few(network.repairs, _NAMED, '; ')}")
     _warn_of_lowered(network)
     require_flat_leg(network)
     solved = solve_floors(network)
@@ -170,6 +169,5 @@ def _warn(built: BuiltVolume) -> None:
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:
-            named = ", ".join(end.station for end in ends[:_NAMED])
-            more = f" and {len(ends) - _NAMED} more" if len(ends) > _NAMED else ""
-            warn_user(f"compile3d: {len(ends)} {what} closed by rock: {named}{more}")
+            named = first_few([end.station for end in ends], _NAMED)
+            warn_user(f"compile3d: {len(ends)} {what} closed by rock: {named}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
+from pipeline.errors import first_few
 from pipeline.guard.forked import Forked
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.groups import applying_limits
@@ -26,7 +27,7 @@ from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.topology import LegNetwork
 
-_MOST_NAMED = 40  # stations that the page lists
+_NAMED = 10  # stations that the page lists
 
 
 def volume_view(root: Path) -> WorldView:
@@ -84,9 +85,12 @@ def _built_of(record: VolumeRecord, surveyed: SurveyedLegs) -> dict[str, Any]:
         "built_m": figures.built_m,
         "low_m": figures.low_m + figures.datum_m,
         "high_m": figures.high_m + figures.datum_m,
-        "entrances": [end.station for end in figures.entrances][:_MOST_NAMED],
-        "closed_ends": [end.station for end in figures.closed_ends][:_MOST_NAMED],
-        "others": list(zip(lines_of(surveyed.pieces), surveyed.pieces_m.tolist(), strict=True))[:_MOST_NAMED],
+        "entrances": first_few([end.station for end in figures.entrances], _NAMED),
+        "closed_ends": first_few([end.station for end in figures.closed_ends], _NAMED),
+        "others": first_few(
+            [f"{m:,.0f} m about {name}" for name, m in zip(lines_of(surveyed.pieces), surveyed.pieces_m, strict=True)],
+            _NAMED,
+        ),
     }
 
 

@@ -21,15 +21,6 @@ ROOMS = shapely.box(0, 0, 60, 45).difference(
 )
 
 
-@pytest.fixture
-def data(tmp_path, monkeypatch):
-    """Return the folder data/ of an empty project."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data/registry.txt").write_text("")
-    return tmp_path / "data"
-
-
 def photographed(plan, lost=0.6, shadow=0.5, sigma=12.0, dim=1.0, seed=0):
     """Return a plan as a phone sees it: light that falls off, dark corners, a shadow over one, noise, JPEG."""
     rows, cols = plan.shape[:2]

@@ -24,15 +24,6 @@ from stages.contours import trace_free_space
 from tests.mines import RING, TEE, frame_for, plan_of
 
 
-@pytest.fixture
-def data(tmp_path, monkeypatch):
-    """Return the folder data/ of an empty project."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data/registry.txt").write_text("")
-    return tmp_path / "data"
-
-
 @pytest.fixture(scope="module")
 def tracing(config):
     return config.contours.model_copy(update={"tolerance_m": 0.0, "bridge_m": 0.0, "despeck_m": 0.0})

@@ -1,7 +1,8 @@
 """Control steps a second of robots in a volume's local models, beside the level mine's environment in the same run.
 
 `python -m benchmarks.comparisons.volume.local.environment` prints the table; surveys are built as in the gate. At equal
-contact is the environment's speed if as many steps touched rock as in the level mine.
+contact is the environment's speed if as many steps touched rock as in the level mine. Each run drives the same ways, so
+the least of the runs' times counts: what else the machine does only adds to it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
@@ -25,7 +27,7 @@ from pipeline.volume.shell import ShellPart, build_shell
 from pipeline.volume.union import Volume
 from pipeline.volume.world.parts import without_refused
 
-_RUNS = 3
+_RUNS = 15
 _ALL_PARTS = -1.0  # a tolerance that no plane meets
 _LARGE_M = (2.0, 0.5)
 Variants = dict[str, tuple[float, tuple[float, float]]]  # how far a plane may be from a floor, and tiles, m
@@ -51,7 +53,7 @@ def build(name: str) -> tuple[Volume, list[ShellPart]]:
 def measure(
     volume: Volume, parts: list[ShellPart], level: LevelDrive, variants: Variants = VARIANTS
 ) -> dict[str, tuple[StepCost, StepCost, int]]:
-    """Return for each variant its cost, the level mine's, as medians of runs in turns, and how many robots are gone."""
+    """Return each variant's cost, the level mine's, the least of runs in turns each, and how many robots are gone."""
     actions, drives = hard_driving(np.random.default_rng(0)), {}
     for title, (tolerance_m, tile_m) in variants.items():
         local = VolumeStepping(volume, parts, None, tolerance_m, tile_m)
@@ -59,10 +61,10 @@ def measure(
         drives[title].cost(actions)  # makes models and planes, as the level mine's next line does
     level.cost(actions)
     runs = [(level.cost(actions), [drive.cost(actions) for drive in drives.values()]) for _ in range(_RUNS)]
-    inside, theirs = Inside(volume), _median([run[0] for run in runs])
+    inside, theirs = Inside(volume), _least([run[0] for run in runs])
     return {
         title: (
-            _median([run[1][k] for run in runs]),
+            _least([run[1][k] for run in runs]),
             theirs,
             int((inside.distance_m(drive.stepper.qpos[:, :3]) < 0).sum()),
         )
@@ -70,8 +72,9 @@ def measure(
     }
 
 
-def _median(costs: list[StepCost]) -> StepCost:
-    return StepCost(*(median(getattr(cost, field) for cost in costs) for field in StepCost.__dataclass_fields__))
+def _least(costs: list[StepCost]) -> StepCost:
+    contact = median(cost.contact_us for cost in costs)  # a difference of two times
+    return replace(min(costs, key=lambda cost: cost.total_us), contact_us=contact)
 
 
 def rows_of(name: str, found: dict[str, tuple[StepCost, StepCost, int]]) -> list[tuple[str, ...]]:

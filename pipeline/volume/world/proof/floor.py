@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.floors.volume_arrays import VolumeFacets
+from pipeline.errors import first_few
 from pipeline.params.validation import VolumeProofParams
 from pipeline.remarks import warn_user
 from pipeline.types import SurveyedLegs
@@ -34,7 +35,7 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
         ),
         *(f"{k.leg} on {k.other} ({k.step_m:.2f} m at {_at(k.place_m, offset)})" for k in found.ledges if not k.meet),
     ]
-    named = ", ".join(through[:_NAMED] + [f"and {len(through) - _NAMED} more"] * (len(through) > _NAMED))
+    named = first_few(through, _NAMED)
     if through:
         assumed = sum(k.is_assumed for k in found.elsewhere)
         why = f", {assumed} of them under an assumed roof (up_m, compile3d.height_m)" if assumed else ", as surveyed"
