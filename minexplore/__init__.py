@@ -61,8 +61,11 @@ def environments() -> dict[str, dict[str, Any]]:
 
 
 def full_id(name: str) -> str:
-    """Return the id of an environment by its id, or by `NAME` of `MineXplore/NAME-v0`; another name as it is."""
-    return next((env_id for env_id in (name, f"MineXplore/{name}-v0") if env_id in environments()), name)
+    """Return an environment's id by itself or by `NAME` of `MineXplore/NAME-v0`; `ValueError` if there is none."""
+    for env_id in (name, f"MineXplore/{name}-v0"):
+        if env_id in environments() or env_id in FAMILY_MINES:
+            return env_id
+    raise ValueError(f"{name}: no environment has this id")
 
 
 def load(world: str | Path, source: str | Path | None = None, sha256: str | None = None) -> "World":

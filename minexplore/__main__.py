@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore import environments, full_id
+from minexplore import FAMILY, environments, full_id
 from minexplore.bundle import BundleError, is_volume
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
@@ -23,7 +23,8 @@ from minexplore.record.policies import spread_command
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
-_ID = "as `list` names them, or NAME for MineXplore/NAME-v0"
+_ID = "as `list` names them, that of a built mine of a family, or NAME for MineXplore/NAME-v0"
+_A_MINE = "MineXplore/Family-test-0007-v0"
 Policy = Callable[[np.ndarray], np.ndarray]
 
 
@@ -108,6 +109,16 @@ def time_env(env_id: str, kwargs: dict[str, Any], robots: int, threads: int, ste
     env.close()
 
 
+def _known_id(name: str) -> str:
+    """Return the id that `full_id` finds, or refuse the name with what to do."""
+    if name == FAMILY:
+        raise argparse.ArgumentTypeError(f"{name} draws a mine an episode; name one that is built, as {_A_MINE}")
+    try:
+        return full_id(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{error}; there are {', '.join(environments())}") from None
+
+
 def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
     parser = argparse.ArgumentParser(prog="python -m minexplore", description=__doc__)
@@ -118,7 +129,7 @@ def main() -> int:
     timer = commands.add_parser("time", help=time_env.__doc__)
     recorder = commands.add_parser("record", help="Record one episode as MCAP for ROS 2, or show it in a browser.")
     for command in (player, timer, recorder):
-        command.add_argument("id", type=full_id, choices=list(environments()), metavar="ID", help=_ID)
+        command.add_argument("id", type=_known_id, metavar="ID", help=_ID)
         command.add_argument("--world", help="a bundle's folder, for MineXplore/World-v0 only")
         command.add_argument("--robot", choices=list(ROBOTS), help="another than the id's")
     player.add_argument("--policy", choices=["keyboard", "ahead", "random"], default="keyboard")

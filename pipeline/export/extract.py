@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import defaultdict
 from pathlib import Path
 
 import mujoco
@@ -14,6 +15,7 @@ from minexplore.bundle import (
     GeomGroup,
     TriangleMesh,
     decode_msh,
+    ground_material,
     has_visible_rock,
     is_rough_floor,
     is_shade,
@@ -22,11 +24,22 @@ from minexplore.bundle import (
 from minexplore.physics.local_models import part_vertices
 from minexplore.world import World, load_world
 from pipeline.errors import ArtifactError
-from pipeline.export.labels import part_label, surface_label, water_label
-from pipeline.export.scene import UNITS, ConvexPart, ExportScene, Light, Material, Surface, WorldFacts, box_corners
+from pipeline.export.labels import part_label, seen_label, surface_label, water_label
+from pipeline.export.scene import (
+    UNITS,
+    ConvexPart,
+    ExportScene,
+    Light,
+    Material,
+    Surface,
+    WorldFacts,
+    box_corners,
+    hull_triangles,
+)
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.remarks import warn_user
 
+ROCK = "rock"  # the material of walls and roofs in `mine.xml`
 _PARTS = (GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF)
 
 
@@ -34,7 +47,7 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
     """Return the scene of a bundle that was opened and loaded.
 
     Surfaces are those that a world shows: the smooth one is left out where the rough one hides it, and so are the clear
-    planes that darken hollows for MuJoCo's renderer.
+    planes that darken hollows for MuJoCo's renderer. A world without visible rock shows its collision parts.
 
     Raises
     ------
@@ -54,6 +67,7 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
         warn_user("export: left out is the rough floor; robots stand on its level planes")
     materials = {material.name: material_of(material) for material in spec.materials}
     lights = [light_of(light) for light in spec.lights]
+    surfaces = surfaces if has_visible_rock(world.record) else _bare(parts)
     return ExportScene(_facts(record, licence), parts, surfaces, materials, lights, texture)
 
 
@@ -84,6 +98,28 @@ def _part(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, zones: list[str]) -> Convex
     corners = box_corners(np.array(geom.size)) if is_box else part_vertices(spec, geom)
     label = part_label(geom.name, geom.group, zones)
     return ConvexPart(geom.name, label.what, label.zone, float(geom.friction[0]), np.array(geom.pos), corners, is_box)
+
+
+def _bare(parts: list[ConvexPart]) -> list[Surface]:
+    """Return the parts as they are seen, one surface for each label and zone."""
+    seen: dict[tuple[str, str], list[np.ndarray]] = defaultdict(list)
+    for part in parts:
+        seen[seen_label(part.label), part.zone].append(hull_triangles(part))
+    return [
+        Surface(
+            f"{what}_{k}", what, zone, ground_material(zone) if zone else ROCK, flat_mesh(np.concatenate(triangles))
+        )
+        for k, ((what, zone), triangles) in enumerate(seen.items())
+    ]
+
+
+def flat_mesh(triangles_m: np.ndarray) -> TriangleMesh:
+    """Return triangles (n, 3, 3) m that face those who see them, each with corners and normals of its own."""
+    a, b, c = (triangles_m[:, k] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    vertices, faces = triangles_m.reshape(-1, 3).astype(np.float32), np.arange(3 * len(triangles_m)).reshape(-1, 3)
+    return TriangleMesh(vertices, faces, np.zeros((0, 2)), np.repeat(normal, 3, axis=0).astype(np.float32))
 
 
 def _is_surface(geom: mujoco.MjsGeom) -> bool:

@@ -26,13 +26,12 @@ from minexplore.bundle import (
 from minexplore.floors.volume_arrays import FacetLabel, VolumeArrays
 from minexplore.pictures.shown import without_parts
 from minexplore.world import World
-from pipeline.export.extract import light_of, material_of
+from pipeline.export.extract import ROCK, flat_mesh, light_of, material_of
 from pipeline.export.labels import FLOOR_LABEL, ROCK_LABEL, ROOF_LABEL, surface_label
 from pipeline.export.scene import UNITS, ConvexPart, ExportScene, Surface, WorldFacts, placed_part
 from pipeline.volume.world.model import part_names, zone_numbers
 from pipeline.volume.world.record import VolumeRecord
 
-ROCK = "rock"  # the material of walls and roofs in `mine.xml`
 _LABELS = {FacetLabel.FLOOR: FLOOR_LABEL, FacetLabel.WALL: ROCK_LABEL, FacetLabel.ROOF: ROOF_LABEL}
 
 
@@ -129,10 +128,5 @@ def _chunks(world: World, names: list[str]) -> list[Surface]:
 
 
 def _mesh(arrays: VolumeArrays, facets: np.ndarray) -> TriangleMesh:
-    """Return facets as they are seen from the free space, each with corners and normals of its own."""
-    corners = arrays.facets.vertices[arrays.facets.faces[facets]][:, ::-1]
-    normal = -arrays.facets.normals[facets]
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    faces = np.arange(3 * len(facets)).reshape(-1, 3)
-    vertices = corners.reshape(-1, 3).astype(np.float32)
-    return TriangleMesh(vertices, faces, np.zeros((0, 2)), np.repeat(normal, 3, axis=0).astype(np.float32))
+    """Return facets as they are seen from the free space."""
+    return flat_mesh(arrays.facets.vertices[arrays.facets.faces[facets]][:, ::-1])

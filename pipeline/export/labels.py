@@ -57,6 +57,11 @@ def part_label(geom: str, group: int, zones: list[str]) -> PieceLabel:
     return PieceLabel(label, zone)
 
 
+def seen_label(label: str) -> str:
+    """Return the label of what is seen of collision parts of a label, in a world without visible rock."""
+    return WALLS if label == ROCK_LABEL else label
+
+
 def surface_label(mesh: str, zones: list[str]) -> PieceLabel:
     """Return the label of a visible mesh by its name; `zones` are the names of the floor zones."""
     if is_cover(mesh):

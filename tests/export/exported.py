@@ -23,11 +23,11 @@ class ExportedWorld:
     params: ValidationParams
 
     @classmethod
-    def at(cls, bundle: Path) -> ExportedWorld:
+    def at(cls, bundle: Path, *overrides: str) -> ExportedWorld:
         """Open a bundle."""
         opened, claims = open_bundle(bundle), read_made_by(bundle)
         scene = read_scene(opened.record, load_checked(bundle), "CC-BY-4.0")
-        return cls(bundle, opened, scene, allowed_claims(bundle, claims, limits_of_kind(claims.kind, [])))
+        return cls(bundle, opened, scene, allowed_claims(bundle, claims, limits_of_kind(claims.kind, list(overrides))))
 
     @property
     def read(self) -> ReadScene:

@@ -38,6 +38,15 @@ def test_a_file_that_holds_what_the_world_holds_passes_every_check(world):
     assert {"seen/walls", "seen/roof", "touched/rock", "touched/roof"} <= proof.labels.keys()
 
 
+def test_a_part_that_is_not_seen_in_a_world_without_visible_rock_is_found(bare):
+    kept = [surface for surface in bare.scene.surfaces if surface.label != "roof"]
+    failures = list(
+        prove(bare.bundle, bare.opened, bare.scene, replace(bare.read, surfaces=kept), bare.params).failures()
+    )
+    assert any("rays at what is seen differ" in line for line in failures)
+    assert any(line.startswith("seen/roof: 0 pieces") for line in failures)
+
+
 def test_a_lost_light_and_a_changed_friction_fail(world):
     parts = changed(world.scene.parts, 0, friction=0.1)
     read = replace(world.read, lights=world.read.lights - 1, parts=parts)

@@ -13,6 +13,8 @@ import pytest
 
 from pipeline.errors import ArtifactError
 from pipeline.export.checks.pieces import triangle_area_m2
+from pipeline.export.checks.prove import prove
+from pipeline.export.checks.rays import RAYS
 from pipeline.export.formats.known import FORMATS
 from pipeline.export.frames import turn_to
 from pipeline.export.scene import Files
@@ -70,6 +72,19 @@ def test_a_file_read_back_has_every_part_surface_label_and_light(world, chosen, 
         assert triangle_area_m2(same.triangles_m) == pytest.approx(area, rel=1e-5)
         assert same.triangles_m.mean(axis=(0, 1)) == pytest.approx(surface.triangles_m.mean(axis=(0, 1)), abs=1e-4)
     assert read.lights == (None if chosen == "obj" else len(scene.lights))
+
+
+def test_a_world_without_visible_rock_shows_its_parts_in_their_colours(bare, chosen, tmp_path):
+    scene, form = bare.scene, FORMATS[chosen]
+    assert scene.texture is None
+    floors = {surface.zone: scene.materials[surface.material].rgba for surface in scene.surfaces if surface.zone}
+    assert floors == {zone.name: tuple(zone.rgba) for zone in bare.opened.record.zones}
+    proof = prove(
+        bare.bundle, bare.opened, scene, form.read(put(tmp_path, form.write(scene)), scene.facts), bare.params
+    )
+    assert list(proof.failures()) == []
+    assert {name: rays.agree for name, rays in proof.rays.items()} == {"touched": RAYS, "seen": RAYS}
+    assert {"seen/walls", "seen/roof"} <= proof.labels.keys()
 
 
 def test_the_same_world_gives_the_same_bytes(world, chosen):

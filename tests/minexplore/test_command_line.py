@@ -82,7 +82,7 @@ def test_a_folder_of_videos_that_cannot_be_made_is_named(tee: BuiltMine):
     [
         (("time", "MineXplore/World-v0"), "no world: give world="),
         (("time", "MineXplore/World-v0", "--world", "nowhere"), "no such folder"),
-        (("time", "MineXplore/Moon-v0"), "invalid choice"),
+        (("time", "MineXplore/Moon-v0"), "MineXplore/Moon-v0: no environment has this id"),
         (("time", "MineXplore/World-v0", "--world", "tests"), "not a world bundle"),
         (("time", "World", "--steps", "0"), "time: steps = 0: want 1 or more"),
         (("play", "World", "--steps", "-3"), "play: steps = -3: want 1 or more"),

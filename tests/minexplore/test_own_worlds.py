@@ -55,10 +55,22 @@ def test_an_own_world_is_played_by_its_id(checkout, tmp_path):
     assert list(tmp_path.glob("*.mp4"))
 
 
+def test_a_mine_of_a_family_that_was_built_is_timed_by_its_id_and_the_family_itself_is_not(checkout, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(checkout, folder)
+    mines = folder / "artifacts" / "families" / "light" / "test"
+    shutil.copytree(folder / "artifacts/worlds/my-mine/realism", mines / "0003" / "realism")
+    done = run(folder, "time", "MineXplore/Family-test-0003-v0", "--robots", "2", "--steps", "2")
+    assert done.returncode == 0, done.stderr
+    refused = run(folder, "time", "MineXplore/Family-v0")
+    assert refused.returncode == 2
+    assert "MineXplore/Family-v0 draws a mine an episode; name one that is built" in refused.stderr
+
+
 def test_an_id_that_is_not_there_is_refused_with_all_that_are(checkout):
     done = run(checkout, "time", "MineXplore/Moon-v0")
     assert done.returncode == 2
-    assert "invalid choice" in done.stderr
+    assert "MineXplore/Moon-v0: no environment has this id; there are" in done.stderr
     assert MINE in done.stderr
     assert "MineXplore/ChileanMine-v0" in done.stderr
 

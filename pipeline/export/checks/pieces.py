@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, is_shade, puddle_geom
 from pipeline.errors import ArtifactError
-from pipeline.export.labels import PieceLabel, part_label, surface_label, water_label
+from pipeline.export.labels import PieceLabel, part_label, seen_label, surface_label, water_label
 from pipeline.export.scene import ExportScene, ReadScene, hull_triangles
 
 PART_GROUPS = (GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF)
@@ -66,6 +67,15 @@ def pieces_of_scene(read: ReadScene | ExportScene) -> Iterable[Piece]:
         yield Piece(_key("touched", PieceLabel(part.label, part.zone)), triangle_area_m2(hull_triangles(part)))
     for surface in read.surfaces:
         yield Piece(_key("seen", PieceLabel(surface.label, surface.zone)), triangle_area_m2(surface.triangles_m))
+
+
+def seen_parts(pieces: Iterable[Piece]) -> Iterable[Piece]:
+    """Return what is seen of touched pieces in a world without visible rock: one piece a label and zone."""
+    areas: dict[str, float] = defaultdict(float)
+    for piece in pieces:
+        label, _, zone = piece.label.removeprefix("touched/").partition("/")
+        areas[_key("seen", PieceLabel(seen_label(label), zone))] += piece.area_m2
+    return itertools.starmap(Piece, areas.items())
 
 
 def pieces_of_model(model: mujoco.MjModel, zones: list[str]) -> Iterable[Piece]:

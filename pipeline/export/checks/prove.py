@@ -11,7 +11,7 @@ import numpy as np
 
 from minexplore.bundle import MODEL, GeomGroup, is_shade
 from pipeline.export.checks.clauses import OF_PHYSICS, certify_parts
-from pipeline.export.checks.pieces import PART_GROUPS, LabelMatch, match_labels, pieces_of_model
+from pipeline.export.checks.pieces import PART_GROUPS, LabelMatch, match_labels, pieces_of_model, seen_parts
 from pipeline.export.checks.rays import RayMatch, RayTest, cast_at_model, starts_in_plan
 from pipeline.export.scene import ExportScene, ReadScene, hull_triangles
 from pipeline.mjcf.bundle import OpenedBundle, WorldRecord
@@ -90,7 +90,8 @@ def prove(bundle: Path, opened: OpenedBundle, scene: ExportScene, read: ReadScen
     zones = [zone.name for zone in opened.record.zones]
     model = load_model(bundle / MODEL)
     rays = _cast(bundle, model, opened.record, read)
-    labels = match_labels(pieces_of_model(model, zones), read)
+    pieces = list(pieces_of_model(model, zones))
+    labels = match_labels(pieces if opened.record.has_visible_rock else [*pieces, *seen_parts(pieces)], read)
     certificate = certify_parts(bundle, opened, read, params)
     unmeasured = [name for name in params.certificate.limits if name in OF_PHYSICS]
     lights = None if read.lights is None else Count(len(scene.lights), read.lights)
@@ -104,10 +105,9 @@ def _cast(bundle: Path, model: mujoco.MjModel, record: WorldRecord, read: ReadSc
     draw, T = starts_in_plan(read_free_space(bundle).polygon), np.array(record.T_world_mine)
     touched = np.concatenate([np.zeros((0, 3, 3)), *map(hull_triangles, read.parts)])
     rays = {"touched": RayTest(draw, cast_at_model(model, T, PART_GROUPS)).compare(touched, SEED)}
-    if record.has_visible_rock:
-        seen = np.concatenate([np.zeros((0, 3, 3)), *(surface.triangles_m for surface in read.surfaces)])
-        rays["seen"] = RayTest(draw, cast_at_model(model, T, (GeomGroup.ROUGH_SURFACE,))).compare(seen, SEED)
-    return rays
+    seen = np.concatenate([np.zeros((0, 3, 3)), *(surface.triangles_m for surface in read.surfaces)])
+    shown = (GeomGroup.ROUGH_SURFACE,) if record.has_visible_rock else PART_GROUPS
+    return rays | {"seen": RayTest(draw, cast_at_model(model, T, shown)).compare(seen, SEED)}
 
 
 def same_frictions(scene: ExportScene, read: ReadScene) -> Count | None:

@@ -36,10 +36,8 @@ _PLAIN = Material("rock", (0.54, 0.44, 0.36, 1.0), False, 0.0)
 
 
 def write_gltf(scene: ExportScene) -> Files:
-    """Return `NAME.glb`, what is seen, and `NAME-collision.glb`; without visible rock the second alone, with lights."""
+    """Return `NAME.glb`, what is seen, and `NAME-collision.glb`."""
     touched, seen = f"{scene.facts.name}-collision.glb", f"{scene.facts.name}.glb"
-    if not scene.surfaces:
-        return {touched: _Writer(scene).add_parts().add_lights().encode()}
     return {
         touched: _Writer(scene).add_parts().encode(),
         seen: _Writer(scene).add_surfaces().add_lights().encode(),

@@ -68,15 +68,12 @@ def write_obj(scene: ExportScene) -> Files:
     touched = ObjText(head)
     for part in scene.parts:
         touched.add(part.name, _group(part), "", part_mesh(part))
-    files = {f"{name}-collision.obj": touched.encode()}
-    if not scene.surfaces:
-        return files
     seen = ObjText(f"{head}mtllib {name}.mtl\n")
     for surface in scene.surfaces:
         seen.add(surface.name, _group(surface), surface.material, surface.mesh)
     used = {surface.material for surface in scene.surfaces}
-    files[f"{name}.obj"] = seen.encode()
-    files[f"{name}.mtl"] = "\n".join(_material(scene.materials[key]) for key in sorted(used)).encode()
+    materials = "\n".join(_material(scene.materials[key]) for key in sorted(used)).encode()
+    files = {f"{name}-collision.obj": touched.encode(), f"{name}.obj": seen.encode(), f"{name}.mtl": materials}
     if scene.texture is not None:
         files[ROCK_TEXTURE] = scene.texture
     return files
