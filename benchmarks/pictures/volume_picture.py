@@ -29,7 +29,7 @@ def draw_volume(path: Path) -> None:
     """Draw the longest piece of Wheal Pell; it needs no collision parts."""
     params = compose([]).compile3d
     surveyed = read_survey(PassageSurveyParams(kind="passages", name="pell", file=SURVEY))["network"]
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    network, offset = mine_network(surveyed, params.height_m, params.volume)
     volume = in_mine_frame(solve_floors(network), offset)
     robot = robot_size(params.volume)
     cells, legs = cells_of(volume, params.grid_cell_m, robot), leg_network(network, offset, ())

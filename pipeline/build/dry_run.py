@@ -96,6 +96,6 @@ def _require_flat_leg(params: Compile3dParams, legs: SurveyedLegs, subject: str)
     from pipeline.volume.world.topology import mine_network, require_flat_leg
 
     try:
-        require_flat_leg(mine_network(legs, params.height_m, params.volume.half_width_m)[0])
+        require_flat_leg(mine_network(legs, params.height_m, params.volume)[0])
     except MineError as error:
         raise GeometryError(f"{subject}: {error}") from error

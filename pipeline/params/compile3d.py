@@ -67,6 +67,13 @@ class VolumeParams(Params):
     half_width_m: float = Field(
         default=1.0, gt=0, le=20, description="distance to the walls of a shaft that nobody measured"
     )
+    roof_m: float | None = Field(
+        default=None,
+        gt=0.05,
+        le=50,
+        description="height over the floor of roofs that nobody measured; null: the median of ten or more that were "
+        "measured, else compile3d.height_m",
+    )
     steepest: float = Field(default=0.364, gt=0, le=1, description="rise over run of the steepest floor of a storey")
     step_m: float = Field(default=0.05, ge=0, le=1, description="highest step that a robot takes")
     robot_height_m: float = Field(default=0.655, gt=0, le=5, description="headroom that a robot needs")

@@ -119,17 +119,19 @@ def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> BuiltPi
 
 
 def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
-    """Warn of the stations without a measured roof that get the survey's usual one."""
-    usual = None if any(leg.heights_m is None for leg in legs) else usual_roof_m(legs)
-    if usual is None:
+    """Warn of the stations without a measured roof, and how high theirs is."""
+    if any(leg.heights_m is None for leg in legs):
         return
-    known, count = roofs_of(legs)
-    if count:
-        warn_user(
-            f"{path.name}: {count} of {count + len(known)} stations have no measured roof; it is interpolated along "
-            "passages with roofs at half of their stations or more, and elsewhere "
-            f"{usual:.2f} m over the floor, the median; it is lower under floors that pass over it"
-        )
+    (known, count), usual = roofs_of(legs), usual_roof_m(legs)
+    if not count:
+        return
+    taken = "compile3d.height_m" if usual is None else f"{usual:.2f} m, the median,"
+    taken = f"{taken} over the floor, or less under floors that pass over it; compile3d.volume.roof_m=M states another"
+    if known:
+        taken = f"it is interpolated along passages with roofs at half of their stations or more, and elsewhere {taken}"
+    else:
+        taken = f"taken is {taken}"
+    warn_user(f"{path.name}: {count} of {count + len(known)} stations have no measured roof: {taken}")
 
 
 def whole_in_frame(

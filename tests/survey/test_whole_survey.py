@@ -57,6 +57,18 @@ def test_of_many_pieces_the_ten_longest_are_listed_and_the_others_are_counted(tm
     assert "about p12" not in said
 
 
+def test_roofs_that_nobody_measured_are_listed_with_the_option_that_states_them(tmp_path, capsys):
+    bare = HEADER + "".join(f"A,{k},{10 * k},0,{k / 2},2,2,,0\n" for k in range(12))
+    legs_of_table(bare, tmp_path)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "12 of 12 stations have no measured roof: taken is compile3d.height_m over the floor" in said
+    assert "compile3d.volume.roof_m=M states another" in said
+    legs_of_table(bare + "".join(f"B,b{k},{20 * k},50,{k / 2},2,2,{k % 3 + 1},0\n" for k in range(10)), tmp_path)
+    assert "no measured roof" not in capsys.readouterr().err  # the piece that is built has all
+    legs_of_table(bare.replace("2,,0", "2,1.5,0", 10), tmp_path)
+    assert "2 of 12 stations have no measured roof: it is interpolated" in capsys.readouterr().err
+
+
 def test_pieces_may_lie_farther_apart_than_a_mine_may_reach(tmp_path):
     far = RAMP + "X,8,40000,0,5,2,2,3,0\nX,9,40020,0,5,2,2,3,0\n"
     assert set(places_of(legs_of_table(far, tmp_path))) == {"1", "2", "3"}

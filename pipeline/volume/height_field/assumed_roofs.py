@@ -20,13 +20,17 @@ _LEAST_M2 = 1e-4  # of the place where two legs lie over each other
 _SIDES = np.array([1.0, -1.0])[:, None]
 
 
-def network_with_roofs(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyNetwork:
-    """Return the network of legs whose roofs that nobody measured are the usual ones (`usual_roof_m`).
+def network_with_roofs(
+    legs: list[SurveyLeg], height_m: float, half_m: float, roof_m: float | None = None
+) -> SurveyNetwork:
+    """Return the network of legs whose roofs that nobody measured are `roof_m` over the floor, m.
+
+    Without it they are the usual ones (`usual_roof_m`).
 
     Where the survey has none they are `height_m` over the floor; under floors that pass over them they are lower. Half
     widths that nobody measured are `half_m`.
     """
-    return lower_assumed_roofs(network_of(legs, usual_roof_m(legs) or height_m, half_m))
+    return lower_assumed_roofs(network_of(legs, roof_m or usual_roof_m(legs) or height_m, half_m))
 
 
 def lower_assumed_roofs(network: SurveyNetwork) -> SurveyNetwork:

@@ -106,7 +106,7 @@ class _VolumeDraft:
 
 
 def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    network, offset = mine_network(surveyed, params.height_m, params.volume)
     if network.repairs:
         warn_user(f"compile3d: repaired are {first_few(network.repairs, _NAMED, '; ')}")
     _warn_of_lowered(network)
@@ -137,7 +137,7 @@ def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh, 
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)
     surveyed = replace(legs_on_floors(cells, neighbours_of(cells, robot), solid.datum_m), start_m=stated.start_m)
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    network, offset = mine_network(surveyed, params.height_m, params.volume)
     volume = mine_volume(solved, nearest_leg(solved, surveyed))
     surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))
     network = replace(network, places_m=network.places_m + offset)

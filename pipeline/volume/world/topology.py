@@ -11,6 +11,7 @@ import numpy as np
 
 from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
+from pipeline.params.compile3d import VolumeParams
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import SurveyedLegs
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
@@ -54,12 +55,12 @@ class LegNetwork:
     total_length_m: float
 
 
-def mine_network(surveyed: SurveyedLegs, height_m: float, half_m: float) -> tuple[SurveyNetwork, np.ndarray]:
+def mine_network(surveyed: SurveyedLegs, height_m: float, params: VolumeParams) -> tuple[SurveyNetwork, np.ndarray]:
     """Return the network of a survey about its middle, and the offset (3,) m of that from the mine frame's origin.
 
     What nobody measured is as `network_with_roofs` says.
     """
-    network = network_with_roofs(legs_of(surveyed), height_m, half_m)
+    network = network_with_roofs(legs_of(surveyed), height_m, params.half_width_m, params.roof_m)
     return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
 
 

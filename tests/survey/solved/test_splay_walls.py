@@ -128,6 +128,7 @@ def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
     network = network_with_roofs(legs, 3.5, 1.0)
     np.testing.assert_allclose(network.lrud_m[-1, :, 2:], [[0.4, 1.0]] * 2)  # the median is over the floor
     assert network.roof_assumed[-1].all()
+    np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0, 2.2).lrud_m[-1, :, 2], 1.2)  # the stated one
     legs = legs_with_roofs(*[22.0] * 9) + legs_with_roofs(NAN, NAN, first=20)  # few say nothing of the others
     assert usual_roof_m(legs) is None
     np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0).lrud_m[-1, :, 2], 2.5)

@@ -171,7 +171,7 @@ def _drawn(params: VolumeProofParams, volume: Volume, floors: FloorMesh, shafts:
 
 def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:
     """Return how much of the survey is built: of the file's legs, not of those that the bundle says it has."""
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    network, offset = mine_network(surveyed, params.height_m, params.volume)
     piece_m = float(network.lengths_m.sum())
     wanted = leg_network(network, offset, ())
     built = built_length_m(volume, wanted)

@@ -24,7 +24,7 @@ _NAMED = 10  # pairs of legs that break through each other
 
 def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
     """Return how the floors follow the survey."""
-    network, offset = mine_network(surveyed, params.height_m, params.volume.half_width_m)
+    network, offset = mine_network(surveyed, params.height_m, params.volume)
     about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
     about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
     found = measure_floor(about, network)
