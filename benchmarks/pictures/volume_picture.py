@@ -33,8 +33,7 @@ def draw_volume(path: Path) -> None:
     volume = in_mine_frame(solve_floors(network), offset)
     robot = robot_size(params.volume)
     cells, legs = cells_of(volume, params.grid_cell_m, robot), leg_network(network, offset, ())
-    pairs = neighbours_of(cells, robot)
-    start = start_of(cells, pairs, legs, None, params.spawn.radius_m, params.spawn.clearance_m)
+    start = start_of(cells, neighbours_of(cells, robot), legs, None, params.spawn, robot)
     ends, floors, roofs = (places + offset for places in (network.ends_m, network.floors_m, network.ends_m))
     roofs = roofs + network.lrud_m[:, :, 2, None] * [0, 0, 1.0]
     figures = (

@@ -16,6 +16,7 @@ from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.network import NEAR_M, SurveyNetwork
 from pipeline.volume.rock.inside import Inside
+from pipeline.volume.slivers import SHORT_M
 from pipeline.volume.union import STEEPEST, Solid, Volume, pieces_of
 
 _SAMPLE_M = 0.25
@@ -26,7 +27,7 @@ _STEP_MOST_M = 0.5  # a ledge that is higher is a wall
 _OVER_M = 0.3  # over an edge, where it is free for a robot
 ON_WALL_M = 0.005  # in rock: stations may be on a wall, which is where it was within 4 mm
 _ENDS = (0.02, 0.98)  # of an edge, where its step is measured beside its middle
-_ROUNDING = 1e-6  # of a slope: a leg may be as steep as the steepest that is driven on
+_ROUNDING = 1e-6  # of a slope
 _TRACK_M = 0.25  # of wheels, beside a leg
 _STOREY_M = 2.0  # between two floors that are over each other
 _WAY_M = 0.5  # beside a surveyed floor: a robot that follows the leg drives there
@@ -37,7 +38,7 @@ class FloorPlace:
     """Where something was measured: the legs, and the place, m, from the middle of the survey."""
 
     legs: str
-    place_m: tuple[float, float, float]
+    place_m: list[float]
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class InOtherWorking:
     other: str
     share: float
     off_m: float
-    place_m: tuple[float, float, float]
+    place_m: list[float]
     is_assumed: bool
 
 
@@ -92,7 +93,7 @@ class Ledge:
     other: str
     step_m: float
     length_m: float
-    place_m: tuple[float, float, float]
+    place_m: list[float]
     meet: bool
 
 
@@ -101,7 +102,8 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
 
     A place lies in another working if the section of another leg holds it, whose floor is deeper by more than 1 cm.
     There one floor cannot have both heights. Such places are listed where it is more than 1 cm off, or has a hole.
-    Listed, too, but judged are places where a leg comes down to another that it meets: between both heights.
+    Listed, too, but judged are places where a leg comes down to another that it meets: between both heights. On a facet
+    too steep to drive on, a place is where the floor is within 3 mm seen from above, as far as slivers move a corner.
     """
     shots = np.flatnonzero(network.grades <= STEEPEST)
     places, owner = leg_floor_samples(network, shots, _SAMPLE_M)
@@ -113,6 +115,8 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     under, lower = SharedFloors(network, pieces, floors).descents.under(owner, places[:, :2])
     beyond = np.maximum(off, -off - under).clip(0)
     on_floor = (hit >= 0) & (volume.label[hit] == FacetLabel.FLOOR) & (beyond < _STEP_MOST_M)
+    slope = _steepness(volume.normals[hit])
+    beyond = (beyond - np.where(slope > STEEPEST, SHORT_M * slope, 0.0)).clip(0)
     other = np.where(section < 0, lower, section)
     listed = (hit >= 0) & (other >= 0) & (np.abs(off) > _OFF_M)
     judged = np.flatnonzero(on_floor & ~(listed & (section >= 0)))
@@ -137,12 +141,7 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
 
 
 def _place(network: SurveyNetwork, legs: list[int], place: np.ndarray) -> FloorPlace:
-    return FloorPlace(" and ".join(dict.fromkeys(map(network.leg_name, legs))), _triple(place))
-
-
-def _triple(place: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = place.tolist()
-    return x, y, z
+    return FloorPlace(" and ".join(dict.fromkeys(map(network.leg_name, legs))), place.tolist())
 
 
 def _tracks(volume: Volume, network: SurveyNetwork, floors: SectionFloors, shots: np.ndarray) -> tuple[float, float]:
@@ -163,10 +162,14 @@ def _tracks(volume: Volume, network: SurveyNetwork, floors: SectionFloors, shots
         np.maximum.at(high, place[near], stated[near])
         beyond = np.maximum(height - high, low - height)[on_floor]
         one = on_floor & (high - low < _OFF_M)
-        normal = volume.normals[hit[one]]
         off.append(float(beyond.max(initial=0.0)))
-        slope.append(float((np.hypot(normal[:, 0], normal[:, 1]) / np.maximum(-normal[:, 2], 1e-12)).max(initial=0.0)))
+        slope.append(float(_steepness(volume.normals[hit[one]]).max(initial=0.0)))
     return max(off), max(slope)
+
+
+def _steepness(normals: np.ndarray) -> np.ndarray:
+    """Return the rise over run (n,) of floors' facets by their normals (n, 3), which point into the rock."""
+    return np.asarray(np.hypot(normals[:, 0], normals[:, 1]) / np.maximum(-normals[:, 2], 1e-12))
 
 
 def _share_built(volume: Volume, network: SurveyNetwork) -> float:
@@ -217,7 +220,7 @@ def _in_other_working(
         names = network.leg_name(leg), network.leg_name(working)
         is_assumed = bool(network.roof_assumed[working].any())
         share = len(these) / int(count[leg])
-        yield InOtherWorking(*names, share, float(off[worst]), _triple(places[worst]), is_assumed)
+        yield InOtherWorking(*names, share, float(off[worst]), places[worst].tolist(), is_assumed)
 
 
 def _steps(
@@ -231,8 +234,7 @@ def _steps(
     survey.
     """
     floor = volume.label == FacetLabel.FLOOR
-    east, north, down = volume.normals.T
-    drivable = np.hypot(east, north) <= -(STEEPEST + _ROUNDING) * down
+    drivable = _steepness(volume.normals) <= STEEPEST + _ROUNDING
     mesh = MeshEdges.of(volume)
     edges = np.column_stack([mesh.start, mesh.end, mesh.facet])[mesh.is_rim & floor[mesh.facet]]
     a, b = volume.vertices[edges[:, 0]], volume.vertices[edges[:, 1]]
@@ -258,7 +260,7 @@ def _steps(
         most = these[np.argmax(step[these])]
         names = network.leg_name(leg), network.leg_name(other)
         size = float(step[most]), float(length[these].sum())
-        ledges.append(Ledge(*names, *size, _triple(middle[most]), bool(meets[most])))
+        ledges.append(Ledge(*names, *size, middle[most].tolist(), bool(meets[most])))
     largest = [float(step[some].max(initial=0.0)) for some in (on_way, meets, ~meets)]
     worst = np.argmax(np.where(meets, step, -1.0)) if meets.any() else None
     at = None if worst is None else _place(network, pairs[worst].tolist(), middle[worst])
@@ -290,11 +292,9 @@ def _open(volume: Volume, middle: np.ndarray, out: np.ndarray) -> np.ndarray:
     way = np.column_stack([out, np.zeros(len(out))])
     starts = middle - centre - 1e-3 * way + np.array([0, 0, _OVER_M])
     rays = np.column_stack([starts, way]).astype(np.float32)
-    free: np.ndarray = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy() > _STEP_REACH_M
-    return free
+    return np.asarray(scene.cast_rays(rays, nthreads=1)["t_hit"].numpy() > _STEP_REACH_M)
 
 
 def _slope_along(normals: np.ndarray, out: np.ndarray) -> np.ndarray:
     """Return the rise over run (n,) of facets in horizontal directions (n, 2)."""
-    found: np.ndarray = -np.sum(normals[:, :2] * out, axis=1) / np.minimum(normals[:, 2], -1e-12)
-    return found
+    return np.asarray(-np.sum(normals[:, :2] * out, axis=1) / np.minimum(normals[:, 2], -1e-12))

@@ -11,14 +11,14 @@ from pipeline.volume.crossings import CROSSING_M, crosses_more
 from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
 from pipeline.volume.union import Volume, mesh_of
 
-_SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey
+SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey
 _TURN = 0.2  # of the cosine between a facet's normals before and after: more turns it over
 _ROUNDS, _TRIES = 4, 3
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # after each of three, and before it
 
 
 def without_slivers(
-    volume: Volume, short_m: float = _SHORT_M, stays: np.ndarray | None = None, kept: np.ndarray | None = None
+    volume: Volume, short_m: float = SHORT_M, stays: np.ndarray | None = None, kept: np.ndarray | None = None
 ) -> Volume:
     """Return the volume without edges shorter than `short_m`, m, and facets lower than that, where it stays closed.
 

@@ -76,6 +76,13 @@ TWO_STEPS_UP = (
 )
 
 
+# A floor steps up by 0.45 m between two stations that are 2 cm apart in plan, and goes back. Likewise.
+STEP_OF_2_CM = (
+    "A,a,-6.29,0.19,0.6,0.6,0.04,0.79,0.11\nA,b,0,-0.02,0.6,0.6,-0.45,0.79,0.11\nA,c,0,0,0.6,0.6,0,0.79,0.11\n"
+    "A,d,2.9,-2.89,0.6,0.6,0.29,0.79,0.11\n"
+)
+
+
 def built(table, folder):
     network = GateCase("test", table).network(folder)
     return network, unite(network, pieces_of(network))
@@ -114,6 +121,7 @@ KNOTS = {
     "depths": TWO_DEPTHS,
     "twice": SURVEYED_TWICE,
     "steps": TWO_STEPS_UP,
+    "short": STEP_OF_2_CM,
 }
 
 
@@ -123,6 +131,14 @@ def test_legs_of_real_caves_that_meet_keep_their_floors_without_a_step(tmp_path,
     found = measure_floor(solve_floors(network), network)
     assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
     assert found.share_built == 1
+
+
+def test_a_step_of_the_floor_may_be_3_mm_beside_where_it_was_surveyed_and_no_more(tmp_path):
+    network, _ = built(HEADER + STEP_OF_2_CM, tmp_path)
+    volume = solve_floors(network)
+    for moved_m, most in ((0.001, True), (0.02, False)):
+        beside = dataclasses.replace(volume, vertices=volume.vertices + np.array([0, -moved_m, 0]))
+        assert (measure_floor(beside, network).error_m < 0.01) == most
 
 
 def test_a_leg_that_comes_down_to_another_rises_from_it_as_steeply_as_robots_drive(tmp_path):

@@ -43,13 +43,13 @@ def components_of(count: int, pairs: np.ndarray, usable: np.ndarray) -> np.ndarr
     return found
 
 
-def regions_of(cells: FloorSpans, pairs: np.ndarray, start: int, robot: RobotSize) -> np.ndarray:
+def regions_of(cells: FloorSpans, pairs: np.ndarray, starts: int | np.ndarray, robot: RobotSize) -> np.ndarray:
     """Return the number (s,) of the region that the middle of a robot on each span can drive in; the largest is 0.
 
-    It is -1 where the robot does not fit; on the span `start` it does.
+    It is -1 where the robot does not fit; on the spans `starts` it does.
     """
     fits = (cells.storey >= 0) & (cells.clearance_m >= robot.radius_m)
-    fits[start] = True
+    fits[starts] = True
     return components_of(len(fits), pairs, fits)
 
 

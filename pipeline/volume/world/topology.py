@@ -11,13 +11,13 @@ import numpy as np
 
 from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
-from pipeline.params.compile3d import VolumeParams
+from pipeline.params.compile3d import SpawnParams, VolumeParams
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import SurveyedLegs
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST
-from pipeline.volume.world.reach import components_of
+from pipeline.volume.world.reach import RobotSize, regions_of
 
 _AROUND_M = 2.0  # height over or under a stated start within which a floor belongs to it
 _DIGITS = 4
@@ -127,22 +127,22 @@ def start_of(
     pairs: np.ndarray,
     network: LegNetwork,
     stated_m: Sequence[float] | None,
-    radius_m: float,
-    clearance_m: float,
+    spawn: SpawnParams,
+    robot: RobotSize,
     datum_m: float = 0.0,
 ) -> Start:
     """Choose where robots start: the span with the largest clearance near a place, nearer ones first.
 
     The place is the stated one, else the first entrance, else the highest end of a leg, of those from which the
-    largest floor is reached. `datum_m` is the elevation of z = 0, for messages.
+    robot reaches the largest floor on which it has room to start. `datum_m` is the elevation of z = 0, for messages.
 
     Raises
     ------
     GeometryError
         If nowhere near the place a robot has room. The message names the place and what moves it.
     """
+    radius_m, clearance_m = spawn.radius_m, spawn.clearance_m
     roomy = (cells.storey >= 0) & (cells.clearance_m >= clearance_m)
-    floor = components_of(len(roomy), pairs, roomy)
     if stated_m is not None:
         found = _near(cells, roomy, stated_m, radius_m)
         if found is None:
@@ -152,19 +152,21 @@ def start_of(
                 "moves it"
             )
         return _start(cells, found, stated_m, radius_m, clearance_m)
-    ends = sorted(network.dead_ends or network.stations_m, key=lambda name: (-network.stations_m[name][2], name))
-    for name in [*network.entrances, *ends]:
-        place = network.stations_m[name]
-        found = _near(cells, floor == 0, place, radius_m)
-        if found is not None:
-            return _start(cells, found, place, radius_m, clearance_m)
     if not roomy.any():
         roomiest = float(cells.clearance_m[cells.storey >= 0].max(initial=0.0))
         raise GeometryError(
             f"no floor is {clearance_m:g} m from rock with a robot's height over it, where robots start: the roomiest "
             f"is {roomiest:.2f} m; compile3d.spawn.clearance_m and compile3d.volume.robot_height_m state less"
         )
-    found = int(np.flatnonzero(floor == 0)[0])
+    region = regions_of(cells, pairs, roomy, robot)
+    largest = roomy & (region == region[roomy].min())
+    ends = sorted(network.dead_ends or network.stations_m, key=lambda name: (-network.stations_m[name][2], name))
+    for name in [*network.entrances, *ends]:
+        place = network.stations_m[name]
+        found = _near(cells, largest, place, radius_m)
+        if found is not None:
+            return _start(cells, found, place, radius_m, clearance_m)
+    found = int(np.flatnonzero(largest)[0])
     return _start(cells, found, cells.places_m[found].tolist(), radius_m, clearance_m)
 
 

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from minexplore.floors.volume_arrays import VolumeFacets
+from pipeline.params.compile3d import SpawnParams
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.proof.reached import straight_ways
 from pipeline.volume.world.reach import RobotSize, components_of, covered, neighbours_of, regions_of
 from pipeline.volume.world.spans import spans_of
+from pipeline.volume.world.topology import LegNetwork, start_of
 from tests.octomap import FREE, OCCUPIED, BinaryTree
 
 ROBOT = RobotSize(steepest=0.364, step_m=0.05, height_m=0.655, radius_m=0.35)
@@ -43,6 +45,19 @@ def test_columns_through_a_box_have_its_floor_and_its_height_wherever_the_grid_l
     assert len(found.column) == pytest.approx(20 / cell**2, rel=0.1)
     assert np.allclose(found.floor_m, 0)
     assert np.allclose(found.roof_m, 2)
+
+
+def test_robots_start_on_the_largest_floor_that_they_reach_of_those_on_which_they_have_room():
+    chamber, drift = box(0, 0, 0, 5, 5, 2), box(10, 0, 0, 90, 0.9, 2) + box(50, -1, 0, 3, 3, 2)
+    volume = volume_of(chamber + drift)
+    cells = cells_of(volume, 0.25, ROBOT)
+    ends = {"chamber": (1.0, 1.0, 0.0), "west": (10.0, 0.45, 0.0), "east": (100.0, 0.45, 0.0)}
+    legs = LegNetwork(ends, [], [], list(ends), [], 0, 2, 95.0)
+    spawn = SpawnParams(radius_m=15.0, clearance_m=0.5)
+    start = start_of(cells, neighbours_of(cells, ROBOT), legs, None, spawn, ROBOT)
+    assert 50 < start.anchor_m[0] < 53  # more of the chamber's places have room
+    only = start_of(cells, neighbours_of(cells, ROBOT), legs, None, SpawnParams(radius_m=15.0, clearance_m=1.6), ROBOT)
+    assert only.anchor_m[0] < 5  # only the chamber has such room
 
 
 def test_a_column_through_vertices_and_edges_has_one_span():

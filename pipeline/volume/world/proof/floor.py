@@ -57,6 +57,6 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
     return figures | {k: f"{at.legs} at {_at(at.place_m, offset)}" for k, at in places.items() if at is not None}
 
 
-def _at(place_m: tuple[float, float, float], offset: np.ndarray) -> str:
+def _at(place_m: list[float], offset: np.ndarray) -> str:
     """Return a place about the survey's middle as text: in the mine frame, which is moved by `offset` (3,) m."""
     return "({:.2f}, {:.2f}, {:.2f}) m".format(*(np.array(place_m) + offset))
