@@ -17,7 +17,7 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, says_enough, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.solved.model import SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
@@ -52,27 +52,18 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
     """Read a station survey, with elevations or without; `InputError` if it cannot be read."""
     if path.suffix.lower() == ".csv":
         legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None)
-        _warn_of_empty(path, legs)
         if not has_relief(legs):
             return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
     if is_solved(path):
         survey = solve_file(path)
         legs = plan_legs(path, survey, params.half_width_m)
+        if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
+            warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
         crs = None if survey.crs is None else one_line(survey.crs, 200)
         return WholeSurvey(legs, not has_relief(legs), tuple(entrances_of(survey)), crs)
     legs, crs = leg_reader(path)(path, params.half_width_m)
     return WholeSurvey(legs, not has_relief(legs), (), crs)
-
-
-def _warn_of_empty(path: Path, legs: list[SurveyLeg]) -> None:
-    """Warn of how many wall distances a table of stations leaves empty, and of how they are filled in."""
-    walls = np.concatenate([leg.walls_m for leg in legs])
-    if empty := int(np.isnan(walls).sum()):
-        warn_user(
-            f"{path.name}: {empty} of {walls.size} distances left and right are not stated; on a side that half of a "
-            "leg's stations have they are interpolated, else --half-width M states them"
-        )
 
 
 def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -> list[SurveyLeg]:
@@ -85,7 +76,7 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
         (list(range(len(leg.stations))), np.column_stack([leg.walls_m, roof]))
         for leg, roof in zip(driven, unknown, strict=True)
     ]
-    filled = with_sides(path, rows, half_width_m)
+    filled = with_sides(path, rows, half_width_m, [walls for _, walls in rows])
     walled = [replace(leg, walls_m=walls[:, :2]) for leg, (_, walls) in zip(driven, filled, strict=True)]
     return walled + [leg for leg in legs if leg.is_plumb]
 
@@ -112,26 +103,30 @@ class BuiltPiece:
 def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> BuiltPiece:
     """Return the longest piece of a survey, or the one that the user names; others are listed in a warning."""
     legs, others = _pieces(path, survey, piece)
-    _warn_of_roofs(path, legs)
+    if not survey.is_level:
+        _warn_of_roofs(path, legs)
     stations = {name for leg in legs for name in leg.stations}
     entrances = [name for name in survey.entrances if name in stations]
     return BuiltPiece(legs, others, entrances, sum(map(_length_m, survey.legs)))
 
 
 def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
-    """Warn of the stations without a measured roof, and how high theirs is."""
-    if any(leg.heights_m is None for leg in legs):
-        return
-    (known, count), usual = roofs_of(legs), usual_roof_m(legs)
-    if not count:
-        return
-    taken = "compile3d.height_m" if usual is None else f"{usual:.2f} m, the median,"
-    taken = f"{taken} over the floor, or less under floors that pass over it; compile3d.volume.roof_m=M states another"
-    if known:
-        taken = f"it is interpolated along passages with roofs at half of their stations or more, and elsewhere {taken}"
-    else:
-        taken = f"taken is {taken}"
-    warn_user(f"{path.name}: {count} of {count + len(known)} stations have no measured roof: {taken}")
+    """Warn of the stations without a measured roof, with what is taken."""
+    roofs, usual = roofs_of(legs), usual_roof_m(legs)
+    unknown = {name for name, tall in roofs.items() if np.isnan(tall)}
+    between = {name for leg in legs if says_enough(_heights(leg)[:, 1]) for name in leg.stations} & unknown
+    taken = "compile3d.height_m" if usual is None else f"{usual:.2f} m"
+    source = "" if usual is None else ", the median of the others"
+    if count := len(unknown - between):
+        warn_user(
+            f"{path.name}: {count} of {len(roofs)} stations have no measured roof; {taken} over the floor is "
+            f"taken{source}, and less under floors that pass over it; compile3d.volume.roof_m=M states another"
+        )
+    if between:
+        warn_user(
+            f"{path.name}: {len(between)} of {len(roofs)} stations have no measured roof, but most of their passage; "
+            "its height over the floor is interpolated between these"
+        )
 
 
 def whole_in_frame(

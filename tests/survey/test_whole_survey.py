@@ -61,12 +61,12 @@ def test_roofs_that_nobody_measured_are_listed_with_the_option_that_states_them(
     bare = HEADER + "".join(f"A,{k},{10 * k},0,{k / 2},2,2,,0\n" for k in range(12))
     legs_of_table(bare, tmp_path)
     said = " ".join(capsys.readouterr().err.split())
-    assert "12 of 12 stations have no measured roof: taken is compile3d.height_m over the floor" in said
+    assert "12 of 12 stations have no measured roof; compile3d.height_m over the floor is taken" in said
     assert "compile3d.volume.roof_m=M states another" in said
     legs_of_table(bare + "".join(f"B,b{k},{20 * k},50,{k / 2},2,2,{k % 3 + 1},0\n" for k in range(10)), tmp_path)
     assert "no measured roof" not in capsys.readouterr().err  # the piece that is built has all
     legs_of_table(bare.replace("2,,0", "2,1.5,0", 10), tmp_path)
-    assert "2 of 12 stations have no measured roof: it is interpolated" in capsys.readouterr().err
+    assert "2 of 12 stations have no measured roof, but most of their passage" in capsys.readouterr().err
 
 
 def test_pieces_may_lie_farther_apart_than_a_mine_may_reach(tmp_path):

@@ -60,12 +60,11 @@ def says_enough(distances: np.ndarray) -> bool:
 def along_stations(distances: np.ndarray, else_m: float) -> np.ndarray:
     """Return the distances (n,) m along a row of stations without a gap.
 
-    If half of the stations or more were measured, a distance is interpolated between them, and beyond the first and the
-    last it is that of the nearest. Else it is `else_m` all along: the few splays of a traverse look into side workings,
-    and say nothing of a drift of 200 m.
+    Measured ones stay. If half of the stations or more were measured, a distance is interpolated between them, and
+    beyond the first and the last it is that of the nearest. Else it is `else_m` where it was not measured.
     """
     if not says_enough(distances):
-        return np.full(len(distances), else_m)
+        return np.where(np.isfinite(distances), distances, else_m)
     known = np.flatnonzero(np.isfinite(distances))
     return np.interp(np.arange(len(distances)), known, distances[known])
 

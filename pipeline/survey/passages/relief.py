@@ -49,21 +49,21 @@ def warn_of_level(path: Path, heights_m: np.ndarray) -> None:
         )
 
 
-def roofs_of(legs: list[SurveyLeg]) -> tuple[list[float], int]:
-    """Return the height of the roof over the floor, m, at each station where it is known, and how many have none.
+def roofs_of(legs: list[SurveyLeg]) -> dict[str, float]:
+    """Return the height of the roof over the floor, m, at each station, by name; nan where it is not known.
 
-    Of passages that share a station the tallest counts.
+    Of passages that share a station the tallest counts. A survey without distances down has its stations on the floor.
     """
     over: dict[str, float] = {}
     for leg in legs:
         assert leg.heights_m is not None
-        for name, tall in zip(leg.stations, leg.heights_m[:, 1:].sum(axis=1).tolist(), strict=True):
-            over[name] = np.fmax(tall, over.get(name, np.nan)).item()
-    known = [tall for tall in over.values() if np.isfinite(tall)]
-    return known, len(over) - len(known)
+        tall = leg.heights_m[:, 1] + np.nan_to_num(leg.heights_m[:, 2])
+        for name, height in zip(leg.stations, tall.tolist(), strict=True):
+            over[name] = np.fmax(height, over.get(name, np.nan)).item()
+    return over
 
 
 def usual_roof_m(legs: list[SurveyLeg]) -> float | None:
     """Return the median height of roofs over the floor, m, if ten or more are known: fewer may be those of stopes."""
-    known, _ = roofs_of(legs)
+    known = [tall for tall in roofs_of(legs).values() if np.isfinite(tall)]
     return float(np.median(known)) if len(known) >= _LEAST_ROOFS else None

@@ -13,8 +13,9 @@ from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
-from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
 from pipeline.survey.solved.splay_walls import (
+    FilledSides,
     Rows,
     agree_on_floors,
     beyond_ends,
@@ -64,9 +65,13 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         )
     splays = splays_by_node(survey, plan.node)
     rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
-    rows += plan.between(rows, splays)
+    between, ends = plan.between(rows, splays)
+    sections = [walls for _, walls in rows] + ends
+    rows += between
     _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
-    rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m))
+    _warn_of_unsurveyed(path, plan)
+    rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m, sections))
+    _warn_of_floors(path, rows)
     rows = fill_down(rows, plan.places)
     return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
 
@@ -108,10 +113,11 @@ class _StationPlan:
             found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down)))
         return found
 
-    def between(self, passages: Rows, splays: dict[int, np.ndarray]) -> Rows:
+    def between(self, passages: Rows, splays: dict[int, np.ndarray]) -> tuple[Rows, list[np.ndarray]]:
         """Return the legs of the centreline that are in no passage, between junctions, ends and stations of passages.
 
-        Distances are those of splays. At an end that continues a passage, what no splay measured is the passage's.
+        Distances are those of splays. At an end that continues a passage, what no splay measured is the passage's. The
+        second result has the passages' sections (n, 4) m of each row, nan where it continues none.
         """
         drawn, measured_at = set[frozenset[int]](), set[int]()
         ends = dict[int, tuple[np.ndarray, np.ndarray]]()  # of passages: the heading in plan, and the section
@@ -121,17 +127,18 @@ class _StationPlan:
             heading = self._headings(nodes)
             ends |= {nodes[k]: (heading[k], walls[k]) for k in (0, -1)}
         edges = [(a, b) for a, b in self.edges.tolist() if frozenset((a, b)) not in drawn]
-        found = []
+        found, sections = [], []
         for nodes in _chains(edges, measured_at):
             walls = walls_across(self.places[nodes], [splays.get(node) for node in nodes])
             heading = self._headings(nodes)
+            of_passages = np.full_like(walls, np.nan)
             for k in (0, -1):
                 if nodes[k] in ends:
                     theirs, section = ends[nodes[k]]
-                    same = section if theirs @ heading[k] >= 0 else section[[1, 0, 2, 3]]
-                    walls[k] = np.where(np.isfinite(walls[k]), walls[k], same)
-            found.append((nodes, walls))
-        return found
+                    of_passages[k] = section if theirs @ heading[k] >= 0 else section[[1, 0, 2, 3]]
+            found.append((nodes, np.where(np.isfinite(walls), walls, of_passages)))
+            sections.append(of_passages)
+        return found, sections
 
     def _headings(self, nodes: Nodes) -> np.ndarray:
         """Return the direction (n, 2) in plan of a row of nodes at each of them, of no stated length."""
@@ -154,8 +161,10 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
-    """Return the rows with both sides of every station, with a warning that counts those not measured.
+def with_sides(path: Path, rows: Rows, half_width_m: float | None, sections: list[np.ndarray]) -> Rows:
+    """Return the rows with both sides of every station, with warnings that count those not measured.
+
+    `sections` are the distances (n, 4) m of each row that are cross-sections and no splays, nan elsewhere.
 
     Raises
     ------
@@ -167,23 +176,54 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> Rows:
     if farthest > most:
         raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
     usual = half_width_m or usual_half_width_m(rows)
-    filled, count = [], 0
-    for nodes, walls in rows:
+    filled: list[FilledSides] = []
+    for (_, walls), stated in zip(rows, sections, strict=True):
         if usual is None and not np.isfinite(walls[:, :2]).all():
             raise InputError(
                 f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
             )
-        sides, stated = fill_sides(walls, usual or 0.0)
-        count += stated
-        filled.append((nodes, sides))
-    if count:
-        total = sum(len(nodes) for nodes, _ in rows)
+        filled.append(fill_sides(walls, usual or 0.0, stated))
+    total = sum(len(nodes) for nodes, _ in rows)
+    if count := sum(int(sides.usual.sum()) for sides in filled):
+        few = sum(int(sides.unused.sum()) for sides in filled)
+        splays = f", also at {few} whose splays are the few of a long passage," if few else ""
         source = "as stated" if half_width_m else "half the median width of the others; --half-width M states another"
         warn_user(
             f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; "
-            f"{usual:.2f} m is taken on each side without one, {source}"
+            f"{usual:.2f} m is taken on each side without one{splays}{'' if few else ','} {source}"
         )
-    return filled
+    if count := sum(int(sides.interpolated.sum()) for sides in filled):
+        warn_user(
+            f"{path.name}: {count} of {total} stations of passages lack a wall on a side that most stations of their "
+            "passage have; it is interpolated between these"
+        )
+    return [(nodes, sides.walls) for (nodes, _), sides in zip(rows, filled, strict=True)]
+
+
+def _warn_of_floors(path: Path, rows: Rows) -> None:
+    """Warn of stations whose distance down is interpolated along the survey, as others have one."""
+    nodes = {node for row, _ in rows for node in row}
+    known = {node for row, walls in rows for node, down in zip(row, walls[:, 3], strict=True) if np.isfinite(down)}
+    if known and len(known) < len(nodes):
+        warn_user(
+            f"{path.name}: {len(nodes) - len(known)} of {len(nodes)} stations have no measured distance down to the "
+            "floor; it is interpolated along the legs between those that have one"
+        )
+
+
+def _warn_of_unsurveyed(path: Path, plan: _StationPlan) -> None:
+    """Warn of legs that say only that two stations are connected: they are built straight."""
+    survey = plan.survey
+    legs = survey.legs[(survey.leg_flags == 0) & (survey.leg_styles == LegStyle.NOSURVEY)]
+    if len(legs):
+        ends = plan.node[legs]
+        lengths = np.linalg.norm(plan.places[ends[:, 0]] - plan.places[ends[:, 1]], axis=1)
+        a, b = ends[lengths.argmax()].tolist()
+        warn_user(
+            f"{path.name}: {len(legs)} legs were not surveyed (nosurvey) and are built as straight passages, the "
+            f"longest {lengths.max():.1f} m from {plan.names[a]} to {plan.names[b]}; a flag surface, duplicate or "
+            "splay leaves a leg out"
+        )
 
 
 def _with_one_floor(path: Path, plan: _StationPlan, rows: Rows) -> Rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -100,12 +101,34 @@ def usual_half_width_m(rows: Rows) -> float | None:
     return float(np.median(known)) / 2 if len(known) else None
 
 
-def fill_sides(walls: np.ndarray, half_width_m: float) -> tuple[np.ndarray, int]:
-    """Return walls (n, 4) with both sides of every station, and how many stations got the stated one."""
+@dataclass(frozen=True)
+class FilledSides:
+    """Walls (n, 4) m with both sides of every station, and which stations (n,) have a side that nobody measured there.
+
+    A side is `usual`, `interpolated`, or `unused`: it is usual, too, in spite of splays.
+    """
+
+    walls: np.ndarray
+    usual: np.ndarray
+    interpolated: np.ndarray
+    unused: np.ndarray
+
+
+def fill_sides(walls: np.ndarray, half_width_m: float, sections: np.ndarray) -> FilledSides:
+    """Fill in the sides of walls (n, 4) m, of which `sections` (n, 4) m are those of cross-sections, nan elsewhere.
+
+    On a side that less than half of a row's stations have, splays do not count: the few splays of a traverse look into
+    side workings, and say nothing of a drift of 200 m. Cross-sections stay.
+    """
     filled = walls.copy()
-    filled[:, 0], filled[:, 1] = (along_stations(side, half_width_m) for side in walls[:, :2].T)
-    stated = [not says_enough(side) for side in walls[:, :2].T]
-    return filled, len(walls) if any(stated) else 0
+    usual, interpolated, unused = np.zeros((3, len(walls), 2), dtype=bool)
+    for k in (0, 1):
+        enough = says_enough(walls[:, k])
+        known = walls[:, k] if enough else sections[:, k]
+        filled[:, k] = along_stations(known, half_width_m)
+        (interpolated if enough else usual)[:, k] = ~np.isfinite(known)
+        unused[:, k] = np.isfinite(walls[:, k]) & ~np.isfinite(known)
+    return FilledSides(filled, *(flags[:, 0] | flags[:, 1] for flags in (usual, interpolated, unused)))
 
 
 def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:

@@ -81,7 +81,8 @@ class _Converter:
         self.is_latitude_first = False  # of the coordinates in the open centreline
         self.surveys: list[tuple[str, bool]] = []  # name, and whether it is part of its stations' names
         self.shots: Shots | None = None
-        self.skipped, self.groups = "", 0
+        self.skipped = ""
+        self.corrections: list[dict[str, str]] = [{}]  # by quantity, of the centreline and of its open groups
         start = TherionLine(Path(), 1, ())
         self.made.add(start, "*case preserve")
         self.made.add(start, f"*set names {NAME_CHARACTERS}")
@@ -115,7 +116,7 @@ class _Converter:
             if self.place is not None and self.place.date:
                 self.made.add(line, f"*date {self.place.date}")
             self.shots = Shots(self.made)
-            self.groups = 0
+            self.corrections = [{}]
         elif word in SKIPPED_BLOCKS:
             self.skipped = f"end{word}"
         elif word == "equate":
@@ -179,9 +180,14 @@ class _Converter:
 
     def _units(self, line: TherionLine) -> None:
         self.made.add(line, f"*units {units_for_survex(line.where, line.words[1:])}")
+        # Survex takes a correction in the units at its line, Therion in those of the readings.
+        for quantity, numbers in self.corrections[-1].items():
+            self.made.add(line, f"*calibrate {quantity} {numbers}")
 
     def _calibrate(self, line: TherionLine) -> None:
-        self.made.add(line, f"*calibrate {numbers_for_survex(line.where, line.words[1:])}")
+        self.corrections[-1] |= numbers_for_survex(line.where, line.words[1:])
+        for quantity, numbers in self.corrections[-1].items():
+            self.made.add(line, f"*calibrate {quantity} {numbers}")
 
     def _sd(self, line: TherionLine) -> None:
         self.made.add(line, f"*sd {units_for_survex(line.where, line.words[1:])}")
@@ -242,13 +248,13 @@ class _Converter:
         self.made.add(line, f"*infer {' '.join(words)}")
 
     def _group(self, line: TherionLine) -> None:
-        self.groups += 1
-        if self.groups > reader_limits().survex_depth:
+        self.corrections.append(dict(self.corrections[-1]))
+        if len(self.corrections) > reader_limits().survex_depth + 1:
             raise InputError(f"{line.where}: groups are nested too deep (survex_depth in {FILE})")
         self.made.add(line, "*begin")
 
     def _endgroup(self, line: TherionLine) -> None:
-        if not self.groups:
+        if len(self.corrections) < 2:
             raise InputError(f"{line.where}: endgroup closes no group")
-        self.groups -= 1
+        self.corrections.pop()
         self.made.add(line, "*end")

@@ -12,13 +12,13 @@ SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line"
 _LONGEST_NAME = 200
 _NUMBER = re.compile(r"[+-]?(\d{1,12}\.?\d{0,17}|\.\d{1,17})(e[+-]?\d{1,2})?", re.IGNORECASE)
 _SEXAGESIMAL = re.compile(r"([+-]?)(\d{1,3}):(\d{1,2}(?:\.\d{0,12})?)(?::(\d{1,2}(?:\.\d{0,12})?))?")
+# Therion has no units and corrections of backsights alone: they have those of their instrument.
+_LENGTH, _COMPASS, _CLINO = "length backlength", "compass backcompass", "clino backclino"
 _QUANTITIES = {
-    "length": "length", "tape": "length", "backlength": "backlength", "backtape": "backlength", "compass": "compass",
-    "bearing": "compass", "clino": "clino", "gradient": "clino", "backcompass": "backcompass",
-    "backbearing": "backcompass", "backclino": "backclino", "backgradient": "backclino", "counter": "counter",
-    "count": "counter", "depth": "depth", "dx": "dx", "dy": "dy", "dz": "dz", "easting": "dx", "northing": "dy",
-    "altitude": "dz", "left": "left", "right": "right", "up": "up", "ceiling": "up", "down": "down", "floor": "down",
-    "position": "position",
+    "length": _LENGTH, "tape": _LENGTH, "compass": _COMPASS, "bearing": _COMPASS, "clino": _CLINO, "gradient": _CLINO,
+    "counter": "counter", "count": "counter", "depth": "depth", "dx": "dx", "dy": "dy", "dz": "dz", "easting": "dx",
+    "northing": "dy", "altitude": "dz", "left": "left", "right": "right", "up": "up", "ceiling": "up", "down": "down",
+    "floor": "down", "dimensions": "left right up down", "position": "position",
 }  # fmt: skip
 _UNITS = {
     "m": "metres", "meter": "metres", "meters": "metres", "metre": "metres", "metres": "metres", "metric": "metres",
@@ -59,6 +59,7 @@ def units_for_survex(where: str, words: tuple[str, ...]) -> str:
     """Return the words of `units` or `sd`: quantities, an optional number, and a unit."""
     count = next((i for i, word in enumerate(words) if word.lower() not in _QUANTITIES), len(words))
     rest = [word.lower() for word in words[count:]]
+    _require_no_backsight(where, rest)
     unit = rest[-1] if rest else ""
     factor = float(number_for_survex(where, rest[0])) if len(rest) == 2 else 1.0
     if count == 0 or len(rest) not in (1, 2) or unit not in {**_UNITS, **_SMALL}:
@@ -68,13 +69,21 @@ def units_for_survex(where: str, words: tuple[str, ...]) -> str:
     return f"{' '.join(_QUANTITIES[word.lower()] for word in words[:count])} {number}{name}"
 
 
-def numbers_for_survex(where: str, words: tuple[str, ...]) -> str:
-    """Return the words of `calibrate`: quantities, the zero error and an optional scale."""
+def numbers_for_survex(where: str, words: tuple[str, ...]) -> dict[str, str]:
+    """Return the words of `calibrate`: by quantity, the zero error and an optional scale."""
     count = next((i for i, word in enumerate(words) if word.lower() not in _QUANTITIES), len(words))
+    _require_no_backsight(where, [word.lower() for word in words[count:]])
     numbers = [number_for_survex(where, word) for word in words[count:]]
     if count == 0 or len(numbers) not in (1, 2):
         raise InputError(f"{where}: calibrate {' '.join(words)[:60]!r} is not supported")
-    return " ".join([*(_QUANTITIES[word.lower()] for word in words[:count]), *numbers])
+    return {_QUANTITIES[word.lower()]: " ".join(numbers) for word in words[:count]}
+
+
+def _require_no_backsight(where: str, words: list[str]) -> None:
+    """Refuse units and corrections of backsights: Therion takes those of their instrument."""
+    if words and words[0].startswith("back"):
+        instrument = words[0].removeprefix("back")[:20]
+        raise InputError(f"{where}: {words[0][:40]!r}: Therion has none of backsights; state those of {instrument!r}")
 
 
 def number_for_survex(where: str, word: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.relief import roofs_of, usual_roof_m
-from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
+from pipeline.survey.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.splay_walls import (
@@ -20,6 +20,7 @@ from pipeline.survey.solved.splay_walls import (
     walls_across,
 )
 from pipeline.survey.solved_surveys import read_passages, survey_files
+from pipeline.survey.whole_survey import WholeSurvey, built_piece
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 
 NAN = np.nan
@@ -46,14 +47,18 @@ def test_splays_ahead_of_the_end_of_a_passage_are_counted_and_those_of_walls_and
 def test_sides_are_interpolated_where_most_stations_were_measured_and_stated_elsewhere():
     walls = np.full((5, 4), NAN)
     walls[1, :2], walls[3, :2] = (1.0, 2.0), (2.0, 0.0)
-    filled, stated = fill_sides(walls, 0.7)
-    np.testing.assert_allclose(filled[:, :2], [[0.7, 0.7]] * 5)
-    assert stated == 5
-    assert fill_sides(np.full((3, 4), NAN), 0.7)[1] == 3
+    none = np.full_like(walls, NAN)
+    filled = fill_sides(walls, 0.7, none)  # of splays
+    np.testing.assert_allclose(filled.walls[:, :2], [[0.7, 0.7]] * 5)
+    assert (filled.usual.sum(), filled.unused.tolist()) == (5, [False, True, False, True, False])
+    assert fill_sides(none, 0.7, none).usual.all()
+    filled = fill_sides(walls, 0.7, walls)  # of cross-sections
+    np.testing.assert_allclose(filled.walls[:, :2], [[0.7, 0.7], [1, 2], [0.7, 0.7], [2, 0], [0.7, 0.7]])
+    assert (filled.usual.sum(), filled.interpolated.sum(), filled.unused.sum()) == (3, 0, 0)
     walls[0, :2] = 0.9
-    filled, stated = fill_sides(walls, 0.7)  # most stations were measured
-    np.testing.assert_allclose(filled[:, :2], [[0.9, 0.9], [1, 2], [1.5, 1], [2, 0], [2, 0]])
-    assert stated == 0
+    filled = fill_sides(walls, 0.7, none)  # most stations were measured
+    np.testing.assert_allclose(filled.walls[:, :2], [[0.9, 0.9], [1, 2], [1.5, 1], [2, 0], [2, 0]])
+    assert (filled.usual.sum(), filled.interpolated.sum(), filled.unused.sum()) == (0, 2, 0)
 
 
 def test_the_distance_down_is_linear_along_the_legs_and_the_same_for_all_legs_of_a_station():
@@ -136,7 +141,13 @@ def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
 
 def test_of_passages_that_share_a_station_the_tallest_says_how_high_it_is():
     low, high = legs_with_roofs(1.0, 2.0), legs_with_roofs(5.0, NAN)
-    assert roofs_of(low + high) == roofs_of(high + low) == ([6.0, 3.0], 0)
+    assert roofs_of(low + high) == roofs_of(high + low) == {"0": 6.0, "1": 3.0}
+
+
+def test_a_survey_without_distances_down_has_a_usual_roof_too():
+    (leg,) = legs_with_roofs(*[2.0] * 10, NAN)
+    leg.heights_m[:, 2] = NAN
+    assert usual_roof_m([leg]) == 2.0
 
 
 def test_legs_without_a_section_are_built_and_go_on_as_the_passages_that_they_continue():
@@ -166,5 +177,38 @@ def test_a_section_of_one_station_is_that_of_the_legs_that_end_there():
     survey = SolvedSurvey(tuple("abc"), places, one, np.array([[0, 1], [1, 2]]), two, two, (alone,))
     (leg,) = plan_legs(Path("cave.3d"), survey, 0.8)
     assert leg.stations == ["a", "b", "c"]
-    np.testing.assert_allclose(leg.walls_m, 0.8)  # one section in three says nothing of the others
+    np.testing.assert_allclose(leg.walls_m, [[3, 3], [0.8, 0.8], [0.8, 0.8]])  # one in three says nothing of the others
     np.testing.assert_allclose(leg.heights_m[:, 1:], [[4, 1], [np.nan, 1], [np.nan, 1]])
+
+
+def test_a_leg_that_goes_on_from_a_passage_has_its_section_there_however_long_it_is():
+    places = np.array([[10.0 * k, 0, 0] for k in range(6)])
+    passage = Passage(np.array([0, 1]), np.array([[3.0, 4, 5, 1]] * 2))
+    legs = np.array([[k, k + 1] for k in range(5)])
+    survey = SolvedSurvey(tuple("abcdef"), places, np.zeros(6, np.uint8), legs, *np.zeros((2, 5), np.uint8), (passage,))
+    found = next(leg for leg in plan_legs(Path("cave.3d"), survey, 0.8) if "f" in leg.stations)
+    walls = dict(zip(found.stations, found.walls_m.tolist(), strict=True))
+    assert sorted(walls["b"]) == [3, 4]
+    assert walls["c"] == walls["f"] == [0.8, 0.8]
+
+
+def test_what_a_survey_leaves_open_is_listed_with_its_count(tmp_path, capsys):
+    places = np.array([[10.0 * k, 0, 2.0 * k] for k in range(5)])
+    walls = np.array([[1.0, 2, 3, 0.5], [NAN, 2, NAN, 0.5], [1, NAN, 3, NAN], [1, 2, NAN, 0.5]])
+    legs = np.array([[k, k + 1] for k in range(4)])
+    styles = np.array([0, 0, 0, LegStyle.NOSURVEY], np.uint8)
+    passage = Passage(np.array([0, 1, 2, 3]), walls)
+    survey = SolvedSurvey(
+        tuple("abcde"), places, np.zeros(5, np.uint8), legs, np.zeros(4, np.uint8), styles, (passage,)
+    )
+    whole = WholeSurvey(plan_legs(Path("cave.3d"), survey), is_level=False)
+    built_piece(Path("cave.3d"), whole, None)
+    told = capsys.readouterr().err
+    for line in (
+        "1 legs were not surveyed (nosurvey) and are built as straight passages, the longest 10.2 m from d to e",
+        "3 of 6 stations of passages lack a wall on a side that most stations of their passage have",
+        "2 of 5 stations have no measured distance down to the floor; it is interpolated along the legs",
+        "2 of 5 stations have no measured roof, but most of their passage",
+        "1 of 5 stations have no measured roof; compile3d.height_m over the floor is taken",
+    ):
+        assert line in told

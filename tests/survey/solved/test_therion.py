@@ -378,3 +378,36 @@ def test_compass_readings_beyond_the_circle_go_on_round_it_and_are_listed(tmp_pa
     path.write_text(head + "a b 10 40 0\nb c 10 4 0\n")
     np.testing.assert_allclose(found, solve_file(path).positions_m)
     assert "compass" not in capsys.readouterr().err
+
+
+@needs_cavern
+@pytest.mark.parametrize(
+    ("stated", "readings", "shot", "place"),
+    [  # places as Therion 6.1.6 writes them into its .3d
+        ("units compass grads", "length backcompass clino", "20 250 0", (14.14, 14.14, 0)),
+        ("units clino grads", "length compass backclino", "20 0 25", (0, 18.48, -7.65)),
+        ("units length feet", "backlength compass clino", "20 0 0", (0, 6.1, 0)),
+        ("calibrate compass 10", "length compass clino backcompass", "20 0 0 180", (-3.47, 19.7, 0)),
+        ("calibrate clino 10", "length compass backclino", "20 0 0", (0, 19.7, 3.47)),
+        ("calibrate length 0 0.5", "backlength compass clino", "20 0 0", (0, 10, 0)),
+        ("calibrate length 1\nunits length feet", "length compass clino", "20 0 0", (0, 5.79, 0)),
+        ("calibrate length 1\ngroup\nunits length feet", "length compass clino", "20 0 0\nendgroup", (0, 5.79, 0)),
+    ],
+)
+def test_backsights_have_units_and_corrections_of_their_instrument_and_these_the_units_of_readings(
+    tmp_path, stated, readings, shot, place
+):
+    at = solved(tmp_path, f"{stated}\ndata normal from to {readings}\n1 2 {shot}")
+    np.testing.assert_allclose(at["m.2"] - at["m.1"], place, atol=0.011)
+
+
+@needs_cavern
+def test_units_of_all_dimensions_are_read_and_units_of_backsights_refused(tmp_path):
+    section = (
+        f"units dimensions feet\n{NORMAL}1 2 10 0 0\ndata dimensions station left right up down\n1 1 2 3 4\n2 1 2 3 4"
+    )
+    survey = solve_file(write(tmp_path, {"m.th": centreline(section)}))
+    np.testing.assert_allclose(survey.passages[0].lrud_m[0], (0.3, 0.61, 0.91, 1.22), atol=0.01)
+    for line in ("units backcompass grads", "calibrate backcompass 10"):
+        with pytest.raises(InputError, match=r"m\.th:3: 'backcompass': Therion has none of backsights; .* 'compass'"):
+            solved(tmp_path, f"{line}\n{NORMAL}1 2 10 0 0")
