@@ -35,7 +35,7 @@ from pipeline.survey.passages.legs import (
     require_no_crossing,
     warn_of_shafts,
 )
-from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level
+from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights
@@ -215,6 +215,7 @@ def _level_workings(
         driven = built_piece(path, replace(whole, legs=driven), params.piece).legs
     if all(leg.heights_m is not None for leg in driven):
         warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]))
+        warn_of_level_roofs(path, driven)
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")

@@ -49,6 +49,18 @@ def warn_of_level(path: Path, heights_m: np.ndarray) -> None:
         )
 
 
+def warn_of_level_roofs(path: Path, legs: list[SurveyLeg]) -> None:
+    """Warn of measured roofs of legs with heights that are built level: such a mine has one height."""
+    roofs = roofs_of(legs)
+    known = [tall for tall in roofs.values() if np.isfinite(tall)]
+    if known:
+        warn_user(
+            f"{path.name}: {len(known)} of {len(roofs)} stations have a measured roof, {min(known):.2f} to "
+            f"{max(known):.2f} m over the floor; built level, the mine has compile3d.height_m everywhere; "
+            "survey.flat_step_m=0 builds the roofs"
+        )
+
+
 def roofs_of(legs: list[SurveyLeg]) -> dict[str, float]:
     """Return the height of the roof over the floor, m, at each station, by name; nan where it is not known.
 

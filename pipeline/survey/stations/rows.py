@@ -66,6 +66,12 @@ def read_rows(path: Path, walls_needed: bool = False) -> list[tuple[int, dict[st
         raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error
     if not rows:
         raise InputError(f"{path}: no stations")
+    unread = [name for name in reader.fieldnames if name and name not in (*COLUMNS[:2], *_NUMBERS)]
+    if unread:
+        warn_user(
+            f"{path.name}: {len(unread)} columns are not read ({one_line(', '.join(unread), 100)}); heights are read "
+            f"from {', '.join(HEIGHTS)}"
+        )
     if feet:
         warn_user(f"{path.name}: {len(feet)} columns are in feet of {_FOOT_M} m ({', '.join(feet)}); others in metres")
     return rows

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.passages.grades import with_grades
@@ -26,6 +27,7 @@ from pipeline.survey.vector.shapes import REACH_M
 
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
 _UNKNOWN = ("", "-")
+_SECTION = (*WALLS, *HEIGHTS[1:])
 _ONE_PLACE_M = 0.01  # stations of two legs that are nearer are one, whatever their names
 
 
@@ -136,6 +138,8 @@ def _read_legs(
     later: set[tuple[str, str]] = set()  # (leg, station) of all stations but a leg's first, which may be its last too
     repeated: list[int] = []
     for line, row in rows:
+        if has_heights and not walls_needed and _has_no_section(row):
+            row |= dict.fromkeys(_SECTION, "")
         values = tuple(
             math.nan
             if column in WALLS and not walls_needed and row[column] is not None and row[column].strip() in _UNKNOWN
@@ -195,6 +199,14 @@ def _other_names(
             f"{one_line(name, 40)} and {one_line(first, 40)} at ({x:.1f}, {y:.1f}); places 1 cm apart part them"
         )
     return other
+
+
+def _has_no_section(row: dict[str, str]) -> bool:
+    """Return whether a row has four zeros for left, right, up and down, as programs write what nobody measured."""
+    try:
+        return all(plain_number(row.get(column) or "") == 0 for column in _SECTION)
+    except ValueError:
+        return False
 
 
 def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:

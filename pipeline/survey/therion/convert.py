@@ -25,7 +25,7 @@ from pipeline.survey.therion.words import (
 
 _IGNORED_IN_CENTRELINE = {
     "team", "explo-date", "explo-team", "instrument", "instruments", "copyright", "title", "mark", "walls",
-    "vthreshold", "extend", "break", "station", "grade", "require", "approx", "declination-date",
+    "vthreshold", "extend", "break", "grade", "require", "approx", "declination-date",
     "attr", "author", "id",
 }  # fmt: skip
 _IGNORED = {
@@ -140,6 +140,8 @@ class _Converter:
             self.shots.flush()
             self.made.add(line, "*end")
             self.shots = None
+        elif word == "station":  # it may stand among the shots of a passage, which goes on
+            self._station(line)
         elif word in self.commands:
             self.shots.flush()
             self.commands[word](line)
@@ -223,6 +225,12 @@ class _Converter:
         if self.is_latitude_first:
             east, north = north, east
         self.made.add(line, f"*fix {station_for_survex(line.where, line.words[1])} {east} {north} {up}")
+
+    def _station(self, line: TherionLine) -> None:
+        """Keep of a station's flags, which follow its name and a comment, that it is an entrance."""
+        flags = [word.lower() for word in line.words[3:]]
+        if "entrance" in flags and flags[: flags.index("entrance")][-1:] != ["not"]:
+            self.made.add(line, f"*entrance {station_for_survex(line.where, line.words[1])}")
 
     def _equate(self, line: TherionLine) -> None:
         names = [station_for_survex(line.where, word) for word in line.words[1:]]

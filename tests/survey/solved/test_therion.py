@@ -17,6 +17,7 @@ from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
 from pipeline.survey.therion.convert import to_survex
 from pipeline.survey.therion.place import _convergence_deg, _square
+from pipeline.survey.whole_survey import entrances_of
 from tests.project import ROOT
 from tests.solved import position_of
 
@@ -411,3 +412,13 @@ def test_units_of_all_dimensions_are_read_and_units_of_backsights_refused(tmp_pa
     for line in ("units backcompass grads", "calibrate backcompass 10"):
         with pytest.raises(InputError, match=r"m\.th:3: 'backcompass': Therion has none of backsights; .* 'compass'"):
             solved(tmp_path, f"{line}\n{NORMAL}1 2 10 0 0")
+
+
+@needs_cavern
+def test_flagged_entrances_are_entrances(tmp_path):
+    flagged = 'station 2 "" continuation\nstation 3 "" air-draught not entrance\nstation 4 x\nstation 9 "" entrance\n'
+    shots = "data normal from to length compass clino left right\n1 2 10 0 0 1 1\n{}2 3 10 0 0 2 2\n3 4 10 0 0 3 3\n"
+    text = flagged + shots.format('station 1 "the mouth" entrance\n')
+    survey = solve_file(write(tmp_path, {"m.th": centreline(text)}))
+    assert entrances_of(survey) == ["m.1"]
+    assert [passage.lrud_m[:, 0].tolist() for passage in survey.passages] == [[1, 1, 2, 3]]

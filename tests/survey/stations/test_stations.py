@@ -308,6 +308,30 @@ def test_absent_columns_of_walls_are_empty_ones(tmp_path, capsys):
     assert read_table(tmp_path, one, half_width_m=2.0).workings.bounds[1::2] == pytest.approx((-2, 1), abs=0.1)
 
 
+def test_four_zeros_in_a_table_are_a_section_that_nobody_measured(tmp_path, capsys):
+    table = HEADER.strip() + ",elevation_m,up_m,down_m\nA,a,0,0,2,2,10,3,0\nA,b,40,0,{},12,{},{}\nA,c,60,0,2,2,14,3,0\n"
+    zeros = read_table(tmp_path, table.format("0,0", "0", "0.0")).legs
+    told = capsys.readouterr().err
+    empty = read_table(tmp_path, table.format(",", "", "")).legs
+    np.testing.assert_array_equal(zeros.lrud_m, empty.lrud_m)
+    assert "1 of 3 stations of passages lack a wall" in told
+    with pytest.raises(InputError, match="the roof at 12 m is not above the floor at 12 m"):
+        read_table(tmp_path, table.format("0,1", "0", "0"))
+
+
+def test_columns_that_are_not_read_are_listed(tmp_path, capsys):
+    read_table(tmp_path, HEADER.strip() + ",depth_m,note\nA,a,0,0,2,2,10,x\nA,b,40,0,2,2,20,y\n")
+    assert "2 columns are not read (depth_m, note); heights are read from elevation_m" in capsys.readouterr().err
+
+
+def test_measured_roofs_of_a_level_survey_are_listed_with_the_option_that_builds_them(tmp_path, capsys):
+    rows = "\nA,a,0,0,2,2,10,2\nA,b,40,0,2,2,10,15\nA,c,60,0,2,2,10,\n"
+    read_table(tmp_path, HEADER.strip() + ",elevation_m,up_m" + rows)
+    told = capsys.readouterr().err
+    assert "2 of 3 stations have a measured roof, 2.00 to 15.00 m over the floor" in told
+    assert "survey.flat_step_m=0 builds the roofs" in told
+
+
 def test_columns_in_feet_are_read_as_metres_and_listed(tmp_path, capsys):
     metres = read_table(tmp_path, f"{HEADER}A,a,0,0,3.048,3.048\nA,b,30.48,0,3.048,3.048\n").workings
     feet = f"{HEADER.replace('_m', '_ft')}A,a,0,0,10,10\nA,b,100,0,10,10\n"
