@@ -83,6 +83,7 @@ def _validate_volume(
         validate_volume,
     )
     from pipeline.volume.world.proof.levelled import measure_volume_texture
+    from pipeline.volume.world.proof.remade import require_remade
     from pipeline.volume.world.surface.furnished import hang_again
 
     opened = open_volume(world)
@@ -91,6 +92,7 @@ def _validate_volume(
     files = opened.record.files
     with Forked(lambda: measure_volume_texture(opened, params.texture)) as measured:
         require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
+        require_remade(world, opened, params.volume, *_survey_of(network, solid, floors))
         found = validate_volume(params.volume, opened, network, solid, floors)
         rock = measured.result()
     metrics, evidence = found.metrics, dict[str, Any]()
@@ -113,6 +115,13 @@ def _validate_volume(
         evidence["deviation"] = picture
     timings = {"world_sha256": found.certificate.world_sha256}
     return {"metrics": metrics, "timings": timings, "certificate": found.certificate, **_NOTHING_ELSE, **evidence}
+
+
+def _survey_of(network: SurveyedLegs, solid: ClosedMesh, floors: FloorMesh) -> tuple[SurveyedLegs | None, float]:
+    """Return the legs of a survey, None where a world's legs follow its floors, and the elevation of z = 0."""
+    if len(floors):
+        return None, floors.datum_m
+    return (None, solid.datum_m) if len(solid) else (network, network.datum_m)
 
 
 def _timings(validator: Validator, cost: LoadCost) -> dict[str, Any]:

@@ -74,13 +74,15 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
 def _of_volume(bundle: Path, contacts: int, overrides: list[str]) -> Certificate:
     from pipeline.mjcf.bundle import read_made_by
     from pipeline.proof.rebuilt.fittings import require_furniture
-    from pipeline.volume.world.proof.alone import certify_alone
+    from pipeline.volume.world.proof.alone import certify_alone, survey_alone
     from pipeline.volume.world.proof.certificate import open_volume
+    from pipeline.volume.world.proof.remade import require_remade
     from pipeline.volume.world.surface.furnished import hang_again
 
     limits, world = limits_of_kind(read_made_by(bundle).kind, overrides), open_volume(bundle)
     files, thrown = world.record.files, {"robot_contacts": contacts, "ball_contacts": contacts}
     require_furniture(bundle, files, limits.fittings.furniture, hang_again(bundle, files))
+    require_remade(bundle, world, limits.volume, survey_alone(world, limits.volume))
     return certify_alone(world, limits.volume.model_copy(update=thrown))
 
 

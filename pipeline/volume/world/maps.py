@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,14 @@ def storey_maps(cells: FloorSpans) -> Bundle:
     A remark in a map's YAML file states the lowest and the highest place of the storey's floor.
     """
     files: Bundle = {}
+    for storey, text, pixels in drawn_maps(cells):
+        name, picture = storey_map(storey)
+        files |= {name: text, picture: encode(Path(picture), pixels)}
+    return files
+
+
+def drawn_maps(cells: FloorSpans) -> Iterator[tuple[int, bytes, np.ndarray]]:
+    """Yield the number, the YAML text and the pixels (rows, cols) uint8 of each map of `storey_maps`."""
     counts = np.bincount(cells.storey[cells.storey >= 0])
     for storey in np.flatnonzero(counts * cells.cell_m**2 >= _LEAST_M2)[:_MOST].tolist():
         own = cells.storey == storey
@@ -36,9 +45,7 @@ def storey_maps(cells: FloorSpans) -> Bundle:
         first, end = at.min(axis=0) - 1, at.max(axis=0) + 2
         free = np.zeros((end - first)[::-1], bool)
         free[tuple((at - first)[:, ::-1].T)] = True
-        name, picture = storey_map(storey)
+        picture = storey_map(storey)[1]
         pixels, text = nav2_files(free, cells.origin_m + first * cells.cell_m, cells.cell_m, picture)
         low, high = cells.floor_m[own].min(), cells.floor_m[own].max()
-        files[name] = f"# storey {storey}: floor {low:.3f} to {high:.3f} m high\n{text}".encode()
-        files[picture] = encode(Path(picture), pixels)
-    return files
+        yield storey, f"# storey {storey}: floor {low:.3f} to {high:.3f} m high\n{text}".encode(), pixels

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import compress
+from itertools import compress, pairwise
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeFacets
 from pipeline.volume.shell import ShellPart
 
 _LEAST_M = 1e-6  # least extent of a part: MuJoCo refuses a sliver without a volume
+TWINS_M = 1e-6
 _ON_BORDER_M = 1e-4  # a corner so near a border needs no cut
 
 
@@ -53,7 +55,27 @@ def cut_floors(parts: Parts, borders_m: Sequence[float]) -> Parts:
 
 
 def collect_labelled(corners: list[np.ndarray], label: Sequence[int]) -> Parts:
-    """Return parts, each with its corners (k, 3) m and its label."""
+    """Return parts, each with its corners (k, 3) m and its label; of twin corners each has one."""
+    parts = _stacked(corners, label)
+    twins = twin_corners(parts)
+    if not len(twins):
+        return parts
+    kept = np.ones(len(parts.corners), bool)
+    kept[twins] = False
+    return _stacked([parts[k][kept[start:end]] for k, (start, end) in enumerate(pairwise(parts.first.tolist()))], label)
+
+
+def twin_corners(parts: Parts) -> np.ndarray:
+    """Return the numbers (t,) of corners that lie within a micrometre of an earlier one of their part.
+
+    MuJoCo finds a hull's farthest corner by climbing along its edges. Between twins it stops, and has no contact.
+    """
+    number = np.repeat(np.arange(len(parts), dtype=float), np.diff(parts.first))
+    apart = cKDTree(np.column_stack([parts.corners, number]))  # two parts are a metre apart
+    return np.unique(apart.query_pairs(TWINS_M, output_type="ndarray").max(axis=1, initial=0))
+
+
+def _stacked(corners: list[np.ndarray], label: Sequence[int]) -> Parts:
     first = np.concatenate([[0], np.cumsum([len(one) for one in corners])])
     stacked = np.concatenate(corners) if corners else np.zeros((0, 3))
     return Parts(stacked, first.astype(np.int32), np.array(label, np.int32))

@@ -10,6 +10,7 @@ from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate
 from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, text_array
 from pipeline.volume.world.proof.certificate import VolumeBundle, validate_volume
+from pipeline.volume.world.proof.remade import follows_floors
 from pipeline.volume.world.topology import LegNetwork
 
 _OF_ROCK = "rock."
@@ -19,19 +20,25 @@ _OF_SOLID = "solid."  # figures against the file that was read, which nobody has
 def certify_alone(world: VolumeBundle, params: VolumeProofParams) -> Certificate:
     """Measure the bundle of a volume world, which `open_volume` has checked, against the legs that it states.
 
-    A bundle made of a solid has legs that follow its floors, so that no floor is compared with them. One without
-    visible rock has no figures of it.
+    A bundle made of a solid, or of drawn areas, has legs that follow its floors, so that no floor is compared with
+    them. One without visible rock has no figures of it.
 
     Raises
     ------
     GeometryError
         If its mesh is not closed.
     """
-    legs, solid = (NO_LEGS, _own_mesh(world)) if _is_solid(world) else (stated_legs(world.legs), NO_SOLID)
+    stated = survey_alone(world, params)
+    legs, solid = (NO_LEGS, _own_mesh(world)) if stated is None else (stated, NO_SOLID)
     found = validate_volume(params, world, legs, solid).certificate
     left_out = (_OF_SOLID,) if world.rock else (_OF_SOLID, _OF_ROCK)
     clauses = {name: clause for name, clause in found.clauses.items() if not name.startswith(left_out)}
     return dataclasses.replace(found, holds=all(clause.holds for clause in clauses.values()), clauses=clauses)
+
+
+def survey_alone(world: VolumeBundle, params: VolumeProofParams) -> SurveyedLegs | None:
+    """Return the legs that a bundle states as its survey; None if they follow the floors of a solid or a drawing."""
+    return None if follows_floors(world, params) else stated_legs(world.legs)
 
 
 def stated_legs(network: LegNetwork) -> SurveyedLegs:
@@ -59,11 +66,6 @@ def stated_legs(network: LegNetwork) -> SurveyedLegs:
         network.total_length_m,
         0.0,
     )
-
-
-def _is_solid(world: VolumeBundle) -> bool:
-    """Return whether a bundle was made of a solid: its facets are of one piece, and its legs of several."""
-    return len(world.legs.legs) > 1 and not world.mine.leg.any()
 
 
 def _own_mesh(world: VolumeBundle) -> ClosedMesh:

@@ -147,6 +147,7 @@ def validate_volume(
             **_enclosure(params, volume, fronts, rng),
             "compiled_mm": round(compiled.compiled_mm, 6),
             "unlike": compiled.unlike,
+            "mislabelled": fronts.mislabelled,
         },
         "rock": measure_rock(volume, world.legs, world.rock, rng),
         "reach": reach.figures,

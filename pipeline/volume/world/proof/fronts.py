@@ -20,11 +20,13 @@ _LEAST_M2 = 1e-6  # of a facet that must have a part behind its middle
 class Fronts:
     """The parts as `pipeline.volume.enclosure` measures them, and the area, m2, of facets without a part behind them.
 
-    A part that lies behind no facet is among them with no area. `faces` are those of the parts on facets.
+    A part that lies behind no facet is among them with no area. `mislabelled` counts parts with another label than
+    each facet that they lie behind. `faces` are those of the parts on facets.
     """
 
     parts: list[ShellPart]
     bare_m2: float
+    mislabelled: int
     faces: PartFaces
 
 
@@ -48,4 +50,5 @@ def fronts_of(volume: Volume, parts: Parts) -> Fronts:
     size = np.linalg.norm(volume.normals, axis=1) / 2
     bare = size > _LEAST_M2
     bare[faces.facet[faces.holds_middle]] = False
-    return Fronts(found, float(size[bare].sum()), faces)
+    own = np.unique(faces.part[volume.label[faces.facet] == parts.label[faces.part]])
+    return Fronts(found, float(size[bare].sum()), len(np.unique(faces.part)) - len(own), faces)

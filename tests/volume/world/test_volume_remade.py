@@ -1,0 +1,180 @@
+"""What a volume's bundle states beside mesh and parts is made again, and one changed value is named."""
+
+import dataclasses
+import shutil
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from minexplore.bundle import OCTREE
+from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.errors import ArtifactError
+from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.parts import collect_labelled
+from pipeline.volume.world.proof.alone import certify_alone, survey_alone
+from pipeline.volume.world.proof.fronts import fronts_of
+from pipeline.volume.world.proof.remade import require_remade
+from tests.volume_worlds import RAMP, VolumeWorld, proof
+
+TEE = RAMP + "B,2,30,0,0,2,2,3,0\nB,4,30,12,0,2,2,3,0\n"
+OF_SPANS = ("column", "row", "floor_m", "headroom_m", "clearance_m", "storey")
+
+
+@pytest.fixture(scope="module")
+def tee(tmp_path_factory):
+    return VolumeWorld(TEE, tmp_path_factory.mktemp("tee"))
+
+
+@pytest.fixture(scope="module")
+def opened(tee):
+    return tee.opened()
+
+
+@pytest.fixture(scope="module")
+def solid(tmp_path_factory):
+    shape = manifold3d.Manifold.cube([40, 4, 3]) + manifold3d.Manifold.cube([4, 24, 3]).translate([18, 0, 0])
+    mesh = shape.to_mesh64()
+    path = tmp_path_factory.mktemp("solid") / "drift.stl"
+    trimesh.Trimesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)).export(path)
+    return VolumeWorld.from_solid(path)
+
+
+def changed(world, name, **arrays):
+    """Return a bundle of which some arrays have changed: each change takes a copy."""
+    whole = getattr(world, name)
+    new = {key: change(getattr(whole, key).copy()) for key, change in arrays.items()}
+    return dataclasses.replace(world, **{name: dataclasses.replace(whole, **new)})
+
+
+def put(place, value):
+    """Return a change of one number."""
+
+    def change(array):
+        array[place] = value
+        return array
+
+    return change
+
+
+def add(amount):
+    """Return a change by an amount."""
+    return lambda array: array + amount
+
+
+def legs_with(world, **fields):
+    return dataclasses.replace(world, legs=dataclasses.replace(world.legs, **fields))
+
+
+def first_leg(world, **fields):
+    return legs_with(world, legs=[dataclasses.replace(world.legs.legs[0], **fields), *world.legs.legs[1:]])
+
+
+def moved_start(world, *by):
+    spawn = world.record.spawn
+    anchor = tuple(a + b for a, b in zip(spawn.anchor_m, by, strict=True))
+    return dataclasses.replace(
+        world, record=dataclasses.replace(world.record, spawn=dataclasses.replace(spawn, anchor_m=anchor))
+    )
+
+
+def of_volume(world, **fields):
+    volume = dataclasses.replace(world.record.volume, **fields)
+    return dataclasses.replace(world, record=dataclasses.replace(world.record, volume=volume))
+
+
+def test_what_the_builder_writes_is_made_again_with_its_survey_and_without(tee, opened):
+    require_remade(tee.bundle, opened, proof(), tee.legs, tee.legs.datum_m)
+    stated = survey_alone(opened, proof())
+    assert stated is not None
+    require_remade(tee.bundle, opened, proof(), stated)
+
+
+def test_a_solid_is_made_again_and_certified_without_its_file(solid):
+    """Its legs follow its floors: they are no survey, and floors were held to them nevertheless."""
+    world = solid.opened()
+    assert world.mine.leg.any()
+    assert survey_alone(world, proof()) is None
+    require_remade(solid.bundle, world, proof(), None, solid.solid.datum_m)
+    found = certify_alone(world, proof())
+    assert found.holds
+    assert not [name for name in found.clauses if name.startswith("floor.")]
+
+
+def test_legs_of_one_number_do_not_make_a_survey_a_solid(opened):
+    one = changed(opened, "mine", leg=lambda leg: leg * 0)
+    assert any(name.startswith("floor.") for name in certify_alone(one, proof()).clauses)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda w: changed(w, "cells", storey=put(40, -1)), r"cells\.npz: storey\[40\] = -1, want 0"),
+        (lambda w: changed(w, "cells", floor_m=put(7, 0.5)), r"cells\.npz: floor_m\[7\] = 0\.5, want"),
+        (lambda w: changed(w, "cells", headroom_m=add(-0.01)), r"cells\.npz: headroom_m\[0\]"),
+        (lambda w: changed(w, "cells", clearance_m=add(0.5)), r"cells\.npz: clearance_m\[0\].* of \d+ differ"),
+        (lambda w: changed(w, "cells", origin_m=add(0.25)), r"cells\.npz: origin_m\[0\]"),
+        (
+            lambda w: changed(w, "cells", **dict.fromkeys(OF_SPANS, lambda a: a[1:])),
+            r"cells\.npz: \d+ spans, want",
+        ),
+        (lambda w: first_leg(w, end="4"), r"topology\.json: legs\[0\]\.end = 4, want 2"),
+        (lambda w: first_leg(w, length_m=7.0), r"topology\.json: legs\[0\]\.length_m = 7\.0, want 30"),
+        (lambda w: first_leg(w, grade=0.3), r"topology\.json: legs\[0\]\.grade = 0\.3, want 0"),
+        (lambda w: legs_with(w, loops=3), r"topology\.json: loops = 3, want 0"),
+        (lambda w: legs_with(w, junctions=[]), r"topology\.json: junctions has 0 entries, want 1"),
+        (lambda w: changed(w, "mine", leg=lambda a: a * 0), r"volume\.npz: label\[\d+\]"),
+        (lambda w: changed(w, "mine", label=lambda a: a * 0), r"volume\.npz: label\[\d+\] = 0"),
+        (lambda w: moved_start(w, 0, 0, 0.5), r"world\.json: spawn\.anchor_m"),
+        (lambda w: moved_start(w, 0, 1.5, 0), r"world\.json: spawn\.anchor_clearance_m"),
+        (lambda w: of_volume(w, closed_ends=[]), r"world\.json: closed_ends has 0 entries, want 3"),
+        (lambda w: of_volume(w, built_m=20.0), r"world\.json: built_m = 20\.0, want"),
+        (lambda w: of_volume(w, datum_m=5.0), r"world\.json: datum_m = 5\.0, want"),
+    ],
+)
+def test_a_value_that_is_not_what_the_mesh_and_the_survey_give_is_named(tee, opened, change, message):
+    with pytest.raises(ArtifactError, match=message):
+        require_remade(tee.bundle, change(opened), proof(), tee.legs, tee.legs.datum_m)
+
+
+def test_an_octree_or_a_map_of_other_floors_is_named(tee, opened, tmp_path):
+    for name in (OCTREE, "map_00.yaml"):
+        folder = tmp_path / name
+        shutil.copytree(tee.bundle, folder)
+        data = bytearray((folder / name).read_bytes())
+        data[-4] ^= 1
+        (folder / name).write_bytes(bytes(data))
+        with pytest.raises(ArtifactError, match=f"{name}: not the"):
+            require_remade(folder, opened, proof(), tee.legs, tee.legs.datum_m)
+    fewer = {name: digest for name, digest in opened.record.files.items() if name != "map_00.png"}
+    without = dataclasses.replace(opened, record=dataclasses.replace(opened.record, files=fewer))
+    with pytest.raises(ArtifactError, match=r"map_00\.png: missing; cells\.npz has a storey 0"):
+        require_remade(tee.bundle, without, proof(), tee.legs, tee.legs.datum_m)
+
+
+def test_a_floor_part_in_two_zones_and_a_part_with_twin_corners_are_named(tee, opened):
+    parts = [opened.parts[k] for k in range(len(opened.parts))]
+    floor = int(np.flatnonzero(opened.parts.label == FacetLabel.FLOOR)[0])
+    border = opened.record.zones[0].east_m
+    across = np.array([[border + x, y, z] for x in (-1, 1) for y in (0, 1) for z in (-0.3, 0.0)])
+    wide = collect_labelled(
+        [across if k == floor else part for k, part in enumerate(parts)], opened.parts.label.tolist()
+    )
+    twins = opened.parts.corners.copy()
+    twins[1] = twins[0] + 1e-8
+    for changed_parts, message in (
+        (wide, "is in two zones of the floor"),
+        (dataclasses.replace(opened.parts, corners=twins), "part 0 has two corners within 1e-06 m"),
+    ):
+        with pytest.raises(ArtifactError, match=message):
+            require_remade(tee.bundle, dataclasses.replace(opened, parts=changed_parts), proof(), tee.legs)
+
+
+def test_parts_with_another_label_than_their_facets_are_counted(opened):
+    volume = closed_volume(opened.mine)
+    assert fronts_of(volume, opened.parts).mislabelled == 0
+    label = opened.parts.label.copy()
+    floor = np.flatnonzero(label == FacetLabel.FLOOR)[:3]
+    label[floor] = FacetLabel.WALL
+    assert fronts_of(volume, dataclasses.replace(opened.parts, label=label)).mislabelled == len(floor)
