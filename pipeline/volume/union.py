@@ -208,15 +208,24 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     if min(abs(step[2]), abs(floors[1, 2] - floors[0, 2])) > run:  # stations may be at any height over a floor
         sections = _plumb_sections(places, lrud, across[0])
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
-    middle, half = (left + right) / 2, (left - right) / 2
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + right + _LOW * tall, *(floors + middle + side * _HIGH * half + tall for side in (-1, 1))]
+    ring = [floors + right + _LOW * tall, *(floors + end + tall for end in _roof_ends(across, lrud))]
     ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
     heading = step[:2] / max(run, 1e-9)
     slope = heading * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9)
     footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])
     return Solid(sections, np.array([*floors[0], *slope]), footprint, shot, is_drivable)
+
+
+def _roof_ends(across: np.ndarray, lrud: np.ndarray) -> list[np.ndarray]:
+    """Return where flat roofs end, from right to left, (2, 3) m from the stations, by the directions `across` (2, 2).
+
+    A roof is over the middle, half as wide as the section, and over its station, where its height was measured.
+    """
+    middle, half = (lrud[:, 0] - lrud[:, 1]) / 2, _HIGH * lrud[:, :2].sum(axis=1) / 2
+    reach = np.minimum(middle - half, 0), np.maximum(middle + half, 0)
+    return [np.column_stack([across * side[:, None], [0, 0]]) for side in reach]
 
 
 def _between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
