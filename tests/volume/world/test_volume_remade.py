@@ -9,13 +9,13 @@ import pytest
 import trimesh
 
 from minexplore.bundle import OCTREE
-from minexplore.floors.volume_arrays import FacetLabel
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.fronts import fronts_of
-from pipeline.volume.world.proof.remade import require_remade
+from pipeline.volume.world.proof.remade import _beyond_legs_m, require_remade
 from tests.volume_worlds import RAMP, VolumeWorld, proof
 
 TEE = RAMP + "B,2,30,0,0,2,2,3,0\nB,4,30,12,0,2,2,3,0\n"
@@ -124,7 +124,7 @@ def test_legs_of_one_number_do_not_make_a_survey_a_solid(opened):
         (lambda w: first_leg(w, grade=0.3), r"topology\.json: legs\[0\]\.grade = 0\.3, want 0"),
         (lambda w: legs_with(w, loops=3), r"topology\.json: loops = 3, want 0"),
         (lambda w: legs_with(w, junctions=[]), r"topology\.json: junctions has 0 entries, want 1"),
-        (lambda w: changed(w, "mine", leg=lambda a: a * 0), r"volume\.npz: label\[\d+\]"),
+        (lambda w: changed(w, "mine", leg=lambda a: a * 0), r"volume\.npz: leg\[\d+\]"),
         (lambda w: changed(w, "mine", label=lambda a: a * 0), r"volume\.npz: label\[\d+\] = 0"),
         (lambda w: moved_start(w, 0, 0, 0.5), r"world\.json: spawn\.anchor_m"),
         (lambda w: moved_start(w, 0, 1.5, 0), r"world\.json: spawn\.anchor_clearance_m"),
@@ -151,6 +151,17 @@ def test_an_octree_or_a_map_of_other_floors_is_named(tee, opened, tmp_path):
     without = dataclasses.replace(opened, record=dataclasses.replace(opened.record, files=fewer))
     with pytest.raises(ArtifactError, match=r"map_00\.png: missing; cells\.npz has a storey 0"):
         require_remade(tee.bundle, without, proof(), tee.legs, tee.legs.datum_m)
+
+
+def test_a_long_facet_of_a_floor_that_legs_share_is_about_its_leg_at_a_corner(opened):
+    leg = opened.legs.legs[0]
+    start, end = (np.array(opened.legs.stations_m[name]) for name in (leg.start, leg.end))
+    along = (end - start) / np.linalg.norm(end - start)
+    corners = start + np.outer([0.0, -9.0, -9.0], along) + np.array([[0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
+    one = VolumeFacets(corners, np.array([[0, 2, 1]], np.int32), np.zeros(1, np.int32), np.zeros(1, np.int32))
+    assert _beyond_legs_m(dataclasses.replace(opened, mine=one))[0] < 0  # its middle is 6 m beyond
+    away = dataclasses.replace(one, vertices=corners - 9 * along)
+    assert _beyond_legs_m(dataclasses.replace(opened, mine=away))[0] > 2
 
 
 def test_a_floor_part_in_two_zones_and_a_part_with_twin_corners_are_named(tee, opened):

@@ -35,6 +35,7 @@ _LEG_M = 1e-3  # legs have four decimals, lengths of the record three
 _ON_BORDER_M = 1e-3  # of zones: parts are cut to 0.1 mm
 _BESIDE_M = 2.0  # that a facet is beyond its leg's sections: floors that legs share reach as far
 _ON_SPAN_M = 1e-3  # of where robots start from the middle of a span
+_ASTRAY = 0.01  # share of the surface likewise: facets of several legs that lie in one plane become one of them
 _SLIVERS = 2e-5  # share of the surface whose facets may be turned over, as thin ones are when a mesh is simplified
 _OF_FLOOR = re.compile(r"\d+\.\d+\..+")  # a station of a leg along a floor
 _WITHIN_M = {"floor_m": _ROUND_M, "headroom_m": _ROUND_M, "origin_m": _ROUND_M, "clearance_m": _CLEARANCE_M}
@@ -118,32 +119,34 @@ def _require_facets(
     """Compare labels and legs of facets with those that facets of a solid have.
 
     Of surveyed legs, floors may be steeper than robots drive, walls may lean, and legs that meet share floors: floors
-    must face down, roofs up, and all of them be about their legs.
+    must face down, roofs up, and nearly all facets be about their legs.
     """
     mine, up = world.mine, world.mine.normals[:, 2]
     if along_floors is None:
-        wrong = (mine.label == FacetLabel.FLOOR) & (up >= 0) | (mine.label == FacetLabel.ROOF) & (up <= 0)
-        wrong |= _beyond_legs_m(world) > _BESIDE_M
+        turned = (mine.label == FacetLabel.FLOOR) & (up >= 0) | (mine.label == FacetLabel.ROOF) & (up <= 0)
+        found = ("label", turned, _SLIVERS), ("leg", _beyond_legs_m(world) > _BESIDE_M, _ASTRAY)
     else:
-        wrong = mine.label != labels_of(mine.vertices, mine.faces, params.volume.steepest)
-        wrong |= mine.leg != nearest_leg(closed_volume(mine), along_floors)
+        labels = labels_of(mine.vertices, mine.faces, params.volume.steepest)
+        legs = nearest_leg(closed_volume(mine), along_floors)
+        found = ("label", mine.label != labels, _SLIVERS), ("leg", mine.leg != legs, _SLIVERS)
     area = np.linalg.norm(mine.normals, axis=1)
-    if area[wrong].sum() > _SLIVERS * area.sum():
-        k = int(np.where(wrong, area, 0).argmax())
-        raise ArtifactError(
-            f"{folder / VOLUME}: label[{k}] = {mine.label[k]}, leg[{k}] = {mine.leg[k]}: no facet of this slope and "
-            f"place has both; {int(wrong.sum())} of {len(wrong)} are wrong"
-        )
+    for name, wrong, most in found:
+        if area[wrong].sum() > most * area.sum():
+            k = int(np.where(wrong, area, 0).argmax())
+            raise ArtifactError(
+                f"{folder / VOLUME}: {name}[{k}] = {getattr(mine, name)[k]}: no facet of this slope and place has it; "
+                f"{int(wrong.sum())} of {len(wrong)} are wrong"
+            )
 
 
 def _beyond_legs_m(world: VolumeBundle) -> np.ndarray:
-    """Return how much farther (f,) m the middle of each facet is from its leg than the leg's sections reach."""
+    """Return how much farther (f,) m the nearest corner of each facet is from its leg than the leg's sections reach."""
     mine, legs = world.mine, world.legs
     ends = [np.array([legs.stations_m[getattr(leg, end)] for leg in legs.legs])[mine.leg] for end in ("start", "end")]
     reach = np.array([np.abs(leg.lrud_m).max() for leg in legs.legs])[mine.leg]
-    way, apart = ends[1] - ends[0], mine.vertices[mine.faces].mean(axis=1) - ends[0]
-    share = np.clip((apart * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), _LEG_M**2), 0, 1)
-    found: np.ndarray = np.linalg.norm(apart - share[:, None] * way, axis=1) - reach
+    way, apart = (ends[1] - ends[0])[:, None], mine.vertices[mine.faces] - ends[0][:, None]
+    share = np.clip((apart * way).sum(axis=2) / np.maximum((way * way).sum(axis=2), _LEG_M**2), 0, 1)
+    found: np.ndarray = np.linalg.norm(apart - share[:, :, None] * way, axis=2).min(axis=1) - reach
     return found
 
 
