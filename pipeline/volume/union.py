@@ -212,8 +212,7 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     ring = [floors + right + _LOW * tall, *(floors + end + tall for end in _roof_ends(across, lrud))]
     ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
-    heading = step[:2] / max(run, 1e-9)
-    slope = heading * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9)
+    slope = step[:2] * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9) ** 2
     footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])
     return Solid(sections, np.array([*floors[0], *slope]), footprint, shot, is_drivable)
 
@@ -233,8 +232,7 @@ def _between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
     length = float(np.linalg.norm(sections.mean(axis=1)[1] - sections.mean(axis=1)[0]))
     count = max(1, round(length / max(_LEAST_STEP_M, float(lrud[:, :2].sum(axis=1).max()))))
     share = np.linspace(0, 1, count + 1)[:, None, None]
-    between: np.ndarray = sections[0] * (1 - share) + sections[1] * share
-    return between
+    return np.asarray(sections[0] * (1 - share) + sections[1] * share)
 
 
 def _along(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
