@@ -189,3 +189,5 @@ def test_parts_with_another_label_than_their_facets_are_counted(opened):
     floor = np.flatnonzero(label == FacetLabel.FLOOR)[:3]
     label[floor] = FacetLabel.WALL
     assert fronts_of(volume, dataclasses.replace(opened.parts, label=label)).mislabelled == len(floor)
+    roofs = np.where(opened.parts.label == FacetLabel.ROOF, FacetLabel.WALL, opened.parts.label)
+    assert fronts_of(volume, dataclasses.replace(opened.parts, label=roofs)).mislabelled == 0  # rock is rock

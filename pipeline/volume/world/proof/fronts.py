@@ -7,21 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from minexplore.floors.volume_arrays import Parts
+from minexplore.floors.volume_arrays import FacetLabel, Parts
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 _LEAST_M2 = 1e-6  # of a facet that must have a part behind its middle
+_SEEN_M2 = 1e-3  # of a part's face, of which the label is compared
 
 
 @dataclass(frozen=True)
 class Fronts:
     """The parts as `pipeline.volume.enclosure` measures them, and the area, m2, of facets without a part behind them.
 
-    A part that lies behind no facet is among them with no area. `mislabelled` counts parts with another label than
-    each facet that they lie behind. `faces` are those of the parts on facets.
+    A part that lies behind no facet is among them with no area. `mislabelled` counts parts of the floor behind facets
+    that are none, and others behind floors alone, by their friction, if their largest face there has 10 cm2. `faces`
+    are those of the parts on facets.
     """
 
     parts: list[ShellPart]
@@ -50,5 +52,7 @@ def fronts_of(volume: Volume, parts: Parts) -> Fronts:
     size = np.linalg.norm(volume.normals, axis=1) / 2
     bare = size > _LEAST_M2
     bare[faces.facet[faces.holds_middle]] = False
-    own = np.unique(faces.part[volume.label[faces.facet] == parts.label[faces.part]])
-    return Fronts(found, float(size[bare].sum()), len(np.unique(faces.part)) - len(own), faces)
+    behind_floor, of_floor = volume.label[faces.facet] == FacetLabel.FLOOR, parts.label == FacetLabel.FLOOR
+    wrong = np.array([part.area_m2 > _SEEN_M2 for part in found])
+    wrong[faces.part[behind_floor == of_floor[faces.part]]] = False
+    return Fronts(found, float(size[bare].sum()), int(wrong.sum()), faces)
