@@ -14,16 +14,16 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 _LEAST_M2 = 1e-6  # of a facet that must have a part behind its middle
-_SEEN_M2 = 1e-3  # of a part's face, of which the label is compared
+_SEEN_M2 = 1e-3  # labels of parts with smaller faces are not compared
 
 
 @dataclass(frozen=True)
 class Fronts:
     """The parts as `pipeline.volume.enclosure` measures them, and the area, m2, of facets without a part behind them.
 
-    A part that lies behind no facet is among them with no area. `mislabelled` counts parts of the floor behind facets
-    that are none, and others behind floors alone, by their friction, if their largest face there has 10 cm2. `faces`
-    are those of the parts on facets.
+    A part that lies behind no facet is among them with no area. `mislabelled` counts parts labelled floor that lie
+    behind no floor, and other parts that lie behind floors only: their friction is wrong. Parts whose largest face on a
+    facet is under 10 cm2 are left out. `faces` are those of the parts on facets.
     """
 
     parts: list[ShellPart]

@@ -65,7 +65,7 @@ def require_remade(
     Raises
     ------
     ArtifactError
-        With the file, the first value that differs, and what it should be.
+        If something differs. The message names the file, the first value that differs, and the right one.
     """
     _require_cells(folder, world, params)
     _require_maps(folder, world)
