@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Container
 from pathlib import Path
@@ -12,6 +13,7 @@ import mujoco
 import numpy as np
 
 _FILES = Path(__file__).parent / "mjcf"
+_NARROWEST = 0.2  # of a wheel's radius, half its width where the wheels themselves stand out of the disc
 
 
 class Robot(ABC):
@@ -105,3 +107,17 @@ def attach_file(spec: mujoco.MjSpec, file: str, name: str) -> mujoco.MjsBody:
     body = spec.body(f"{name}_base")
     body.name = name
     return body
+
+
+def keep_in_disc(wheel: mujoco.MjsGeom, radius_m: float) -> None:
+    """Make a wheel that is a sphere an ellipsoid that does not stand out of the robot's disc.
+
+    Walls of a volume stop wheels too, as these climb what is low of a wall: a sphere touched walls that the disc, by
+    which maps say where robots fit, was 8 cm away from, and the wheel drove up them. On a floor both touch one point.
+    """
+    ahead, beside, _ = np.abs(wheel.parent.pos)
+    round_m = wheel.size[0]
+    room_m = math.sqrt(max(radius_m**2 - ahead**2, 0.0)) - beside
+    if wheel.type == mujoco.mjtGeom.mjGEOM_SPHERE and room_m < round_m:
+        wheel.type = mujoco.mjtGeom.mjGEOM_ELLIPSOID
+        wheel.size = [round_m, max(room_m, _NARROWEST * round_m), round_m]

@@ -19,7 +19,7 @@ from minexplore.physics.robot import (
     contact_sensor,
     stand_on_facets,
 )
-from minexplore.physics.robot_kind import Robot
+from minexplore.physics.robot_kind import Robot, keep_in_disc
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile
 from minexplore.volume.clip import clip_convex
@@ -171,6 +171,8 @@ class VolumeModels:
                 geom = spec.geom(f"{name}_{wheel}")
                 if geom is not None:  # another robot may have none
                     geom.priority, geom.friction = 1, self.friction_of(zone)
+                    if not has_boxes or code >> k & 1:
+                        keep_in_disc(geom, self.robot.radius_m)
         contact_sensor(spec, name)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from heapq import heappop, heappush
 from itertools import pairwise
@@ -17,6 +17,7 @@ _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
+_SAME_M = 1e-6  # sections that differ by less are one
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
@@ -118,23 +119,6 @@ class SurveyNetwork:
         run = np.hypot(step[:, 0], step[:, 1])
         return np.where(run > _NO_LENGTH_M, np.abs(step[:, 2]) / np.maximum(run, _NO_LENGTH_M), np.inf)
 
-    def within(self, radius_m: float) -> SurveyNetwork:
-        """Return the shots whose ends are within a distance of the middle station, seen from above."""
-        middle = self.places_m[
-            np.argmin(np.abs(self.places_m[:, :2] - np.median(self.places_m[:, :2], axis=0)).sum(axis=1))
-        ]
-        kept = (np.linalg.norm((self.ends_m - middle)[:, :, :2], axis=2) < radius_m).all(axis=1)
-        joined = self.joined & np.column_stack([np.roll(kept, 1), np.roll(kept, -1)])
-        return replace(
-            self,
-            shots=self.shots[kept],
-            across=self.across[kept],
-            lrud_m=self.lrud_m[kept],
-            joined=joined[kept],
-            roof_assumed=self.roof_assumed[kept],
-            roof_lowered=self.roof_lowered[kept],
-        )
-
     def near_legs(self, reach_m: float) -> NearLegs:
         """Return which shots are within a way of `reach_m` of each other along the survey."""
         beside: list[list[tuple[int, float, int]]] = [[] for _ in range(len(self.places_m))]
@@ -162,7 +146,8 @@ def _shots_within(beside: list[list[tuple[int, float, int]]], start: int, reach_
 def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyNetwork:
     """Return the network of the plan's legs; half widths that nobody measured are `half_m`.
 
-    The roof's height over the floor is interpolated along a leg of which half was measured, and is `height_m` else.
+    The roof's height over the floor is interpolated along a leg of which half was measured, and is `height_m` else; it
+    is not under its station.
 
     Shots without a length are counted and left out: their stations are one place, which has the name of the first.
     Sections without an area, or turned inside out, get 5 cm. Both are listed by station.
@@ -175,7 +160,7 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     index: dict[str, int] = {}
     names: list[str] = []
     places: list[np.ndarray] = []
-    rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool], np.ndarray]] = []
+    chains: list[_Chain] = []
     repairs: list[str] = []
     skipped = 0
     for leg in legs:
@@ -186,7 +171,7 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
         roofless = ~np.isfinite(lrud[:, 2])
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
         tall = along_stations(lrud[:, 2] + lrud[:, 3], height_m)
-        lrud[roofless, 2] = (tall - lrud[:, 3])[roofless]
+        lrud[roofless, 2] = np.maximum(tall - lrud[:, 3], 0.0)[roofless]  # a station is in the free space
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
@@ -201,10 +186,14 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
             if index.setdefault(name, len(places)) == len(places):
                 places.append(at[k])
                 names.append(name)
-        across, joined = _sections(at[kept], lrud[kept, :2])
-        for n, (i, j) in enumerate(pairwise(kept)):
-            ends = index[leg.stations[i]], index[leg.stations[j]]
-            rows.append((ends, across[n], lrud[[i, j]], (joined[n], joined[n + 1]), roofless[[i, j]]))
+        if len(kept) > 1:
+            chains.append(_Chain([index[leg.stations[k]] for k in kept], at[kept], lrud[kept], roofless[kept]))
+    rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool], np.ndarray]] = []
+    for chain in _continued(chains):
+        across, joined = _sections(chain.places_m, chain.lrud_m[:, :2])
+        for n, ends in enumerate(pairwise(chain.stations)):
+            both = slice(n, n + 2)
+            rows.append((ends, across[n], chain.lrud_m[both], (joined[n], joined[n + 1]), chain.is_roofless[both]))
     if not rows:
         raise InputError(f"no leg of {len(legs)} has a length of {_NO_LENGTH_M:g} m or more")
     shots, left, walls, shared, assumed = (np.array(column) for column in zip(*rows, strict=True))
@@ -213,6 +202,57 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     named = tuple(names)
     none = np.zeros_like(assumed)
     return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """Stations that follow each other, by number, their places (n, 3) m, sections (n, 4) m, and assumed roofs (n,)."""
+
+    stations: list[int]
+    places_m: np.ndarray
+    lrud_m: np.ndarray
+    is_roofless: np.ndarray
+
+    def reversed(self) -> _Chain:
+        """Return the chain the other way round."""
+        return _Chain(self.stations[::-1], self.places_m[::-1], self.lrud_m[::-1, [1, 0, 2, 3]], self.is_roofless[::-1])
+
+    def followed_by(self, other: _Chain) -> _Chain:
+        """Return the chain and one that begins where it ends."""
+        return _Chain(
+            self.stations + other.stations[1:],
+            np.concatenate([self.places_m, other.places_m[1:]]),
+            np.concatenate([self.lrud_m, other.lrud_m[1:]]),
+            np.concatenate([self.is_roofless, other.is_roofless[1:]]),
+        )
+
+
+def _continued(chains: list[_Chain]) -> list[_Chain]:
+    """Return the chains; two that end at a station, where no other does, are one if they have one section there.
+
+    A passage that was measured goes on in legs that nobody measured: two tubes would have a gap where it bends.
+    """
+    found, ending = dict(enumerate(chains)), dict[int, list[int]]()
+    for number, chain in found.items():
+        for station in (chain.stations[0], chain.stations[-1]):
+            ending.setdefault(station, []).append(number)
+    of = list(found)  # by number, that of the chain that it is a part of now
+    for station, ends in ending.items():
+        one, other = (of[number] for number in ends) if len(ends) == 2 else (0, 0)
+        if one == other:
+            continue
+        first, second = found[one], found[other]
+        if first.stations[0] == station:
+            one, other, first, second = other, one, second, first
+        if first.stations[-1] != station:
+            first = first.reversed()
+        if second.stations[0] != station:
+            second = second.reversed()
+        if np.allclose(first.lrud_m[-1], second.lrud_m[0], rtol=0, atol=_SAME_M):
+            found[one] = first.followed_by(second)
+            del found[other]
+            of = [one if number == other else number for number in of]
+    return list(found.values())
 
 
 def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:

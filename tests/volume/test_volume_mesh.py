@@ -178,6 +178,41 @@ def test_a_leg_of_half_a_millimetre_at_the_end_of_a_chain_ends_its_tube():
     assert solid.volume() == pytest.approx(60 * (4 * 1.8 + 3 * 1.2), rel=1e-3)
 
 
+def row_of(name, stations, places, walls=(2.0, 1.0)):
+    """Return a leg of stations on one level."""
+    count = len(stations)
+    return SurveyLeg(
+        name, list(stations), np.array(places), np.tile(walls, (count, 1)), np.tile([0.0, 3, 0], (count, 1))
+    )
+
+
+@pytest.mark.parametrize(
+    ("on", "is_joined"),
+    [
+        (row_of("B", "bc", [(20.0, 0), (40, 4)]), True),
+        (row_of("B", "cb", [(40.0, 4), (20, 0)], (1.0, 2.0)), True),  # the other way round
+        (row_of("B", "bc", [(20.0, 0), (40, 4)], (2.0, 1.5)), False),
+        (row_of("B", "bc", [(20.0, 0), (20, 20)]), False),  # a corner
+    ],
+)
+def test_two_rows_that_alone_end_at_a_station_with_one_section_share_it(on, is_joined):
+    first, through = row_of("A", "ab", [(0.0, 0), (20, 0)]), row_of("C", "dbe", [(20.0, 9), (20, 0), (20, -9)])
+    assert shared_at_b([first, through, on]) == [is_joined, is_joined]
+    third = row_of("D", "bf", [(20.0, 0), (40, -4)])  # which of three goes on is not known
+    assert shared_at_b([first, through, on, third]) == [False, False, False]
+
+
+def shared_at_b(legs):
+    """Return of each leg of the network that has station b, but those to d and e, whether it shares its section."""
+    network = network_of(legs, 3.0, 1.0)
+    names = [network.leg_name(k).split(" to ") for k in range(len(network.shots))]
+    return [
+        bool(network.joined[k, ends.index("b")])
+        for k, ends in enumerate(names)
+        if "b" in ends and not {"d", "e"} & {*ends}
+    ]
+
+
 def test_legs_without_a_length_are_refused_in_one_line():
     leg = SurveyLeg("1", ["1", "2"], np.zeros((2, 2)), np.ones((2, 2)), np.zeros((2, 3)))
     with pytest.raises(InputError, match=r"^no leg of 1 has a length of 0\.001 m or more$"):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import solve_file
@@ -62,3 +64,21 @@ CASES = {
     "pell": GateCase("Wheal Pell", "data/wheal_pell/pell.3d", (), False),
     "sakany": GateCase("Sakany", "data/sakany/Sakany_nodes.dat", ("--half-width", "1.0"), False, physics_within_m=25.0),
 }
+
+
+def within(network: SurveyNetwork, radius_m: float) -> SurveyNetwork:
+    """Return the shots whose ends are within a distance of the middle station, seen from above."""
+    middle = network.places_m[
+        np.argmin(np.abs(network.places_m[:, :2] - np.median(network.places_m[:, :2], axis=0)).sum(axis=1))
+    ]
+    kept = (np.linalg.norm((network.ends_m - middle)[:, :, :2], axis=2) < radius_m).all(axis=1)
+    joined = network.joined & np.column_stack([np.roll(kept, 1), np.roll(kept, -1)])
+    return replace(
+        network,
+        shots=network.shots[kept],
+        across=network.across[kept],
+        lrud_m=network.lrud_m[kept],
+        joined=joined[kept],
+        roof_assumed=network.roof_assumed[kept],
+        roof_lowered=network.roof_lowered[kept],
+    )

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.comparisons.volume import throw_bodies
-from benchmarks.comparisons.volume.cases import CASES, LEVEL, GateCase
+from benchmarks.comparisons.volume.cases import CASES, LEVEL, GateCase, within
 from benchmarks.comparisons.volume.local.drives import LevelDrive
 from benchmarks.comparisons.volume.local.environment import BUILT, VARIANTS
 from benchmarks.comparisons.volume.local.environment import measure as measure_steps
@@ -80,7 +80,7 @@ def measure_physics(name: str, folder: Path, level: Path, seed: int = 0) -> dict
     rng, case = np.random.default_rng(seed), CASES[name]
     network = case.network(folder)
     if case.physics_within_m is not None:
-        network = network.within(case.physics_within_m)
+        network = within(network, case.physics_within_m)
     volume = solve_floors(network)
     parts, _ = without_refused(build_shell(volume))
     row: dict[str, Any] = {"of_m": float(network.lengths_m.sum()), "of_parts": len(parts)}

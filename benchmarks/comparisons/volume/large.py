@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from baselines.base.markdown import markdown_table
-from benchmarks.comparisons.volume.cases import CASES, GateCase
+from benchmarks.comparisons.volume.cases import CASES, GateCase, within
 from benchmarks.resume import Row, resume, run_benchmark
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
 from pipeline.memory import keep_memory
@@ -45,7 +45,7 @@ _LEVEL_KM = 4.0  # of a mine on 20 levels of 80 km
 def network_of_size(kind: str, size: float, folder: Path) -> SurveyNetwork:
     """Return a `cave` within a distance, m, of its middle, or `caves` beside each other or a `mine` of a length, km."""
     if kind == "cave":
-        return CASES["sakany"].network(folder).within(size)
+        return within(CASES["sakany"].network(folder), size)
     if kind == "caves":
         return beside_itself(CASES["sakany"].network(folder), 1000 * size)
     legs = deep_mine(max(1, round(size / _LEVEL_KM)), 1000 * size, 1)

@@ -207,7 +207,7 @@ def _warn_of_floors(path: Path, rows: Rows) -> None:
     if known and len(known) < len(nodes):
         warn_user(
             f"{path.name}: {len(nodes) - len(known)} of {len(nodes)} stations have no measured distance down to the "
-            "floor; it is interpolated along the legs between those that have one"
+            "floor; it is interpolated along the legs between those that have one, and is their median beyond them"
         )
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
+import networkx as nx
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import lil_matrix
 from scipy.sparse.linalg import spsolve
 
 from pipeline.survey.passages.legs import along_stations, says_enough
@@ -15,6 +18,7 @@ from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
+_JOINT = -1  # no node
 _DIFFER_M = 0.01  # distances down that differ by more are listed
 Rows = list[tuple[list[int], np.ndarray]]  # rows of nodes, with distances left, right, up, down (n, 4) m, nan: unknown
 
@@ -176,34 +180,40 @@ def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
     """Return the rows with a distance down to the floor at every node; nan everywhere if no node has one.
 
     Between nodes where it was measured it varies linearly along the survey's legs, so that all legs that meet at a
-    station have one floor. Where none of a piece of the survey was measured, it is the median of the others.
+    station have one floor. Beyond the last of these it is the median of the measured ones: the depth of a chamber says
+    nothing of the passages that lead out of it.
     """
     known: dict[int, float] = {}
+    graph: nx.Graph = nx.Graph()
     for nodes, walls in rows:
         known |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
+        nx.add_path(graph, nodes)
     if not known:
         return rows
-    used = sorted({n for nodes, _ in rows for n in nodes})
-    number = {n: i for i, n in enumerate(used)}
-    pairs = np.array([(number[a], number[b]) for nodes, _ in rows for a, b in pairwise(nodes) if a != b]).reshape(-1, 2)
-    step = places_m[[used[i] for i in pairs[:, 0]]] - places_m[[used[i] for i in pairs[:, 1]]]
-    stiffness = 1.0 / np.maximum(np.linalg.norm(step, axis=1), 1e-3)
-    i, j = np.concatenate([pairs, pairs[:, ::-1]]).T
-    pull = 1e-9  # towards the median, which decides only where nothing was measured
-    weight = np.concatenate([stiffness, stiffness])
-    size = len(used)
-    matrix = coo_matrix((weight, (i, i)), (size, size)) - coo_matrix((weight, (i, j)), (size, size))
-    matrix = (matrix + coo_matrix((np.full(size, pull), (range(size), range(size))))).tocsr()
-    down = np.full(size, np.median(list(known.values())))
-    target = pull * down
-    pinned = np.array([number[n] for n in known])
-    down[pinned] = list(known.values())
-    free = np.setdiff1d(np.arange(size), pinned)
-    if len(free):
-        down[free] = spsolve(matrix[free][:, free].tocsc(), target[free] - matrix[free][:, pinned] @ down[pinned])
-    filled = []
-    for nodes, walls in rows:
-        own = walls.copy()
-        own[:, 3] = down[[number[n] for n in nodes]]
-        filled.append((nodes, own))
-    return filled
+    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | _interpolated(graph, known, places_m)
+    return [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
+
+
+def _interpolated(graph: nx.Graph, known: dict[int, float], places_m: np.ndarray) -> dict[int, float]:
+    """Return values, linear along legs, at the nodes on ways between two nodes whose values are known."""
+    joined = graph.copy()
+    joined.add_edges_from((_JOINT, node) for node in known)  # ways between known nodes are rings through this one
+    blocks: Iterable[Any] = nx.biconnected_components(joined)
+    on_ways = set[int]().union(*(block for block in blocks if _JOINT in block)) - {_JOINT}
+    free = sorted(on_ways - known.keys())
+    if not free:
+        return {}
+    number = {node: row for row, node in enumerate(free)}
+    pairs = np.array([edge for edge in graph.subgraph(on_ways).edges if edge[0] != edge[1]])
+    stiffness = 1.0 / np.maximum(np.linalg.norm(places_m[pairs[:, 0]] - places_m[pairs[:, 1]], axis=1), 1e-3)
+    matrix, target = lil_matrix((len(free), len(free))), np.zeros(len(free))
+    for pair, weight in zip(pairs.tolist(), stiffness.tolist(), strict=True):
+        for one, other in (pair, pair[::-1]):
+            if one in known:
+                continue
+            matrix[number[one], number[one]] += weight
+            if other in known:
+                target[number[one]] += weight * known[other]
+            else:
+                matrix[number[one], number[other]] -= weight
+    return dict(zip(free, np.atleast_1d(spsolve(matrix.tocsc(), target)).tolist(), strict=True))

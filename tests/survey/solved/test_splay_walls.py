@@ -71,6 +71,15 @@ def test_the_distance_down_is_linear_along_the_legs_and_the_same_for_all_legs_of
     np.testing.assert_allclose(rows[2][1][:, 3], 1.5, atol=1e-6)  # the median of the measured ones
 
 
+def test_the_depth_of_a_chamber_is_not_carried_into_passages_that_nobody_measured():
+    places = np.column_stack([10.0 * np.arange(7), np.zeros(7), np.zeros(7)])
+    walls, ring = np.full((7, 4), NAN), np.full((4, 4), NAN)
+    walls[:4, 3] = 1.0, 1.0, NAN, 5.0  # and none at three stations beyond the chamber
+    filled, loop = fill_down([(list(range(7)), walls), ([3, 5, 6, 3], ring)], places)
+    np.testing.assert_allclose(filled[1][:, 3], [1, 1, 3, 5, 1, 1, 1])
+    np.testing.assert_allclose(loop[1][:, 3], [5, 1, 1, 5])
+
+
 def test_nodes_and_links_are_a_survey_whose_width_must_be_stated(tmp_path):
     nodes, links = tmp_path / "cave_nodes.dat", tmp_path / "cave_links.dat"
     nodes.write_text("0 0 0\n10 0 0.5\n20 0 1.5\n10 9 0.5\n")
@@ -134,6 +143,8 @@ def test_stations_without_a_measured_roof_get_the_usual_one_of_the_survey():
     np.testing.assert_allclose(network.lrud_m[-1, :, 2:], [[0.4, 1.0]] * 2)  # the median is over the floor
     assert network.roof_assumed[-1].all()
     np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0, 2.2).lrud_m[-1, :, 2], 1.2)  # the stated one
+    network = network_with_roofs(legs, 3.5, 1.0, 0.7)  # lower than the stations, 1 m over the floor
+    np.testing.assert_allclose(network.lrud_m[-1, :, 2:], [[0, 1]] * 2)
     legs = legs_with_roofs(*[22.0] * 9) + legs_with_roofs(NAN, NAN, first=20)  # few say nothing of the others
     assert usual_roof_m(legs) is None
     np.testing.assert_allclose(network_with_roofs(legs, 3.5, 1.0).lrud_m[-1, :, 2], 2.5)

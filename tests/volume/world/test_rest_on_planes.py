@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
+from minexplore.physics.husky import HuskyParams
 from minexplore.physics.local_models import physics_spec
 from minexplore.physics.robot import FLOOR_BIT, RobotParams, stand_on_facets
+from minexplore.physics.robot_kind import keep_in_disc
 from minexplore.task import TaskParams
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
@@ -66,3 +68,20 @@ def test_a_world_that_is_an_even_ramp_adds_nothing_to_the_creep_of_its_robots(tm
     network = GateCase("ramp", HEADER + rows).network(tmp_path)
     volume = solve_floors(network)
     assert measure_standing(volume, build_shell(volume), np.random.default_rng(0)).rest_m < 2e-4
+
+
+@pytest.mark.parametrize("robot", [RobotParams(), RobotParams(wheel_base_m=0.9), HuskyParams()])
+def test_wheels_touch_nothing_beyond_the_disc_of_their_robot_and_are_as_high(robot):
+    spec = mujoco.MjSpec()
+    robot.attach(spec, "robot")
+    wheels = [spec.geom(f"robot_{wheel}") for side in robot.SIDES for wheel in side]
+    for wheel in wheels:
+        keep_in_disc(wheel, robot.radius_m)
+    model = spec.compile()
+    for geom in (model.geom(wheel.name) for wheel in wheels):
+        ahead, beside, _ = np.abs(model.body(int(geom.bodyid[0])).pos)
+        tall = geom.size[2] if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID else geom.size[0]
+        wide = geom.size[1] if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID else geom.size[0]
+        assert tall == robot.wheel_radius_m
+        assert np.hypot(ahead, beside + wide) < robot.radius_m + 1e-6 or robot.between_sides_m / 2 > robot.radius_m
+        assert wide > 0.03

@@ -17,10 +17,17 @@ from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.certificate import _standing
 from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.physics import RobotsAtRest
-from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, legs_of_table, proof, validated
+from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, legs_of_table, proof, validated
 
 # A drift, a winze of 8 m at its middle, and a small drift at the foot of that.
 WINZE = RAMP + "B,2,30,0,0,1,1,3,0\nB,4,30,0,-12,1,1,2,0\nC,4,30,0,-12,2,2,2.5,0\nC,5,30,9,-12,2,2,2.5,0\n"
+
+
+# A chamber, and a drift of 0.78 m, 8 cm wider than a robot.
+NARROW = (
+    HEADER
+    + "A,1,0,0.125,0,2,2,3,0\nA,2,5,0.125,0,2,2,3,0\nA,3,5.5,0.125,0,0.39,0.39,3,0\nA,4,30,0.125,0,0.39,0.39,3,0\n"
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +60,13 @@ def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_i
     assert found.metrics["survey"]["length_m"] == pytest.approx(30 + np.hypot(30, 6), abs=1e-3)
     assert found.metrics["volume"]["free_m3"] == pytest.approx((4 * 1.8 + 3 * 1.2) * 60, rel=1e-6)
     assert found.certificate.contacts >= 300
+
+
+def test_robots_drive_through_a_drift_that_is_little_wider_than_they_are(tmp_path):
+    narrow = VolumeWorld(NARROW, tmp_path)
+    figures = validated(narrow.opened(), narrow.legs, robot_contacts=300).metrics
+    assert figures["reach"]["share"] > 0.3
+    assert figures["drives"] == {"ways": 24, "share": 1.0}
 
 
 def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_lacks_does_not_hold(ramp, opened):

@@ -18,7 +18,7 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table
-from benchmarks.comparisons.volume.cases import CASES, LEVEL
+from benchmarks.comparisons.volume.cases import CASES, LEVEL, within
 from benchmarks.comparisons.volume.local.drives import LevelDrive, StepCost, VolumeDrive, hard_driving
 from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
 from pipeline.volume.floors import solve_floors
@@ -45,7 +45,7 @@ def build(name: str) -> tuple[Volume, list[ShellPart]]:
     with tempfile.TemporaryDirectory() as folder:
         network = case.network(Path(folder))
     if case.physics_within_m is not None:
-        network = network.within(case.physics_within_m)
+        network = within(network, case.physics_within_m)
     volume = solve_floors(network)
     return volume, without_refused(build_shell(volume))[0]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,7 +11,15 @@ import numpy as np
 
 from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.physics.local_models import physics_spec
-from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, ROCK_BODY, RobotParams, attach_robot, stand_on_facets
+from minexplore.physics.robot import (
+    FLOOR_BIT,
+    ROCK_BIT,
+    ROCK_BODY,
+    RobotParams,
+    attach_robot,
+    stand_on_facets,
+)
+from minexplore.physics.robot_kind import keep_in_disc
 from minexplore.task import TaskParams
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.rock.inside import Inside
@@ -52,9 +61,12 @@ def add_robots(count: int) -> Callable[[mujoco.MjSpec], None]:
     """Return what adds robots that do not touch each other to a model."""
 
     def add(spec: mujoco.MjSpec) -> None:
+        robot = RobotParams()
         for number in range(count):
-            attach_robot(spec, f"r{number}", RobotParams())
+            attach_robot(spec, f"r{number}", robot)
             stand_on_facets(spec, f"r{number}")
+            for wheel in itertools.chain(*robot.SIDES):
+                keep_in_disc(spec.geom(f"r{number}_{wheel}"), robot.radius_m)
             spec.geom(f"r{number}_bumper").contype = spec.geom(f"r{number}_bumper").conaffinity = 0
 
     return add
