@@ -218,17 +218,18 @@ class _Chain:
         return _Chain(self.stations[::-1], self.places_m[::-1], self.lrud_m[::-1, [1, 0, 2, 3]], self.is_roofless[::-1])
 
     def followed_by(self, other: _Chain) -> _Chain:
-        """Return the chain and one that begins where it ends."""
+        """Return the chain and one that begins where it ends; the higher of their roofs counts there."""
+        shared = np.maximum(self.lrud_m[-1:], other.lrud_m[:1])
         return _Chain(
             self.stations + other.stations[1:],
             np.concatenate([self.places_m, other.places_m[1:]]),
-            np.concatenate([self.lrud_m, other.lrud_m[1:]]),
+            np.concatenate([self.lrud_m[:-1], shared, other.lrud_m[1:]]),
             np.concatenate([self.is_roofless, other.is_roofless[1:]]),
         )
 
 
 def _continued(chains: list[_Chain]) -> list[_Chain]:
-    """Return the chains; two that end at a station, where no other does, are one if they have one section there.
+    """Return the chains; two that alone end at a station are one if they have the same walls and floor there.
 
     A passage that was measured goes on in legs that nobody measured: two tubes would have a gap where it bends.
     """
@@ -248,7 +249,8 @@ def _continued(chains: list[_Chain]) -> list[_Chain]:
             first = first.reversed()
         if second.stations[0] != station:
             second = second.reversed()
-        if np.allclose(first.lrud_m[-1], second.lrud_m[0], rtol=0, atol=_SAME_M):
+        apart = np.abs(first.lrud_m[-1] - second.lrud_m[0])[[0, 1, 3]]
+        if apart.max() < _SAME_M:
             found[one] = first.followed_by(second)
             del found[other]
             of = [one if number == other else number for number in of]

@@ -81,6 +81,12 @@ STEP_OF_2_CM = (
     "A,a,-6.29,0.19,0.6,0.6,0.04,0.79,0.11\nA,b,0,-0.02,0.6,0.6,-0.45,0.79,0.11\nA,c,0,0,0.6,0.6,0,0.79,0.11\n"
     "A,d,2.9,-2.89,0.6,0.6,0.29,0.79,0.11\n"
 )
+# A passage ends in a chamber and other legs go on with its section; a third row comes up and leaves steeply. Likewise.
+GOES_ON = (
+    "A,a,-16.2,-1.33,2.96,1.86,-2.31,0,5.38\nA,b,0,0,2.96,1.86,0,5.14,5.38\nA,c,2.77,0.9,0.49,0.22,-0.76,0.68,0.54\n"
+    "B,g,-12.7,-1.18,1.2,0.5,-3,2,0.4\nB,d,-7.71,-0.88,1.2,0.5,-2.97,2,0.4\nB,b,0,0,2.5,0.8,0,5,5.38\n"
+    "C,b,0,0,2.5,0.8,0,5.14,5.38\nC,e,3.4,0.26,0.68,0.68,-0.78,0,5.38\nC,f,9.39,1.48,0.68,0.68,0.74,0,5.38\n"
+)
 
 
 def built(table, folder):
@@ -122,6 +128,7 @@ KNOTS = {
     "twice": SURVEYED_TWICE,
     "steps": TWO_STEPS_UP,
     "short": STEP_OF_2_CM,
+    "on": GOES_ON,
 }
 
 
