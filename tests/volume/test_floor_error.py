@@ -140,6 +140,15 @@ def test_legs_of_real_caves_that_meet_keep_their_floors_without_a_step(tmp_path,
     assert found.share_built == 1
 
 
+@pytest.mark.parametrize("low_m", [0.0, 0.1, 47.08, 100.1, 513.57])
+def test_a_floor_that_steps_up_by_half_a_metre_and_turns_back_over_itself_is_one_floor(tmp_path, low_m):
+    rows = [(-7.0, -0.5, 0), (-4.8, 3.1, 0), (-2.8, 0.03, 0), (0, 0, 0), (0, 0, 0.5), (3.5, 0.8, 0.5)]
+    table = "".join(f"A,{k},{x},{y},1.1,1.1,{low_m + z:.2f},1.9,0\n" for k, (x, y, z) in enumerate(rows))
+    network, _ = built(HEADER + table, tmp_path)
+    found = measure_floor(solve_floors(network), network)
+    assert max(found.error_m, found.step_m, found.other_step_m) < 0.01
+
+
 def test_a_step_of_the_floor_may_be_3_mm_beside_where_it_was_surveyed_and_no_more(tmp_path):
     network, _ = built(HEADER + STEP_OF_2_CM, tmp_path)
     volume = solve_floors(network)

@@ -16,7 +16,7 @@ from pipeline.volume.network import WITHIN_M, SurveyNetwork
 from pipeline.volume.union import STEEPEST, Solid
 
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
-MEET_M = 0.5  # of floors that meet: somewhere they are no farther apart in height
+MEET_M = 0.51  # of floors that meet: somewhere they are no farther apart in height; figures count ledges of up to 0.5 m
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
 _WAYS_APART_M = 1.5  # of ways that leave one station: what is nearer is one floor, though rock may be between
 _RIM_M = 1.0  # between corners on the rim of an overlap
