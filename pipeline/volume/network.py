@@ -17,7 +17,7 @@ _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
-_SAME_M = 1e-6  # sections that differ by less are one
+_DIGITS = 6  # of a metre, in sections that are compared, as worlds state them
 _LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
@@ -229,16 +229,19 @@ class _Chain:
 
 
 def _continued(chains: list[_Chain]) -> list[_Chain]:
-    """Return the chains; two that alone end at a station are one if they have the same walls and floor there.
+    """Return the chains; two that end at a station are one if they have a section there that no other leg has.
 
-    A passage that was measured goes on in legs that nobody measured: two tubes would have a gap where it bends.
+    A passage that was measured goes on in legs that nobody measured: two tubes would have a gap where it bends. Of a
+    section count the walls and the floor. However legs are parted into chains, the same go on.
     """
-    found, ending = dict(enumerate(chains)), dict[int, list[int]]()
+    found, ending = dict(enumerate(chains)), dict[tuple[int, float, float, float], list[int]]()
     for number, chain in found.items():
-        for station in (chain.stations[0], chain.stations[-1]):
-            ending.setdefault(station, []).append(number)
+        rounded = chain.lrud_m.round(_DIGITS).tolist()
+        for k, (station, (left, right, _, down)) in enumerate(zip(chain.stations, rounded, strict=True)):
+            legs = [number] * ((k > 0) + (k < len(chain.stations) - 1))
+            ending.setdefault((station, min(left, right), max(left, right), down), []).extend(legs)
     of = list(found)  # by number, that of the chain that it is a part of now
-    for station, ends in ending.items():
+    for (station, *_), ends in ending.items():
         one, other = (of[number] for number in ends) if len(ends) == 2 else (0, 0)
         if one == other:
             continue
@@ -249,8 +252,7 @@ def _continued(chains: list[_Chain]) -> list[_Chain]:
             first = first.reversed()
         if second.stations[0] != station:
             second = second.reversed()
-        apart = np.abs(first.lrud_m[-1] - second.lrud_m[0])[[0, 1, 3]]
-        if apart.max() < _SAME_M:
+        if not (first.lrud_m[-1] - second.lrud_m[0])[:2].round(_DIGITS).any():
             found[one] = first.followed_by(second)
             del found[other]
             of = [one if number == other else number for number in of]

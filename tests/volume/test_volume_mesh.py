@@ -195,11 +195,36 @@ def row_of(name, stations, places, walls=(2.0, 1.0)):
         (row_of("B", "bc", [(20.0, 0), (20, 20)]), False),  # a corner
     ],
 )
-def test_two_rows_that_alone_end_at_a_station_with_one_section_share_it(on, is_joined):
-    first, through = row_of("A", "ab", [(0.0, 0), (20, 0)]), row_of("C", "dbe", [(20.0, 9), (20, 0), (20, -9)])
+def test_two_rows_that_end_at_a_station_with_a_section_of_their_own_share_it(on, is_joined):
+    first = row_of("A", "ab", [(0.0, 0), (20, 0)])
+    through = row_of("C", "dbe", [(20.0, 9), (20, 0), (20, -9)], (1.0, 1.0))
     assert shared_at_b([first, through, on]) == [is_joined, is_joined]
-    third = row_of("D", "bf", [(20.0, 0), (40, -4)])  # which of three goes on is not known
-    assert shared_at_b([first, through, on, third]) == [False, False, False]
+
+
+def test_which_of_three_rows_with_one_section_goes_on_is_not_known():
+    first, on = row_of("A", "ab", [(0.0, 0), (20, 0)]), row_of("B", "bc", [(20.0, 0), (40, 4)])
+    assert shared_at_b([first, on]) == [True, True]
+    assert shared_at_b([first, on, row_of("D", "bf", [(20.0, 0), (40, -4)])]) == [False, False, False]
+    alike = row_of("C", "dbe", [(20.0, 9), (20, 0), (20, -9)])
+    assert shared_at_b([first, alike, on]) == [False, False]
+
+
+def test_the_same_rows_go_on_however_legs_are_parted_into_rows():
+    whole = [
+        row_of("A", "abc", [(0.0, 0), (20, 0), (40, 4)]),
+        row_of("B", "dbe", [(20.0, 9), (20, 0), (22, -9)], (1.0, 1.0)),
+    ]
+    parted = [
+        row_of("A", "ab", [(0.0, 0), (20, 0)]),
+        row_of("B", "db", [(20.0, 9), (20, 0)], (1.0, 1.0)),
+        row_of("C", "bc", [(20.0, 0), (40, 4)]),
+        row_of("D", "be", [(20.0, 0), (22, -9)], (1.0, 1.0)),
+    ]
+    one, other = network_of(whole, 3.0, 1.0), network_of(parted, 3.0, 1.0)
+    legs = [[network.leg_name(k) for k in range(4)] for network in (one, other)]
+    assert legs[0] == legs[1] == ["a to b", "b to c", "d to b", "b to e"]
+    np.testing.assert_array_equal(one.across, other.across)
+    np.testing.assert_array_equal(one.joined, other.joined)
 
 
 def shared_at_b(legs):

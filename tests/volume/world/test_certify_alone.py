@@ -14,7 +14,8 @@ from pipeline.store.codecs import decode, encode
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.alone import certify_alone, stated_legs
-from tests.volume_worlds import CONFIG, RAMP, VolumeWorld, proof
+from pipeline.volume.world.proof.remade import require_remade
+from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, proof
 
 BEND = RAMP.replace("-6", "-3") + "B,3,60,0,-3,1.5,2,3,0\nB,4,60,20,-3,1.5,2,3,0\n"
 
@@ -64,3 +65,14 @@ def test_the_stated_legs_are_the_chains_of_the_survey(world):
     assert legs.first.tolist() == world.legs.first.tolist()
     assert legs.positions_m == pytest.approx(world.legs.positions_m)
     assert legs.lrud_m == pytest.approx(world.legs.lrud_m)
+
+
+def test_four_rows_that_end_at_one_station_are_the_legs_that_the_bundle_states(tmp_path):
+    places = {"a": (-20, 0), "b": (0, 0), "c": (20, 1), "d": (0, -20), "e": (1, 20)}
+    rows = [
+        f"{ends},{name},{places[name][0]},{places[name][1]},0,2,2,3,0\n"
+        for ends in ("ab", "db", "bc", "be")
+        for name in ends
+    ]
+    crossing = VolumeWorld(HEADER + "".join(rows), tmp_path).opened()
+    require_remade(tmp_path / "world", crossing, proof(), stated_legs(crossing.legs))
