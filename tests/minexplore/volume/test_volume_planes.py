@@ -174,3 +174,15 @@ def test_thrown_robots_stay_in_a_drift_and_escape_where_a_wall_is_taken_out(ramp
     assert found[0].escapes == 0
     assert found[0].floor_error_m < TOLERANCE_M
     assert found[1].escapes > 0
+
+
+@pytest.mark.parametrize("feet", [0, 1, 2, 15])
+def test_wheels_on_parts_are_no_wider_than_the_robots_disc_and_those_on_planes_are_spheres(ramp, feet):
+    models = VolumeStepping(*ramp).models
+    models.number_of(np.array([[0.0, 0.0, 0.2]]), True)
+    model, robot = models.spec((0, feet)).compile(), RobotParams()
+    for bit, side in enumerate(("left", "right")):
+        wheel = model.geom(f"robot_{side}")
+        beside_m = float(wheel.size[1] or wheel.size[0]) + robot.wheel_base_m / 2
+        assert (beside_m < robot.radius_m + 1e-6) == bool(feet >> bit & 1)
+        assert wheel.size[0] == robot.wheel_radius_m
