@@ -61,7 +61,7 @@ def test_an_export_that_loses_a_part_is_refused_and_leaves_nothing(small_world, 
         return whole.write(replace(scene, parts=scene.parts[1:]))
 
     monkeypatch.setitem(FORMATS, "gltf", replace(whole, write=write))
-    with pytest.raises(LimitError, match=r"nothing is written: .*touched/rock: \d+ pieces .*certificate: missing_m2"):
+    with pytest.raises(LimitError, match=r"nothing is written: .*touched/rock: \d+ pieces .*certificate: missing_mm"):
         export_world(small_world, "gltf", tmp_path / "out", "none", world.params)
     assert list(tmp_path.iterdir()) == []
 
