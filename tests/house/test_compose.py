@@ -105,15 +105,12 @@ def test_another_rock_keeps_its_limits_in_another_mine(rock):
 
 
 def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its_absolute_one():
-    validation, rock_m2, wall_m = composed([]).validation, 18_530.0, 2614.66
-    limits, clauses = validation.limits, validation.certificate.limits
+    limits, rock_m2, wall_m = composed([]).validation.limits, 18_530.0, 2614.66
     for name, fixed in (("bytes", FIXED_BYTES), ("load_s", FIXED_LOAD_S), ("load_memory_mb", FIXED_LOAD_MB)):
         assert fixed + rock_m2 * limits[f"per_m2.{name}"].max <= limits[f"world.{name}"].max
     corners, pillars = 307, 1
     parts = PARTS_PER_CORNER * corners + pillars + wall_m * limits["collision.parts_per_wall_m"].max
     assert parts <= limits["collision.parts"].max
-    for name in ("intrusion", "missing"):
-        assert 1e-6 * wall_m * clauses[f"{name}_um"].max <= clauses[f"{name}_m2"].max
 
 
 @pytest.mark.parametrize(

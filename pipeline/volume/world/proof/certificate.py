@@ -24,7 +24,7 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.built import built_length_m
+from pipeline.volume.world.built import built_lengths_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.compiled import compare_model
@@ -175,12 +175,15 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     piece_m = float(network.lengths_m.sum())
     wanted = leg_network(network, offset, ())
-    built = built_length_m(volume, wanted)
+    built = built_lengths_m(volume, wanted)
+    missing = np.array([leg.length_m for leg in wanted.legs]) - built
     return {
         "surveyed_m": round(surveyed.surveyed_m, 3),
         "length_m": round(piece_m, 3),
-        "built_m": round(built, 3),
-        "share_built": round(built / piece_m, 6),
+        "built_m": round(float(built.sum()), 3),
+        "share_built": round(float(built.sum()) / piece_m, 6),
+        "unbuilt_m": round(float(missing.max()), 3),
+        "unbuilt_at": "leg {0.start} to {0.end}".format(wanted.legs[int(missing.argmax())]),
         "pieces": 1 + len(surveyed.pieces_m),
         "legs": len(world.legs.legs),
         "entrances": len(world.record.volume.entrances),
