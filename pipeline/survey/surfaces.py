@@ -24,7 +24,8 @@ from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.geodata import companions
-from pipeline.survey.vector.shapes import REACH_M, Shapes, coordinate_system, require_size
+from pipeline.survey.vector.map_axes import coordinate_system
+from pipeline.survey.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
 
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}

@@ -43,7 +43,7 @@ from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.level_fields import warn_of_overlaps
-from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
+from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import (
     WholeSurvey,
@@ -150,6 +150,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
             return _read_centrelines(params, content)
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
+    content = with_heights(path, content, params.unit)
     shapes, georeference = locate(path, content, params.unit, params.origin)
     found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
     if found.levels is not None:
@@ -187,6 +188,7 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
+    content = with_heights(path, content, params.unit)
     elevations = elevations_of(path, content, params)
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None

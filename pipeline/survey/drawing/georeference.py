@@ -18,7 +18,7 @@ from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.plain_number import plain_number
 from pipeline.survey.drawing.picture_header import read_header
 from pipeline.survey.vector.ground import ground_scale, is_true_to_scale
-from pipeline.survey.vector.shapes import coordinate_system
+from pipeline.survey.vector.map_axes import coordinate_system
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _FARTHEST = 1e9  # of a coordinate in the map's units; map coordinates in feet reach 1e8
