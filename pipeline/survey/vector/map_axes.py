@@ -209,7 +209,8 @@ def utm_zone(system: pyproj.CRS, place: np.ndarray) -> str:
         return "a system in metres"
     try:
         to_degrees = pyproj.Transformer.from_crs(system, "EPSG:4979", always_xy=True)
-        lon, lat = to_degrees.transform(*place, errcheck=True)[:2]
+        x, y, z = (*(float(value) for value in place), 0.0)[:3]
+        lon, lat, _ = to_degrees.transform(x, y, z, errcheck=True)
     except pyproj.exceptions.ProjError:
         return "its UTM zone"
     zone, is_north = min(int((lon + 180) // 6) + 1, 60), lat >= 0
