@@ -42,6 +42,7 @@ from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
+from pipeline.survey.vector.layer_ways import refusal_of_layers
 from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
@@ -164,7 +165,10 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
         warn_user(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
     heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None)
-    workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
+    try:
+        workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
+    except InputError as error:
+        raise refusal_of_layers(path, content, shapes, params.snap_m, error) from error
     warn_of_overlaps(path, content, shapes, workings)
     return _Workings(workings, georeference, heights)
 
