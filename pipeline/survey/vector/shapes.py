@@ -37,7 +37,8 @@ class Shapes:
     """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none.
 
     `layer_of` has the layer of each shape, and is empty if the format has no layers. `others` counts what the file
-    holds beside shapes, by its kind. `fields` are the names of the shapes' properties.
+    holds beside shapes, by its kind. `fields` are the names of the shapes' properties. `is_duplicate` is whether a
+    survey's shot was measured before, and is empty if no shape is flagged so.
     """
 
     shapes: list[BaseGeometry]
@@ -46,12 +47,14 @@ class Shapes:
     layer_of: list[str] = field(default_factory=list)
     others: dict[str, int] = field(default_factory=dict)
     fields: list[str] = field(default_factory=list)
+    is_duplicate: list[bool] = field(default_factory=list)
 
     def only(self, kept: list[bool]) -> Shapes:
-        """Return the shapes that are to be kept, with their layers."""
+        """Return the shapes that are to be kept, with their layers and flags."""
         if all(kept):
             return self
-        return replace(self, shapes=list(compress(self.shapes, kept)), layer_of=list(compress(self.layer_of, kept)))
+        shapes, layers = list(compress(self.shapes, kept)), list(compress(self.layer_of, kept))
+        return replace(self, shapes=shapes, layer_of=layers, is_duplicate=list(compress(self.is_duplicate, kept)))
 
 
 def require_size(path: Path, points: int) -> None:
@@ -89,11 +92,13 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
     require_at_most(path, len(parts), "shapes", "shapes")
     require_size(path, int(shapely.get_num_coordinates(parts).sum()))
     kept = ~shapely.is_empty(parts)
-    shapes, layers = list(parts[kept]), [content.layer_of[k] for k in of[kept]] if content.layer_of else []
+    shapes, rows = list(parts[kept]), of[kept].tolist()
+    layers = [content.layer_of[k] for k in rows] if content.layer_of else []
+    flags = [content.is_duplicate[k] for k in rows] if content.is_duplicate else []
     require_plain_coordinates(path, shapes, [f"shape {k + 1}" for k in of[kept].tolist()])
     if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
-    return replace(content, shapes=shapes, layer_of=layers)
+    return replace(content, shapes=shapes, layer_of=layers, is_duplicate=flags)
 
 
 def require_plain_coordinates(path: Path, shapes: list[BaseGeometry], names: list[str]) -> None:
