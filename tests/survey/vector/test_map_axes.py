@@ -9,14 +9,18 @@ import numpy as np
 import pyogrio
 import pyproj
 import pytest
+import rasterio
 import shapely
+from rasterio.transform import Affine
 
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams
 from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.drawing.georeference import read_placement
 from pipeline.survey.vector.geodata import read_geodata
+from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.ground import ground_scale, is_true_to_scale
 from pipeline.survey.vector.map_axes import axes_of, metres_of_unit
 from pipeline.survey.vector.shapes import locate, with_heights
@@ -68,6 +72,27 @@ def test_a_mine_in_a_system_whose_axes_point_south_and_west_is_not_mirrored(tmp_
     assert told or not any("axes" in remark.what for remark in remarks)
 
 
+@pytest.mark.parametrize("suffix", [".gpkg", ".shp", ".geojson"])
+def test_every_format_with_a_system_that_points_south_and_west_is_read_by_its_axes(tmp_path, suffix):
+    wanted = laid(TEE, PRAGUE, "EPSG:5514")
+    path = write(tmp_path / f"mine{suffix}", [moved_to(wanted, "EPSG:5514", "EPSG:5513")], "EPSG:5513")
+    read = read_geojson if suffix == ".geojson" else read_geodata
+    (found,), georeference = locate(path, read(path, None), None, None)
+    assert shapely.transform(found, lambda p: p + georeference.origin).hausdorff_distance(wanted) < 0.01
+
+
+def test_a_picture_in_a_system_that_points_south_and_west_is_not_called_mirrored(tmp_path):
+    """Columns go east and rows south; PROJ's x is southing, y is westing."""
+    path, cell = tmp_path / "plan.tif", 0.5
+    place = Affine(0.0, cell, 1_043_000.0, -cell, 0.0, 743_000.0)
+    options = {"height": 100, "width": 200, "count": 1, "dtype": "uint8", "crs": "EPSG:5513", "transform": place}
+    with rasterio.open(path, "w", driver="GTiff", **options) as file:
+        file.write(np.full((100, 200), 255, np.uint8), 1)
+    found = read_placement(path)
+    assert (found.size, found.turned_deg) == pytest.approx((cell, 0.0))
+    assert (found.east, found.north) == pytest.approx((-743_000.0, -1_043_000.0))
+
+
 @pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2048"])
 def test_without_its_system_the_same_file_has_x_east_and_y_north_as_the_remark_says(tmp_path, crs):
     path = write(tmp_path / "mine.gpkg", [laid(TEE, PRAGUE if crs == "EPSG:5513" else KAROO, crs)], None)
@@ -93,11 +118,12 @@ RAMP = [(0, 0, 100), (60, 0, 103), (120, 0, 106)]  # m: 5 % up to the east
         ("EPSG:32611", 1.0, 1.0, SAN_DIEGO),
     ],
 )
-def test_heights_have_the_unit_and_the_direction_of_their_own_axis(tmp_path, crs, plan_m, up_m, place):
+@pytest.mark.parametrize("suffix", [".gpkg", ".shp"])
+def test_heights_have_the_unit_and_the_direction_of_their_own_axis(tmp_path, crs, plan_m, up_m, place, suffix):
     plan = pyproj.CRS(crs).sub_crs_list[0] if "+" in crs else pyproj.CRS(crs)
     x, y = pyproj.Transformer.from_crs(plan.geodetic_crs, plan, always_xy=True).transform(*place)
     line = shapely.LineString([(x + e / plan_m, y + n / plan_m, up / up_m) for e, n, up in RAMP])
-    path = write(tmp_path / "ramp.gpkg", [line], crs)
+    path = write(tmp_path / f"ramp{suffix}", [line], crs)
     params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=2.0, heights=None)
     with collect_remarks() as remarks:
         legs = read_vector_survey(params.model_copy(update={"file": path.as_posix()})).legs
