@@ -33,6 +33,7 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
+from pipeline.survey.vector.map_axes import coordinate_system
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
@@ -141,9 +142,11 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
     tried: dict[Unit | None, VectorReading] = {}
     remarks_of: dict[Unit | None, list[Remark]] = {}
-    units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
-    problem: InputError | None = None
     content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
+    units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
+    if not stated.unit and content.crs is not None and not coordinate_system(path, content.crs).is_geographic:
+        units = [None]  # the system states the unit
+    problem: InputError | None = None
     has_levels = bool(stated.elevations_m or stated.level_by)
     if not stated.layers and not has_levels:
         require_plan(path, content)
