@@ -1,4 +1,4 @@
-"""Files that state something beside their coordinates, with their licence in the data card; they are not in the project."""
+"""Files beside the project that state something beside their coordinates."""
 
 import pytest
 

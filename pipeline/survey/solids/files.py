@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from ezdxf import disassemble
+from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
 from ezdxf.entities.mesh import Mesh as MeshEntity
 from ezdxf.entities.polyline import Polyface, Polymesh
@@ -21,9 +22,8 @@ from pipeline.errors import InputError
 from pipeline.params.survey import Unit
 from pipeline.survey.solids.surpac_solid import read_dtm
 from pipeline.survey.vector.dxf import READING_ERRORS
+from pipeline.survey.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of
 
-DXF = ".dxf"
-_UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
 _Y_UP = (".glb",)  # by the format's own rule; the others state nothing
 
 
@@ -50,10 +50,10 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
     InputError
         If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
-    suffix = path.suffix.lower()
+    suffix, dxf_unit = path.suffix.lower(), None
     match suffix:
         case ".dxf":
-            found = _read_dxf(path)
+            found, dxf_unit = _read_dxf(path)
         case ".dtm":
             found = read_dtm(path)
         case _:
@@ -73,7 +73,7 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         raise InputError(f"{path}: a coordinate that is no finite number")
     faces = np.concatenate([faces + start for (_, _, faces), start in zip(chosen, first[:-1], strict=True)])
     layer = np.repeat([names.index(name) for name, _, _ in chosen], [len(faces) for _, _, faces in chosen])
-    unit: Unit | None = _dxf_unit(path) if suffix == DXF else "m" if suffix in _Y_UP else None
+    unit: Unit | None = "m" if suffix in _Y_UP else dxf_unit
     return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z")
 
 
@@ -97,18 +97,21 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
             yield str(name), vertices, faces[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else faces  # a mirror
 
 
-def _read_dxf(path: Path) -> list[Mesh]:
+def _read_dxf(path: Path) -> tuple[list[Mesh], Unit | None]:
+    """Return the meshes of a drawing, and the unit that it states."""
     try:
-        return list(_dxf_meshes(path))
+        drawing = readfile(path)
+        drop_frame_points(drawing)
+        return list(_dxf_meshes(drawing)), unit_of(path, drawing)
     except OSError as error:
         raise InputError(f"{path}: not a DXF drawing; does it begin with the section HEADER or ENTITIES?") from error
     except READING_ERRORS as error:
         raise InputError(f"{path}: not a DXF drawing that can be read") from error
 
 
-def _dxf_meshes(path: Path) -> Iterator[Mesh]:
+def _dxf_meshes(drawing: Drawing) -> Iterator[Mesh]:
     """Yield layer, vertices and triangles of each 3DFACE, polyface or polygon mesh, and MESH of a drawing."""
-    for entity in disassemble.recursive_decompose(readfile(path).modelspace()):
+    for entity in disassemble.recursive_decompose(drawing.modelspace()):
         mesh = _dxf_mesh(entity)
         if mesh is not None and len(mesh.faces):
             mesh.faces = [face for face in mesh.faces if len(set(face)) > 2]
@@ -124,10 +127,8 @@ def _dxf_mesh(entity: DXFEntity) -> MeshBuilder | None:
         return mesh
     if isinstance(entity, MeshEntity):
         return MeshBuilder.from_mesh(entity)
-    if isinstance(entity, Polyface | Polymesh):
+    if isinstance(entity, Polyface):
         return MeshBuilder.from_polyface(entity)
+    if isinstance(entity, Polymesh):
+        return mesh_of_polygon_mesh(entity)
     return None
-
-
-def _dxf_unit(path: Path) -> Unit | None:
-    return _UNITS.get(int(readfile(path).header.get("$INSUNITS", 0)))
