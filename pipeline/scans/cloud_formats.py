@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.e57_clouds import e57_blocks
 from pipeline.scans.pcd_clouds import pcd_blocks
+from pipeline.scans.ply_meshes import read_ply_mesh
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
+from pipeline.scans.polygons import with_triangles
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
@@ -204,7 +207,7 @@ def _load(
     import trimesh
 
     try:
-        with path.open("rb") as stream:
+        with path.open("rb") if path.suffix.lower() != ".obj" else BytesIO(with_triangles(path.read_bytes())) as stream:
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
@@ -232,11 +235,19 @@ def _load(
     return vertices, faces, fields
 
 
+def _ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    read_ply_header(path)
+    try:
+        return read_ply_mesh(path.read_bytes())[:2]
+    except (ValueError, KeyError, IndexError, Warning) as error:
+        raise InputError(f"{path}: cannot be read as a mesh; it is broken or cut off; is it truncated?") from error
+
+
 def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[PointBlock]:
     """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    vertices, faces, _ = _load(path, "a mesh", force="mesh")
+    vertices, faces = _ply_mesh(path) if path.suffix.lower() == ".ply" else _load(path, "a mesh", force="mesh")[:2]
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")

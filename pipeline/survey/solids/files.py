@@ -1,4 +1,4 @@
-"""Readers of triangle meshes: OBJ, STL, PLY and GLB by trimesh, DXF by ezdxf, Surpac's triangulations."""
+"""Readers of triangle meshes: OBJ, STL and GLB by trimesh, DXF by ezdxf, PLY, and Surpac's triangulations."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from ezdxf.render.mesh import MeshBuilder
 
 from pipeline.errors import InputError
 from pipeline.params.survey import Unit
+from pipeline.scans.ply_meshes import read_ply_mesh
+from pipeline.scans.polygons import triangles_of, with_triangles
 from pipeline.survey.solids.surpac_solid import read_dtm
 from pipeline.survey.vector.dxf import READING_ERRORS
 from pipeline.survey.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of
@@ -56,6 +58,8 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
             found, dxf_unit = _read_dxf(path)
         case ".dtm":
             found = read_dtm(path)
+        case ".ply":
+            found = [_read_ply(path, data)]
         case _:
             found = list(_scene_meshes(path, data, suffix))
     names = tuple(dict.fromkeys(name for name, _, _ in found))
@@ -83,6 +87,8 @@ Mesh = tuple[str, np.ndarray, np.ndarray]
 def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
     """Yield name, vertices and faces of each mesh of a file that trimesh reads; it opens no other file."""
     try:
+        if suffix == ".obj":
+            data = with_triangles(data)
         scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=None, process=False)
         placed = [(name, *scene.graph[name]) for name in scene.graph.nodes_geometry]
         meshes = [(name, transform, scene.geometry[key]) for name, transform, key in placed]
@@ -95,6 +101,14 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
             vertices = np.asarray(mesh.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
             faces = np.asarray(mesh.faces, np.int64)
             yield str(name), vertices, faces[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else faces  # a mirror
+
+
+def _read_ply(path: Path, data: bytes) -> Mesh:
+    try:
+        vertices, faces, _ = read_ply_mesh(data)
+    except (ValueError, KeyError, IndexError, Warning) as error:
+        raise InputError(f"{path}: not a mesh that a PLY file holds, or cut off") from error
+    return path.stem, vertices, faces
 
 
 def _read_dxf(path: Path) -> tuple[list[Mesh], Unit | None]:
@@ -114,10 +128,10 @@ def _dxf_meshes(drawing: Drawing) -> Iterator[Mesh]:
     for entity in disassemble.recursive_decompose(drawing.modelspace()):
         mesh = _dxf_mesh(entity)
         if mesh is not None and len(mesh.faces):
-            mesh.faces = [face for face in mesh.faces if len(set(face)) > 2]
-            plain = mesh.mesh_tessellation(max_vertex_count=3)
-            vertices = np.array([tuple(vertex) for vertex in plain.vertices], np.float64).reshape(-1, 3)
-            yield str(entity.dxf.layer), vertices, np.array(plain.faces, np.int64).reshape(-1, 3)
+            vertices = np.array([tuple(vertex) for vertex in mesh.vertices], np.float64).reshape(-1, 3)
+            faces = [list(dict.fromkeys(face)) for face in mesh.faces]  # corners may repeat
+            sizes = np.array([len(face) for face in faces], np.int64)
+            yield str(entity.dxf.layer), vertices, triangles_of(vertices, np.concatenate(faces).astype(np.int64), sizes)
 
 
 def _dxf_mesh(entity: DXFEntity) -> MeshBuilder | None:
