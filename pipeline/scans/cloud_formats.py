@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.e57_clouds import e57_blocks
+from pipeline.scans.measured_points import measured
 from pipeline.scans.pcd_clouds import pcd_blocks
 from pipeline.scans.ply_meshes import read_ply_mesh
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
@@ -58,19 +59,23 @@ def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) ->
     Raises
     ------
     InputError
-        If the format is unknown, or the file is empty, truncated, too large, not numeric or not finite.
+        If the format is unknown, or the file is empty, truncated, too large or not numeric, or no point was measured.
     """
+    return measured(path, _all_blocks(path, points_per_unit2, wanted))
+
+
+def _all_blocks(path: Path, points_per_unit2: float, wanted: Wanted) -> Iterator[PointBlock]:
     suffix = path.suffix.lower()
     if suffix in TEXT:
         return text_blocks(path, wanted)
     if suffix == ".e57":
         return e57_blocks(path, wanted)
     if suffix == ".zip":
-        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2, wanted))
+        return zipped_blocks(path, CLOUDS, lambda one: _all_blocks(one, points_per_unit2, wanted))
     if suffix in {".las", ".laz"}:
         return _las_blocks(path, wanted)
     if suffix == ".pcd":
-        return (_require_finite(path, block) for block in pcd_blocks(path, wanted))
+        return pcd_blocks(path, wanted)
     if suffix in {".ply", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
@@ -150,7 +155,7 @@ def _require_chunks(path: Path, points_at: int, size: int) -> None:
 
 def _ply_points(path: Path, wanted: Wanted) -> PointBlock:
     vertices, _, fields = _load(path, "PLY", wanted)  # Open3D fills a truncated PLY with zeros
-    return _require_finite(path, block_of(vertices, fields))
+    return block_of(vertices, fields)
 
 
 def read_ply_header(path: Path) -> dict[str, int]:

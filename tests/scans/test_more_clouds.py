@@ -68,7 +68,7 @@ def test_a_table_of_stations_is_no_table_of_points(tmp_path):
         ("x y z\n1 2 3\n1 2\n", r"a\.txt:3: 2 columns, at least 3 are needed"),
         ("1,5 2,5 3,5\n4 5 6\n", r"a\.txt:1: '5 2' is not a number"),
         ("1,5;2,5;3,5\n4;5;6,x\n", r"a\.txt:2: '6.x' is not a number"),
-        ("x,y,z\n1,2,inf\n", r"a\.txt:2: inf is not finite"),
+        ("x,y,z\n1,2,inf\n0,0,0\n", r"a\.txt: none of its 2 points was measured: 1 are NaN, 1 lie at 0 0 0"),
     ],
 )
 def test_a_row_that_is_no_point_is_refused_by_its_line(tmp_path, text, message):
