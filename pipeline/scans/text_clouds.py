@@ -28,7 +28,7 @@ _NAMES = (  # of the columns of x, y and z
 _COLUMNS = ["x", "y", "z"]  # of rows without names
 _DAT_COLUMNS = ["time", *_COLUMNS, "intensity"]
 _PTS_COLUMNS = [*_COLUMNS, "intensity", "red", "green", "blue"]
-_OF_STATIONS = {"leg", "station", "from", "to"}
+_OF_STATIONS = {"leg", "station", "from", "to", "point", "punkt", "pt"}
 
 
 @dataclass(frozen=True)
