@@ -135,6 +135,21 @@ def test_the_scans_of_an_e57_file_are_joined_in_its_frame(tmp_path):
         read(tmp_path / "b.e57")
 
 
+def test_points_of_an_e57_file_that_are_stated_as_invalid_or_lie_at_the_scanner_are_left_out(tmp_path, capsys):
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed")
+    rows = np.concatenate([POINTS, np.full((7, 3), 99.0), np.zeros((5, 3))])
+    columns = {f"cartesian{axis}": rows[:, k] for k, axis in enumerate("XYZ")}
+    columns["cartesianInvalidState"] = np.repeat([0, 2, 0], [200, 7, 5]).astype(np.int8)
+    quarter = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    file.write_scan_raw(columns, rotation=quarter, translation=np.array([1000.0, 2000, 30]))
+    file.close()
+    assert read(tmp_path / "a.e57") == pytest.approx(POINTS[:, [1, 0, 2]] * [-1, 1, 1] + [1000, 2000, 30])
+    said = capsys.readouterr().err
+    assert "a.e57: 7 points that the file states as invalid are left out" in said
+    assert "a.e57: 5 of 205 points lie at 0 0 0" in said
+
+
 def test_without_its_reader_an_e57_file_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pye57", None)
     (tmp_path / "a.e57").write_bytes(b"ASTM-E57")

@@ -94,6 +94,7 @@ def test_the_place_of_a_mesh_in_a_glb_scene_makes_it_no_coarser(tmp_path):
     read_back = read_triangles(tmp_path / "a.glb", (tmp_path / "a.glb").read_bytes())
     assert np.ptp(read_back.vertices, axis=0) == pytest.approx([60, 4.1, 3.2], abs=1e-4)
     assert read_back.steps.max() < 1e-5
+    assert (read_back.unit, read_back.up) == ("m", "y")
 
 
 def test_a_corner_of_no_triangle_is_no_part_of_the_workings(tmp_path):

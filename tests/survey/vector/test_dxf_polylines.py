@@ -73,6 +73,16 @@ def test_the_arcs_of_a_curve_that_was_fitted_by_arcs_are_read_with_its_extra_poi
     assert found.length == pytest.approx(length_by_gdal(tmp_path / "a.dxf"), rel=1e-3)
 
 
+def test_a_polyline_in_a_mirrored_system_lies_where_gdal_reads_it(tmp_path):
+    drawing = ezdxf.new(units=6)
+    drawing.modelspace().add_lwpolyline([(0, 0), (10, 0), (10, 5)], dxfattribs={"extrusion": (0, 0, -1)})
+    drawing.saveas(tmp_path / "a.dxf")
+    (line,) = read_dxf(tmp_path / "a.dxf", None).shapes
+    by_gdal = shapely.from_wkb(pyogrio.raw.read(tmp_path / "a.dxf")[2])[0]
+    assert shapely.equals_exact(line, shapely.force_2d(by_gdal), 1e-9)
+    assert line.bounds == pytest.approx((-10, 0, 0, 5))
+
+
 def tube(drawing, turned, rows=4, smooth=False):
     """Add a tube of 60 m, 4 x 3.2 m, as a polygon mesh that closes along N, or along M if it is turned."""
     ring = [(-2, 0), (2, 0), (2, 3.2), (-2, 3.2)]
