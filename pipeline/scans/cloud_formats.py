@@ -13,12 +13,12 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.checks.measured_points import measured
 from pipeline.scans.e57_clouds import e57_blocks
-from pipeline.scans.measured_points import measured
+from pipeline.scans.meshes.ply_meshes import read_ply_mesh
+from pipeline.scans.meshes.polygons import with_triangles
 from pipeline.scans.pcd_clouds import pcd_blocks
-from pipeline.scans.ply_meshes import read_ply_mesh
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
-from pipeline.scans.polygons import with_triangles
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 

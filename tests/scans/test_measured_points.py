@@ -5,10 +5,10 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.geometry.ray_scene import load_open3d
+from pipeline.scans.checks.precision import require_fine, steps_of_floats, steps_seen
 from pipeline.scans.cloud_formats import read_blocks
-from pipeline.scans.precision import require_fine, steps_of_floats, steps_seen
 from pipeline.survey.clouds.points import ScanFile, read_here
-from tests.stated_files import shared_file
+from tests.project import shared_file
 
 POINTS = np.random.default_rng(0).uniform(-5, 5, (200, 3)).round(3)
 GRID = np.array([456_780.0, 5_712_340.0, 400.0])
@@ -120,8 +120,8 @@ def test_a_few_points_far_from_all_others_are_named_and_not_taken_for_a_unit(tmp
     points = np.concatenate([POINTS + GRID, [[1.5, 2.5, 3.5]]])
     with pytest.raises(
         InputError,
-        match=r"1 of 201 points lie more than 10000 m from the others, the first at \(1\.5, 2\.5, 3\.5\), the others "
-        r"about \(45678\d, 571234\d, 400\); cut them off",
+        match=r"1 of 201 points lie more than 10000 from the others, the first at \(1\.5, 2\.5, 3\.5\), the others "
+        r"about \(45678\d, 571234\d, 400\); cut them off, or --unit states",
     ):
         as_scan(tmp_path / "a.xyz", points)
     assert as_scan(tmp_path / "a.xyz", points[:-1]).values["total"] == 200  # as the refusal says

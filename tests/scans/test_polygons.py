@@ -9,7 +9,7 @@ import trimesh
 
 from pipeline.errors import InputError
 from pipeline.scans.cloud_formats import read_blocks
-from pipeline.scans.polygons import triangles_of
+from pipeline.scans.meshes.polygons import triangles_of
 from pipeline.survey.solids.closing import close_pieces
 from pipeline.survey.solids.files import read_triangles
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload
+from pipeline.scans.checks.precision import require_fine, steps_seen
+from pipeline.scans.checks.strays import require_together
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.scans.point_blocks import PointBlock, Wanted
-from pipeline.scans.precision import require_fine, steps_seen
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.vector.shapes import METRES, REACH_M
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm
 _LOOKED_AT = 2_000_000  # voxels that the spacing and the size of a scan are measured of
 _NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
-_STRAY = 100.0  # times as far from the middle as half of the points: no workings reach so far
 _MESH_POINTS = 4.0  # of a voxel's side of a mesh
 
 Origin = tuple[float, float, float]
@@ -85,7 +85,7 @@ def _read(file: ScanFile) -> ScanPoints:
     if first is None:
         raise InputError(f"{path}: has no points")
     require_fine(path, steps_seen(first.points) * file.unit_m)
-    _require_together(path, first.points, file.unit_m)
+    require_together(path, first.points, REACH_M / file.unit_m, "points", "cut them off, or --unit states its unit")
     up = turned(first.points, file.up)
     origin = np.array(file.origin if file.origin is not None else origin_of(up, file.unit_m))
     in_metres = (
@@ -99,19 +99,6 @@ def _read(file: ScanFile) -> ScanPoints:
         raise InputError(f"{path}: {error}") from error
     x, y, z = origin.tolist()
     return ScanPoints(cloud, (x, y, z))
-
-
-def _require_together(path: Path, points: np.ndarray, metres: float) -> None:
-    """Refuse a few points (n, 3) that lie far from all others, whatever the unit is; the message names the first."""
-    middle = np.median(points, axis=0)
-    far = np.linalg.norm(points - middle, axis=1)
-    stray = (far * metres > REACH_M) & (far > _STRAY * np.median(far))
-    if stray.any():
-        x, y, z = points[stray.argmax()]
-        raise InputError(
-            f"{path}: {stray.sum()} of {len(points)} points lie more than {REACH_M:g} m from the others, the first at "
-            f"({x:g}, {y:g}, {z:g}), the others about ({middle[0]:.0f}, {middle[1]:.0f}, {middle[2]:.0f}); cut them off"
-        )
 
 
 def turned(points: np.ndarray, up: str) -> np.ndarray:

@@ -20,9 +20,9 @@ from ezdxf.render.mesh import MeshBuilder
 
 from pipeline.errors import InputError
 from pipeline.params.survey import Unit
-from pipeline.scans.ply_meshes import read_ply_mesh
-from pipeline.scans.polygons import triangles_of, with_triangles
-from pipeline.scans.precision import steps_of_floats
+from pipeline.scans.checks.precision import steps_of_floats
+from pipeline.scans.meshes.ply_meshes import read_ply_mesh
+from pipeline.scans.meshes.polygons import triangles_of, with_triangles
 from pipeline.survey.solids.surpac_solid import read_dtm
 from pipeline.survey.vector.dxf import READING_ERRORS
 from pipeline.survey.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of

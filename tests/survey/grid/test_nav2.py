@@ -9,7 +9,7 @@ from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import nav2_map, occupancy_grid
 from pipeline.survey.grid.nav2 import nav2_picture, read_nav2_map
 from tests.mines import TEE
-from tests.stated_files import shared_file
+from tests.project import shared_file
 
 
 def write(folder, text, grey=None):

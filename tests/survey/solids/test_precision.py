@@ -102,3 +102,15 @@ def test_a_corner_of_no_triangle_is_no_part_of_the_workings(tmp_path):
     (tmp_path / "a.obj").write_text(text.rstrip() + "\nv 0 0 0\n")
     found = read(tmp_path / "a.obj")
     assert found.georeference.origin == (456_750.0, 5_712_330.0)
+
+
+def test_a_solid_far_from_all_others_is_named_and_not_taken_for_a_unit(tmp_path):
+    pebble = trimesh.creation.box((1, 1, 1))
+    both = trimesh.util.concatenate([drift(GRID), *(drift(GRID + np.array([0, 9 * k, 0])) for k in (1, 2)), pebble])
+    (tmp_path / "a.obj").write_text(trimesh.exchange.obj.export_obj(both, digits=6))
+    with pytest.raises(
+        InputError,
+        match=r"a\.obj: 8 of 32 corners lie more than 10000 from the others, the first at \(.0\.5, .0\.5, .0\.5\), the "
+        r"others about \(4567\d\d, 57123\d\d, -4\d\d\); delete what they belong to",
+    ):
+        read(tmp_path / "a.obj")

@@ -14,8 +14,7 @@ from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
-from tests.project import ROOT, TINY_STATIONS
-from tests.stated_files import shared_file
+from tests.project import ROOT, TINY_STATIONS, shared_file
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
 

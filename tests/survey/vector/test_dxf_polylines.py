@@ -7,10 +7,11 @@ import pytest
 import shapely
 from ezdxf.math import BSpline
 
+from pipeline.errors import InputError
 from pipeline.survey.solids.closing import close_pieces
 from pipeline.survey.solids.files import read_triangles
 from pipeline.survey.vector.dxf import read_dxf
-from tests.stated_files import shared_file
+from tests.project import shared_file
 
 FITTED, DRAWN, FRAME = 4, 8, 16  # flags of a polyline, and of its points
 FRAME_M = [(0, 0, 0), (50, 80, 0), (100, -80, 0), (150, 0, 0)]
@@ -163,3 +164,21 @@ def test_a_stated_unit_is_used_or_named(tmp_path, capsys, code, unit, said):
     assert read_triangles(tmp_path / "a.dxf", b"").unit == unit
     shown = capsys.readouterr().err
     assert f"states its unit as {said} ($INSUNITS = {code})" in shown if said else "unit" not in shown
+
+
+def test_a_line_far_from_all_others_is_named_and_left_out_by_its_layer(tmp_path):
+    drawing = ezdxf.new(units=6)
+    space = drawing.modelspace()
+    for k in range(5):
+        space.add_lwpolyline(
+            [(456_780, 5_712_340 + 9 * k), (456_880, 5_712_340 + 9 * k)], dxfattribs={"layer": "walls"}
+        )
+    space.add_lwpolyline([(0, 0), (3, 0)], dxfattribs={"layer": "mark"})
+    drawing.saveas(tmp_path / "a.dxf")
+    with pytest.raises(
+        InputError,
+        match=r"2 of 12 points lie more than 10000 from the others, the first at \(0, 0\), the others "
+        r"about \(456\d\d\d, 57123\d\d\); erase what lies there, or choose layers by --layer NAME",
+    ):
+        read_dxf(tmp_path / "a.dxf", None)
+    assert len(read_dxf(tmp_path / "a.dxf", ["walls"]).shapes) == 5  # as the refusal says
