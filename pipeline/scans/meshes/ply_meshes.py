@@ -35,7 +35,7 @@ class _Element:
 
 
 def read_ply_mesh(data: bytes) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Return vertices (n, 3) float64, triangles (m, 3) int64, and whether coordinates are stated as of 32 bits.
+    """Return vertices (n, 3) float64, triangles (m, 3) int64, and whether coordinates have 32 bits.
 
     Raises
     ------
@@ -53,6 +53,7 @@ def read_ply_mesh(data: bytes) -> tuple[np.ndarray, np.ndarray, bool]:
             table = rows.table(element)
             vertices = np.column_stack([np.asarray(table[names.index(axis)], float) for axis in "xyz"])
             is_single = any(kind == "f4" for name, kind, _ in element.columns if name in "xyz")
+            is_single &= bool((vertices == vertices.astype(np.float32)).all())  # a text may be finer than it states
         elif element.name == "face":
             corners, sizes = rows.lists(element, _corners_of(element))
         else:
@@ -74,7 +75,7 @@ def _header(text: str) -> tuple[str, list[_Element]]:
                 elements[-1].columns.append((name, _TYPES[kind], _TYPES[length]))
             case ["property", kind, name]:
                 elements[-1].columns.append((name, _TYPES[kind], None))
-    if order is None or not all(element.columns for element in elements):
+    if order is None or not all(element.columns and element.rows >= 0 for element in elements):
         raise ValueError(text[:60])
     return order, elements
 

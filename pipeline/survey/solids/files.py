@@ -49,7 +49,7 @@ class Triangles:
 
 
 @dataclass(frozen=True)
-class _Mesh:
+class _LayerMesh:
     """Triangles of one layer, and the steps (3,) in which its coordinates come, zero if they are as fine as written."""
 
     layer: str
@@ -71,7 +71,7 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         case ".dxf":
             found, dxf_unit = _read_dxf(path)
         case ".dtm":
-            found = [_Mesh(*mesh) for mesh in read_dtm(path)]
+            found = [_LayerMesh(*mesh) for mesh in read_dtm(path)]
         case ".ply":
             found = [_read_ply(path, data)]
         case _:
@@ -99,7 +99,7 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
     return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z", steps)
 
 
-def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[_Mesh]:
+def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[_LayerMesh]:
     """Yield name, vertices and faces of each mesh of a file that trimesh reads; it opens no other file."""
     try:
         if suffix == ".obj":
@@ -118,15 +118,15 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[_Mesh]:
             faces = np.asarray(mesh.faces, np.int64)
             faces = faces[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else faces  # a mirror
             steps = np.abs(transform[:3, :3]) @ steps_of_floats(mesh.vertices) if is_single else np.zeros(3)
-            yield _Mesh(str(name), vertices, faces, steps)
+            yield _LayerMesh(str(name), vertices, faces, steps)
 
 
-def _read_ply(path: Path, data: bytes) -> _Mesh:
+def _read_ply(path: Path, data: bytes) -> _LayerMesh:
     try:
         vertices, faces, is_single = read_ply_mesh(data)
     except (ValueError, KeyError, IndexError, Warning) as error:
         raise InputError(f"{path}: not a mesh that a PLY file holds, or cut off") from error
-    return _Mesh(path.stem, vertices, faces, steps_of_floats(vertices) if is_single else np.zeros(3))
+    return _LayerMesh(path.stem, vertices, faces, steps_of_floats(vertices) if is_single else np.zeros(3))
 
 
 def _is_binary_stl(data: bytes) -> bool:
@@ -134,7 +134,7 @@ def _is_binary_stl(data: bytes) -> bool:
     return len(data) == _STL_HEAD + 50 * int.from_bytes(data[_STL_HEAD - 4 : _STL_HEAD], "little")
 
 
-def _read_dxf(path: Path) -> tuple[list[_Mesh], Unit | None]:
+def _read_dxf(path: Path) -> tuple[list[_LayerMesh], Unit | None]:
     """Return the meshes of a drawing, and the unit that it states."""
     try:
         drawing = readfile(path)
@@ -146,7 +146,7 @@ def _read_dxf(path: Path) -> tuple[list[_Mesh], Unit | None]:
         raise InputError(f"{path}: not a DXF drawing that can be read") from error
 
 
-def _dxf_meshes(drawing: Drawing) -> Iterator[_Mesh]:
+def _dxf_meshes(drawing: Drawing) -> Iterator[_LayerMesh]:
     """Yield layer, vertices and triangles of each 3DFACE, polyface or polygon mesh, and MESH of a drawing."""
     for entity in disassemble.recursive_decompose(drawing.modelspace()):
         mesh = _dxf_mesh(entity)
@@ -155,7 +155,7 @@ def _dxf_meshes(drawing: Drawing) -> Iterator[_Mesh]:
             faces = [list(dict.fromkeys(face)) for face in mesh.faces]  # corners may repeat
             sizes = np.array([len(face) for face in faces], np.int64)
             triangles = triangles_of(vertices, np.concatenate(faces).astype(np.int64), sizes)
-            yield _Mesh(str(entity.dxf.layer), vertices, triangles)
+            yield _LayerMesh(str(entity.dxf.layer), vertices, triangles)
 
 
 def _dxf_mesh(entity: DXFEntity) -> MeshBuilder | None:

@@ -52,17 +52,19 @@ def test_the_steps_are_those_of_the_unit_that_is_read(tmp_path):
     assert np.ptp(found.solid.vertices, axis=0) == pytest.approx([60, 4.1, 3.2], abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["a.obj", "a.dxf", "text.stl", "text.ply"])
+@pytest.mark.parametrize("name", ["a.obj", "a.dxf", "text.stl", "text.ply", "float.ply"])
 def test_a_mesh_as_text_is_as_fine_as_it_is_written(tmp_path, capsys, name):
     path, mesh = tmp_path / name, drift(GRID)
     match name:
         case "text.stl":
             path.write_text(trimesh.exchange.stl.export_stl_ascii(mesh))
-        case "text.ply":
+        case "text.ply" | "float.ply":
             rows = [f"{x} {y} {z}" for x, y, z in mesh.vertices] + [f"3 {a} {b} {c}" for a, b, c in mesh.faces]
             head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty double x\nproperty double y\nproperty double z\n"
             head += "element face 12\nproperty list uchar int vertex_index\nend_header\n"
-            path.write_text(head + "\n".join(rows) + "\n")
+            path.write_text(
+                head.replace("double", "float" if name == "float.ply" else "double") + "\n".join(rows) + "\n"
+            )
         case "a.obj":
             path.write_text(trimesh.exchange.obj.export_obj(mesh, digits=6))
         case _:
