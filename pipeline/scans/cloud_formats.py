@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,11 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.checks.measured_points import measured
 from pipeline.scans.e57_clouds import e57_blocks
 from pipeline.scans.las_clouds import las_blocks
+from pipeline.scans.meshes.ply_meshes import read_ply_mesh
+from pipeline.scans.meshes.polygons import with_triangles
 from pipeline.scans.pcd_clouds import pcd_blocks
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
 from pipeline.scans.text_clouds import TEXT, text_blocks
@@ -53,19 +57,23 @@ def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) ->
     Raises
     ------
     InputError
-        If the format is unknown, or the file is empty, truncated, too large, not numeric or not finite.
+        If the format is unknown, or the file is empty, truncated, too large or not numeric, or no point was measured.
     """
+    return measured(path, _all_blocks(path, points_per_unit2, wanted))
+
+
+def _all_blocks(path: Path, points_per_unit2: float, wanted: Wanted) -> Iterator[PointBlock]:
     suffix = path.suffix.lower()
     if suffix in TEXT:
         return text_blocks(path, wanted)
     if suffix == ".e57":
         return e57_blocks(path, wanted)
     if suffix == ".zip":
-        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2, wanted))
+        return zipped_blocks(path, CLOUDS, lambda one: _all_blocks(one, points_per_unit2, wanted))
     if suffix in {".las", ".laz"}:
         return las_blocks(path, wanted)
     if suffix == ".pcd":
-        return (_require_finite(path, block) for block in pcd_blocks(path, wanted))
+        return pcd_blocks(path, wanted)
     if suffix in {".ply", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
@@ -85,7 +93,7 @@ def _whole_file(path: Path, suffix: str, points_per_unit2: float, wanted: Wanted
 
 def _ply_points(path: Path, wanted: Wanted) -> PointBlock:
     vertices, _, fields = _load(path, "PLY", wanted)  # Open3D fills a truncated PLY with zeros
-    return _require_finite(path, block_of(vertices, fields))
+    return block_of(vertices, fields)
 
 
 def read_ply_header(path: Path) -> dict[str, int]:
@@ -142,7 +150,7 @@ def _load(
     import trimesh
 
     try:
-        with path.open("rb") as stream:
+        with path.open("rb") if path.suffix.lower() != ".obj" else BytesIO(with_triangles(path.read_bytes())) as stream:
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
@@ -170,11 +178,19 @@ def _load(
     return vertices, faces, fields
 
 
+def _ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    read_ply_header(path)
+    try:
+        return read_ply_mesh(path.read_bytes())[:2]
+    except (ValueError, KeyError, IndexError, Warning) as error:
+        raise InputError(f"{path}: cannot be read as a mesh; it is broken or cut off; is it truncated?") from error
+
+
 def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[PointBlock]:
     """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    vertices, faces, _ = _load(path, "a mesh", force="mesh")
+    vertices, faces = _ply_mesh(path) if path.suffix.lower() == ".ply" else _load(path, "a mesh", force="mesh")[:2]
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")

@@ -12,6 +12,8 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload
+from pipeline.scans.checks.precision import require_fine, steps_seen
+from pipeline.scans.checks.strays import require_together
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.scans.point_blocks import PointBlock, Wanted
 from pipeline.survey.clouds.scan_axes import ScanAxes, axes_of_scan
@@ -84,10 +86,12 @@ def _read(file: ScanFile) -> ScanPoints:
     path = Path(file.path)
     wanted = Wanted(file.colours, file.timed)
     blocks = read_blocks(path, _MESH_POINTS * ((file.unit_m or 1.0) / file.thin_m) ** 2, wanted)
-    first = next(blocks, None)
-    if first is None or not len(first):
+    first = next((block for block in blocks if len(block)), None)
+    if first is None:
         raise InputError(f"{path}: has no points")
     axes = axes_of_scan(path, first, file.unit_m)
+    require_fine(path, steps_seen(first.points) * axes.unit_m)
+    require_together(path, first.points, REACH_M / axes.unit_m, "points", "cut them off, or --unit states its unit")
     up = turned(axes.of(first.points), file.up)
     origin = np.array(file.origin if file.origin is not None else origin_of(up, axes.unit_m))
     in_metres = (
