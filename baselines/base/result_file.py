@@ -115,21 +115,23 @@ def write_results(path: Path, head: Head, episodes: list[Episode]) -> None:
 
 
 def require_place(path: Path) -> None:
-    """Refuse a path where something else than a plain file is, which no results file may replace.
+    """Make the folder of a file that is to be written; refuse what is no plain file, which no results may replace.
 
     Raises
     ------
     BaselineError
         Naming the path.
+    OSError
+        If there can be no such folder.
     """
-    if path.exists() and not path.is_file():
+    if (path.is_symlink() or path.exists()) and not path.is_file():
         raise BaselineError(f"{path}: not a plain file; no results are written there")
+    path.parent.mkdir(parents=True, exist_ok=True)
 
 
 def replace_text(path: Path, text: str) -> None:
     """Write a file whole or not at all, also where two processes write it at once; replace only a plain file."""
     require_place(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         fresh.write_text(text)
