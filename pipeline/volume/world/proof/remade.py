@@ -15,6 +15,7 @@ from pipeline.errors import ArtifactError, GeometryError
 from pipeline.params.compile3d import SpawnParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.rebuilt.differences import first_difference
+from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.store.codecs import decode
 from pipeline.types import Image, SurveyedLegs, lines_of
 from pipeline.volume.world.built import built_length_m
@@ -26,6 +27,7 @@ from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.proof.labelled import require_labelled
 from pipeline.volume.world.proof.remodelled import require_same_model
 from pipeline.volume.world.proof.seen import require_plan
+from pipeline.volume.world.proof.textured import require_textured
 from pipeline.volume.world.reach import neighbours_of
 from pipeline.volume.world.record import OpenEnd
 from pipeline.volume.world.solid import legs_on_floors
@@ -78,6 +80,9 @@ def require_remade(
     require_plan(folder, world, surveyed)
     _require_start(folder, world, params)
     require_same_model(folder, world)
+    if world.rock:
+        require_shading(folder, world.rock, JoinedRock.of(list(world.rock.values())))
+        require_textured(folder, world.rock)
 
 
 def follows_floors(world: VolumeBundle, params: VolumeProofParams) -> bool:
