@@ -50,7 +50,7 @@ def check_network(record: Mapping[str, Any], network: Any, facets: VolumeFacets)
     )
     stations, legs = network["stations_m"], network["legs"]
     if len(legs) != record["drifts"]:
-        raise BundleError(f"{TOPOLOGY}: {len(legs)} legs, want {record['drifts']}, as {RECORD} has drifts")
+        raise BundleError(f"{TOPOLOGY}: {len(legs)} legs: want as many legs as {RECORD} has drifts, {record['drifts']}")
     numbers = {name: number for number, name in enumerate(stations)}
     for name in ("junctions", "dead_ends", "entrances"):
         for station in network[name]:

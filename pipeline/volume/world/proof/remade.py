@@ -23,11 +23,11 @@ from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.maps import drawn_maps, octree_of
+from pipeline.volume.world.proof.again.labelled import require_labelled
+from pipeline.volume.world.proof.again.remodelled import require_same_model
+from pipeline.volume.world.proof.again.seen import require_plan
+from pipeline.volume.world.proof.again.textured import require_textured
 from pipeline.volume.world.proof.certificate import VolumeBundle
-from pipeline.volume.world.proof.labelled import require_labelled
-from pipeline.volume.world.proof.remodelled import require_same_model
-from pipeline.volume.world.proof.seen import require_plan
-from pipeline.volume.world.proof.textured import require_textured
 from pipeline.volume.world.reach import neighbours_of
 from pipeline.volume.world.record import OpenEnd
 from pipeline.volume.world.solid import legs_on_floors

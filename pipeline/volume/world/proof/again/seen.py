@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import RECORD
+from minexplore.bundle import RECORD, TOPOLOGY, line_of
 from pipeline.errors import ArtifactError
 from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.proof.rebuilt.differences import first_difference
@@ -42,9 +42,12 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
     if legs is None:
         _require_about(path, world)
     else:
-        view = shapely.union_all(shapely.get_parts(seen_from_above(path, legs)))
+        try:
+            view = shapely.union_all(shapely.get_parts(seen_from_above(path, legs)))
+        except shapely.GEOSException as error:
+            raise ArtifactError(f"{folder / TOPOLOGY}: its legs cannot be seen from above: {line_of(error)}") from error
         _require_margin(path, record.plan_frame, view)
-        _require_areas(path, record, view)
+        require_areas(path, record, view)
     if stated.traced_tunnel_m2 != stated.tunnel_m2 or stated.unconnected_m2 != 0:
         raise ArtifactError(
             f"{path}: areas: traced_tunnel_m2 = {stated.traced_tunnel_m2}, unconnected_m2 = {stated.unconnected_m2}; "
@@ -52,7 +55,8 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
         )
 
 
-def _require_areas(path: Path, record: VolumeRecord, view: BaseGeometry) -> None:
+def require_areas(path: Path, record: VolumeRecord, view: BaseGeometry) -> None:
+    """Compare the areas of a record with those of a view from above, m, mine frame."""
     stated, outer = record.areas, filled(view)
     islands = count_islands(view)
     small = sum(

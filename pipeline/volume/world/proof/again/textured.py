@@ -75,8 +75,8 @@ def _pieces(faces: np.ndarray, count: int) -> np.ndarray:
 def _repeat_m(places: np.ndarray, laid: np.ndarray, piece: np.ndarray, packed: bool) -> float:
     """Return the length, m, that a picture covers; 0 if its texture runs along no axes.
 
-    Each piece of rock tells it by its own extent, the axes being those that fit best. A picture that repeats lies at
-    its places, and so the farthest ones from the origin tell it best.
+    It is read off the extents of the pieces, along the axes that fit each best, and where the picture repeats off the
+    places that are far from the origin.
     """
     count = np.bincount(piece)
     texture = laid - _mean(laid, piece, count)[piece]

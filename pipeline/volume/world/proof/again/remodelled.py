@@ -16,8 +16,8 @@ from minexplore.schema.readers.xml import walk_xml
 from pipeline.errors import ArtifactError
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_tree
+from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
-from pipeline.volume.world.proof.relit import StatedLight, remake_lights
 from pipeline.volume.world.topology import heading_at
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 12 digits
