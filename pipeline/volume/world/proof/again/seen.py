@@ -47,7 +47,7 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
         except shapely.GEOSException as error:
             raise ArtifactError(f"{folder / TOPOLOGY}: its legs cannot be seen from above: {line_of(error)}") from error
         _require_margin(path, record.plan_frame, view)
-        require_areas(path, record, view)
+        _require_areas(path, record, view)
     if stated.traced_tunnel_m2 != stated.tunnel_m2 or stated.unconnected_m2 != 0:
         raise ArtifactError(
             f"{path}: areas: traced_tunnel_m2 = {stated.traced_tunnel_m2}, unconnected_m2 = {stated.unconnected_m2}; "
@@ -55,8 +55,20 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
         )
 
 
-def require_areas(path: Path, record: VolumeRecord, view: BaseGeometry) -> None:
-    """Compare the areas of a record with those of a view from above, m, mine frame."""
+def require_surveyed_plan(folder: Path, record: VolumeRecord, survey: Frame, drawn: BaseGeometry) -> None:
+    """Compare frame and areas of a record with those of its survey, seen from above, m, mine frame.
+
+    Raises
+    ------
+    ArtifactError
+        With the field, its value and what it should be.
+    """
+    if record.plan_frame != survey:
+        raise ArtifactError(f"{folder / RECORD}: plan_frame = {record.plan_frame}, the survey has {survey}")
+    _require_areas(folder / RECORD, record, shapely.union_all(shapely.get_parts(drawn)))
+
+
+def _require_areas(path: Path, record: VolumeRecord, view: BaseGeometry) -> None:
     stated, outer = record.areas, filled(view)
     islands = count_islands(view)
     small = sum(
