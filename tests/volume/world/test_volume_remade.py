@@ -13,9 +13,9 @@ from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
+from pipeline.volume.world.proof.again.labelled import _beyond_legs_m
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.fronts import fronts_of
-from pipeline.volume.world.proof.again.labelled import _beyond_legs_m
 from pipeline.volume.world.proof.remade import require_remade
 from tests.volume_worlds import RAMP, VolumeWorld, proof
 

@@ -93,9 +93,9 @@ def _require_margin(path: Path, frame: Frame, view: BaseGeometry) -> None:
     west, south, east, north = view.bounds
     left, below, right, above = frame.extent_m
     sides = [west - left, south - below, right - east, above - north]
-    at = [abs((origin - _PIXEL_AT) % 1) for origin in (frame.origin_col, frame.origin_row)]
+    at = [origin % 1 for origin in (frame.origin_col, frame.origin_row)]
     uneven = max(sides) - min(sides) > 1 / frame.px_per_m + _ROUND
-    if uneven or min(sides) < -_ROUND or not np.allclose(at, 0.0, atol=1e-9):
+    if uneven or min(sides) < -_ROUND or not np.allclose(at, _PIXEL_AT, atol=1e-9):
         raise ArtifactError(
             f"{path}: plan_frame reaches {[round(side, 3) for side in sides]} m beyond the legs seen from above, its "
             f"origin is at {at} of a pixel; want one margin, to {1 / frame.px_per_m:g} m, and an origin at {_PIXEL_AT}"
