@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pipeline.mjcf.bundle import OpenedBundle
     from pipeline.proof.certificate import Certificate
 
+_CERTIFY_WITHIN = 4_000_000_000, 4 * 3600  # bytes of memory, and s of processor time, of each process
 _CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no project that made a world decides
 
 
@@ -58,10 +59,12 @@ def limits_of_kind(kind: str, overrides: list[str]) -> Any:
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
     """Check that a world is what the builder writes and that its rock encloses the workings. Print the certificate."""
     from pipeline.errors import LimitError
+    from pipeline.guard.within_limits import within_limits
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
 
-    certificate = (_of_volume if (bundle / VOLUME).is_file() else _of_plan)(bundle, contacts, overrides)
+    of_kind = _of_volume if (bundle / VOLUME).is_file() else _of_plan
+    certificate = within_limits(lambda: of_kind(bundle, contacts, overrides), str(bundle), *_CERTIFY_WITHIN)
     text = encode(Path("certificate.json"), certificate)
     print(text.decode(), end="")
     if out is not None:

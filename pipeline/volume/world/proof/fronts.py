@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from minexplore.floors.volume_arrays import FacetLabel, Parts
+from minexplore.floors.volume_arrays import Parts
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.shell import ShellPart
@@ -20,9 +20,9 @@ _SEEN_M2 = 1e-3  # labels of parts with smaller faces are not compared
 class Fronts:
     """The parts as `pipeline.volume.enclosure` measures them.
 
-    A part that lies behind no facet is among them with no area. `mislabelled` counts parts labelled floor that lie
-    behind no floor, and other parts that lie behind floors only: their friction is wrong. Parts whose largest face on a
-    facet is under 10 cm2 are left out. `faces` are those of the parts on facets.
+    A part that lies behind no facet is among them with no area. `mislabelled` counts parts that lie behind no
+    facet of their label: their friction or their group is wrong. Parts whose largest face on a facet is under 10 cm2
+    are left out. `faces` are those of the parts on facets.
     """
 
     parts: list[ShellPart]
@@ -46,7 +46,6 @@ def fronts_of(volume: Volume, parts: Parts) -> Fronts:
         else ShellPart(corners[k], [0], "built", 0.0, 0.0)
         for k, n in enumerate(faces.largest(len(parts)).tolist())
     ]
-    behind_floor, of_floor = volume.label[faces.facet] == FacetLabel.FLOOR, parts.label == FacetLabel.FLOOR
     wrong = np.array([part.area_m2 > _SEEN_M2 for part in found])
-    wrong[faces.part[behind_floor == of_floor[faces.part]]] = False
+    wrong[faces.part[volume.label[faces.facet] == parts.label[faces.part]]] = False
     return Fronts(found, int(wrong.sum()), faces)
