@@ -13,15 +13,17 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.e57_clouds import e57_blocks
+from pipeline.scans.octomap_clouds import OCTOMAP, octomap_blocks
 from pipeline.scans.pcd_clouds import pcd_blocks
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
+from pipeline.scans.ptx_clouds import ptx_blocks
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
 LEAST_POINTS = 100
 _UNPACKED = 4  # times as large as its zip file is a cloud of text
 _MESHES = (".stl", ".obj")
-CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57")
+CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57", ".ptx", *OCTOMAP)
 _BLOCK = 1_000_000
 _LAS_HEAD, _LAS_POINTS_AT, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 96, 100, 243  # bytes of the header and in it
 _LAZ_CHUNK = 20  # bytes of its first point, which is not packed
@@ -62,6 +64,10 @@ def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) ->
         return text_blocks(path, wanted)
     if suffix == ".e57":
         return e57_blocks(path, wanted)
+    if suffix in OCTOMAP:
+        return octomap_blocks(path, wanted)
+    if suffix == ".ptx":
+        return ptx_blocks(path, wanted)
     if suffix == ".zip":
         return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2, wanted))
     if suffix in {".las", ".laz"}:

@@ -1,4 +1,4 @@
-"""Readers of triangle meshes: OBJ, STL, PLY and GLB by trimesh, DXF by ezdxf, Surpac's triangulations."""
+"""Readers of triangle meshes: OBJ, STL, PLY and GLB by trimesh, DXF by ezdxf, and others in modules of their own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ from ezdxf.render.mesh import MeshBuilder
 
 from pipeline.errors import InputError
 from pipeline.params.survey import Unit
+from pipeline.survey.solids.collada import COLLADA, read_collada
+from pipeline.survey.solids.landxml import LANDXML, read_landxml
+from pipeline.survey.solids.mining_format import OMF, read_omf
+from pipeline.survey.solids.stated_metres import StatedMeshes, in_named_unit
 from pipeline.survey.solids.surpac_solid import read_dtm
+from pipeline.survey.solids.usd import USD, read_usd
 from pipeline.survey.vector.dxf import READING_ERRORS
 
 DXF = ".dxf"
@@ -51,7 +56,10 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
     suffix = path.suffix.lower()
+    stated = _stated_meshes(path, data, suffix)
     match suffix:
+        case _ if stated is not None:
+            found = stated.meshes
         case ".dxf":
             found = _read_dxf(path)
         case ".dtm":
@@ -73,11 +81,28 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         raise InputError(f"{path}: a coordinate that is no finite number")
     faces = np.concatenate([faces + start for (_, _, faces), start in zip(chosen, first[:-1], strict=True)])
     layer = np.repeat([names.index(name) for name, _, _ in chosen], [len(faces) for _, _, faces in chosen])
+    if stated is not None:
+        return Triangles(vertices, faces, layer, names, stated.unit, stated.up)
     unit: Unit | None = _dxf_unit(path) if suffix == DXF else "m" if suffix in _Y_UP else None
     return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z")
 
 
 Mesh = tuple[str, np.ndarray, np.ndarray]
+
+
+def _stated_meshes(path: Path, data: bytes, suffix: str) -> StatedMeshes | None:
+    """Return the meshes of a file whose format states its unit and axis in words of its own, None of other formats."""
+    if suffix in LANDXML:
+        found = read_landxml(path, data)
+    elif suffix == COLLADA:
+        found = read_collada(path, data)
+    elif suffix in USD:
+        found = read_usd(path)
+    elif suffix == OMF:
+        found = read_omf(path)
+    else:
+        return None
+    return in_named_unit(path, found)
 
 
 def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
