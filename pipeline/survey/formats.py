@@ -17,9 +17,10 @@ from pipeline.survey.solved_surveys import read_passages
 from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.therion.project import PROJECT, is_project
+from pipeline.survey.vector.earth.gpx import read_gpx
+from pipeline.survey.vector.earth.kml import read_kml
 from pipeline.survey.vector.geodata import read_geodata
 from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.kml_gpx import read_gpx, read_kml
 from pipeline.survey.vector.shapes import Shapes
 from pipeline.survey.vector.surpac import read_surpac
 

@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_xml import plain_name, read_plain_xml
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.solids.collada_faces import faces_of, numbers
+from pipeline.survey.solids.collada_faces import Named, faces_of, numbers
 from pipeline.survey.solids.stated_metres import Mesh, StatedMeshes
 
 COLLADA = ".dae"
@@ -27,10 +27,10 @@ _MOVES = ("matrix", "translate", "rotate", "scale", "lookat", "skew")
 
 @dataclass
 class _Document:
-    """A file's elements by their identifiers, and what was met that is not read."""
+    """A file's elements by their kinds and identifiers, and what was met that is not read."""
 
     path: Path
-    by_id: dict[str, Element]
+    by_id: Named
     left_out: dict[str, int]
     placed: int = 0
 
@@ -53,9 +53,11 @@ def read_collada(path: Path, data: bytes) -> StatedMeshes:
     root = read_plain_xml(path, data)
     if plain_name(root) != "COLLADA":
         raise InputError(f"{path}: an XML file of {plain_name(root)[:40]!r}, no Collada")
-    document = _Document(path, {e.get("id", ""): e for e in root.iter() if e.get("id")}, {})
+    document = _Document(path, {(plain_name(e), e.get("id", "")): e for e in root.iter() if e.get("id")}, {})
     scene = _child(_child(root, "scene"), "instance_visual_scene")
-    start = document.by_id.get((scene.get("url") or "").removeprefix("#")) if scene is not None else None
+    start = (
+        document.by_id.get(("visual_scene", (scene.get("url") or "").removeprefix("#"))) if scene is not None else None
+    )
     if start is None:
         raise InputError(f"{path}: names no scene (<scene><instance_visual_scene>); export the scene, not its library")
     found = [mesh for node in start if plain_name(node) == "node" for mesh in _meshes(document, node, np.eye(4), 0)]
@@ -93,17 +95,17 @@ def _meshes(document: _Document, node: Element, above: np.ndarray, depth: int) -
         elif kind == "node":
             yield from _meshes(document, child, place, depth + 1)
         elif kind == "instance_node":
-            yield from _meshes(document, _named(document, child), place, depth + 1)
+            yield from _meshes(document, _named(document, child, "node"), place, depth + 1)
         elif kind == "instance_geometry":
-            yield from _placed(document, node, _named(document, child), place)
+            yield from _placed(document, node, _named(document, child, "geometry"), place)
         elif kind.startswith("instance_"):
             name = kind.removeprefix("instance_")
             document.left_out[name] = document.left_out.get(name, 0) + 1
 
 
-def _named(document: _Document, instance: Element) -> Element:
+def _named(document: _Document, instance: Element, kind: str) -> Element:
     url = instance.get("url") or ""
-    found = document.by_id.get(url[1:]) if url.startswith("#") else None
+    found = document.by_id.get((kind, url[1:])) if url.startswith("#") else None
     if found is None:
         raise InputError(
             f"{document.path}: its scene names {url[:80]!r}, which is not in the file; export it as one file"

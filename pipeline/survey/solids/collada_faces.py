@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_xml import plain_name
 from pipeline.survey.solids.stated_metres import triangles_of
 
+Named = Mapping[tuple[str, str], Element]  # by kind and identifier; some programs give two kinds one identifier
 _FACES = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 
 
@@ -34,7 +35,7 @@ def numbers(path: Path, text: str | None, what: str, count: int | None = None) -
     return found
 
 
-def faces_of(path: Path, mesh: Element, by_id: Mapping[str, Element]) -> tuple[np.ndarray, np.ndarray]:
+def faces_of(path: Path, mesh: Element, by_id: Named) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices (n, 3) and the triangles (m, 3) of a mesh.
 
     Raises
@@ -44,7 +45,7 @@ def faces_of(path: Path, mesh: Element, by_id: Mapping[str, Element]) -> tuple[n
     """
     vertices = next((child for child in mesh if plain_name(child) == "vertices"), None)
     position = _input(vertices, "POSITION")
-    source = by_id.get((position.get("source") or "").removeprefix("#")) if position is not None else None
+    source = by_id.get(("source", (position.get("source") or "").removeprefix("#"))) if position is not None else None
     if source is None:
         raise InputError(f"{path}: a mesh whose <vertices> name no POSITION")
     places = _places(path, source)
