@@ -45,10 +45,10 @@ def octomap_blocks(path: Path, _: Wanted) -> Iterator[PointBlock]:
         if not tree.isNodeOccupied(leaf):
             continue
         side = max(1, round(leaf.getSize() / resolution))
-        points.append(np.asarray(leaf.getCoordinate(), np.float64) + resolution * _shell(side))
-        count += len(points[-1])
+        count += side**3 - max(side - 2, 0) ** 3
         if count > most:
             raise InputError(f"{path}: more than {most:,} occupied voxels, the limit (solid_facets in {FILE})")
+        points.append(np.asarray(leaf.getCoordinate(), np.float64) + resolution * _shell(side))
         if len(points) >= _BLOCK:
             yield PointBlock(np.concatenate(points))
             points = []
@@ -79,7 +79,8 @@ def _tree(path: Path, head: bytes) -> Any:
         b"OcTreeStamped": pyoctomap.OcTreeStamped,
     }
     lines = head.partition(b"\ndata\n")[0].splitlines()
-    named = next((line.split()[1] for line in lines if line.startswith(b"id ") and len(line.split()) > 1), b"")
+    stated = {words[0]: words[1] for words in map(bytes.split, lines) if len(words) == 2}
+    named = stated.get(b"id", b"")
     if named not in kinds:
         raise InputError(
             f"{path}: a tree of {named.decode('latin-1')[:40]!r}; want OcTree, ColorOcTree or OcTreeStamped"
@@ -88,6 +89,6 @@ def _tree(path: Path, head: bytes) -> Any:
     read = tree.readBinary if head.startswith(_BINARY) else tree.read
     found = read(str(path))
     tree = tree if isinstance(found, bool) or found is None else found
-    if not found or not tree.size():
+    if not found or stated.get(b"size") != str(tree.size()).encode() or not tree.size():
         raise InputError(f"{path}: cannot be read as a tree of OctoMap; it is broken, cut off or empty")
     return tree

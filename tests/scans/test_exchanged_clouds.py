@@ -134,6 +134,15 @@ def test_a_leaf_of_many_voxels_has_those_on_its_faces(tmp_path):
     assert points.max(axis=0) == pytest.approx([1.75] * 3)
 
 
+@pytest.mark.parametrize("suffix", [".bt", ".ot"])
+def test_a_tree_that_is_cut_off_is_refused(tmp_path, tree, suffix):
+    path = tmp_path / f"a{suffix}"
+    (tree.writeBinary if suffix == ".bt" else tree.write)(str(path))
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(InputError, match=r"cannot be read as a tree of OctoMap; it is broken, cut off or empty"):
+        read(path)
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
