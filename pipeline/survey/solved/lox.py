@@ -59,7 +59,7 @@ def read_lox(path: Path) -> SolvedSurvey:
         raise InputError(f"{path}: a leg of station number {unknown}, which it does not have; it is broken")
     ends = np.array([[row[int(end)] for end in pair] for pair in shots["ends"]], np.int64).reshape(-1, 2)
     lrud = np.where(shots["lrud"] >= 0, shots["lrud"], np.nan)  # negative: not measured
-    passages = tuple(Passage(ends[k], lrud[k]) for k in np.flatnonzero(shots["section"] > 0))
+    passages = _passages(ends[shots["section"] > 0], lrud[shots["section"] > 0])
     drawn = (shots["flags"] & _HIDDEN) == 0
     if others:
         warn_user(f"{path.name}: not read: {', '.join(f'{count} {_NOT_READ[kind]}' for kind, count in others.items())}")
@@ -76,6 +76,18 @@ def read_lox(path: Path) -> SolvedSurvey:
         np.full(int(drawn.sum()), int(LegStyle.NORMAL), np.uint8),
         passages,
     )
+
+
+def _passages(ends: np.ndarray, lrud: np.ndarray) -> tuple[Passage, ...]:
+    """Return the passages of legs (n, 2) with distances (n, 2, 4) at their ends; a leg goes on from the one before."""
+    runs: list[tuple[list[int], list[np.ndarray]]] = []
+    for (start, end), (first, last) in zip(ends.tolist(), lrud, strict=True):
+        if runs and runs[-1][0][-1] == start and np.array_equal(runs[-1][1][-1], first, equal_nan=True):
+            runs[-1][0].append(end)
+            runs[-1][1].append(last)
+        else:
+            runs.append(([start, end], [first, last]))
+    return tuple(Passage(np.array(stations, np.int64), np.array(rows)) for stations, rows in runs)
 
 
 def _blocks(path: Path, data: bytes) -> tuple[dict[int, np.ndarray], dict[int, bytes], Counter[int]]:

@@ -50,6 +50,7 @@ def test_a_model_of_therion_has_the_stations_legs_and_flags_of_its_source():
 @needs_cavern
 def test_a_model_of_therion_has_the_measured_distances_to_walls():
     found, expected = walls(solve_file(FOLDER / "cave.lox")), walls(solve_file(FOLDER / "cave.th"))
+    assert [len(passage.stations) for passage in solve_file(FOLDER / "cave.lox").passages] == [5]
     # A leg has its own at both ends: so the first end of the last leg has those of the leg before.
     assert found ^ expected == {("cave.upper.3", 1.0, 1.0, 1.0, 1.0)}
 
