@@ -36,7 +36,8 @@ def read_landxml(path: Path, data: bytes) -> StatedMeshes:
     Raises
     ------
     InputError
-        If the file is no LandXML, has no surface with faces, or a point or a face is broken.
+        If the file is no LandXML, has no surface with faces or only such as close no space, or a point or a face is
+        broken.
 
     References
     ----------
@@ -53,12 +54,25 @@ def read_landxml(path: Path, data: bytes) -> StatedMeshes:
         found += [mesh] if mesh is not None else []
     if not found:
         raise InputError(f"{path}: has no surface with faces (<Surface>, <Faces>); export the surface, not its points")
+    if all(_faces_one_way(mesh) for mesh in found):
+        raise InputError(
+            f"{path}: its surfaces are those of a floor or a terrain, and close no space; write their points as a .csv "
+            "with easting_m,northing_m,elevation_m, which --heights reads with a plan"
+        )
     if hidden:
         warn_user(f"{path.name}: {hidden} faces are marked invisible and are left out")
     others = sorted({plain_name(child) for child in root} & _NOT_READ)
     if others:
         warn_user(f"{path.name}: its surfaces are read; {', '.join(others)} are not")
     return StatedMeshes(found, metres)
+
+
+def _faces_one_way(mesh: Mesh) -> bool:
+    """Return whether all faces of a mesh show upwards, or all downwards, as those of a floor do."""
+    _, vertices, faces = mesh
+    corners = vertices[faces]
+    up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    return bool((up > 0).all() or (up < 0).all())
 
 
 def _units(path: Path, root: Element) -> tuple[float | None, float]:

@@ -88,6 +88,12 @@ def test_a_broken_landxml_file_is_refused_by_what_is_wrong(tmp_path, old, new, m
         read(path)
 
 
+def test_a_landxml_surface_of_a_floor_is_refused_with_what_reads_its_points(tmp_path):
+    floor = np.array([[0, 0, 0], [10, 0, 1], [10, 4, 1], [0, 4, 0]], float)
+    with pytest.raises(InputError, match=r"are those of a floor or a terrain, .* --heights reads with a plan"):
+        read(landxml(tmp_path / "a.xml", floor, np.array([[0, 1, 2], [0, 2, 3]])))
+
+
 def collada_file(path, vertices, faces, metres, up, moves=()):
     """Write a mesh by pycollada, whose numbers have 32 bits; the geometry is named `drift`."""
     collada = pytest.importorskip("collada", reason="pycollada is not installed")
