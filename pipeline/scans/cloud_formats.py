@@ -17,15 +17,17 @@ from pipeline.scans.e57_clouds import e57_blocks
 from pipeline.scans.las_clouds import las_blocks
 from pipeline.scans.meshes.ply_meshes import read_ply_mesh
 from pipeline.scans.meshes.polygons import with_triangles
+from pipeline.scans.octomap_clouds import OCTOMAP, octomap_blocks
 from pipeline.scans.pcd_clouds import pcd_blocks
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
+from pipeline.scans.ptx_clouds import ptx_blocks
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
 LEAST_POINTS = 100
 _UNPACKED = 4  # times as large as its zip file is a cloud of text
 _MESHES = (".stl", ".obj")
-CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57")
+CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57", ".ptx", *OCTOMAP)
 _BLOCK = 1_000_000
 _PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
@@ -68,6 +70,10 @@ def _all_blocks(path: Path, points_per_unit2: float, wanted: Wanted) -> Iterator
         return text_blocks(path, wanted)
     if suffix == ".e57":
         return e57_blocks(path, wanted)
+    if suffix in OCTOMAP:
+        return octomap_blocks(path, wanted)
+    if suffix == ".ptx":
+        return ptx_blocks(path, wanted)
     if suffix == ".zip":
         return zipped_blocks(path, CLOUDS, lambda one: _all_blocks(one, points_per_unit2, wanted))
     if suffix in {".las", ".laz"}:

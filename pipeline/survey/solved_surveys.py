@@ -13,6 +13,7 @@ from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.solved.cavern import require_cavern, require_version, solve
+from pipeline.survey.solved.lox import LOX, read_lox
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
@@ -20,7 +21,7 @@ from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.stations.table import read_station_survey
 from pipeline.survey.therion.convert import to_survex as therion_to_survex
-from pipeline.survey.therion.lines import therion_lines
+from pipeline.survey.therion.project import is_project, project_lines
 from pipeline.survey.walls.project import copy_of
 
 _COMPASS = (".mak", ".dat", ".clp")
@@ -34,9 +35,10 @@ def solve_file(path: Path) -> SolvedSurvey:
     Parameters
     ----------
     path : Path
-        `.3d`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is solved
-        by Survex; `.th` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's form and solved; a
-        copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table with elevations.
+        `.3d`, `.lox`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is
+        solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's
+        form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table
+        with elevations.
 
     Returns
     -------
@@ -60,14 +62,16 @@ def _solved(path: Path) -> SolvedSurvey:
     suffix = path.suffix.lower()
     if suffix == ".3d":
         return read_3d(path)
+    if suffix == LOX:
+        return read_lox(path)
     if suffix == ".csv":
         return read_station_survey(path)
     if is_node_list(path):
         return read_node_links(path)
-    if suffix not in _SUFFIXES:
+    if suffix not in _SUFFIXES and not is_project(path):
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
-    if suffix == ".th":
+    if suffix == ".th" or is_project(path):
         return solve(path, therion_to_survex(path))
     if suffix in _COMPASS:
         return solve(path, compass_to_survex(path))
@@ -87,9 +91,9 @@ def survey_files(path: Path) -> list[Path]:
         If a named file is missing or lies outside the folder of the first.
     """
     suffix = path.suffix.lower()
-    if suffix == ".th":
+    if suffix == ".th" or is_project(path):
         files: list[Path] = []
-        for _ in therion_lines(path, files):
+        for _ in project_lines(path, files):
             pass
         return list(dict.fromkeys(files))
     if is_node_list(path):

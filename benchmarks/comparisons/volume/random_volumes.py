@@ -117,9 +117,7 @@ def main() -> int:
         bad += [
             (f"{kind} {row['seed']}", name, _figure(value)) for row, found in failed for name, value in found.items()
         ]
-    text = markdown_table(
-        ("", "surveys", "clean", "and under 0.01 mm of intrusion", "surveyed, m"), lines
-    )
+    text = markdown_table(("", "surveys", "clean", "and under 0.01 mm of intrusion", "surveyed, m"), lines)
     if bad:
         text += "\n\n" + markdown_table(("not clean", "figure", "is"), bad)
     write_table(PAGE, text)

@@ -1,4 +1,4 @@
-"""Readers of triangle meshes: OBJ, STL and GLB by trimesh, DXF by ezdxf, PLY, and Surpac's triangulations."""
+"""Readers of triangle meshes: OBJ, STL and GLB by trimesh, DXF by ezdxf, PLY, and others in modules of their own."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ from pipeline.params.survey import Unit
 from pipeline.scans.checks.precision import steps_of_floats
 from pipeline.scans.meshes.ply_meshes import read_ply_mesh
 from pipeline.scans.meshes.polygons import triangles_of, with_triangles
+from pipeline.survey.solids.collada import COLLADA, read_collada
+from pipeline.survey.solids.landxml import LANDXML, read_landxml
+from pipeline.survey.solids.mining_format import OMF, read_omf
+from pipeline.survey.solids.stated_metres import StatedMeshes, in_named_unit
 from pipeline.survey.solids.surpac_solid import read_dtm
+from pipeline.survey.solids.usd import USD, read_usd
 from pipeline.survey.vector.dxf import READING_ERRORS
 from pipeline.survey.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of
 
@@ -67,7 +72,10 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
     suffix, dxf_unit = path.suffix.lower(), None
+    stated = _stated_meshes(path, data, suffix)
     match suffix:
+        case _ if stated is not None:
+            found = [_LayerMesh(*mesh) for mesh in stated.meshes]
         case ".dxf":
             found, dxf_unit = _read_dxf(path)
         case ".dtm":
@@ -95,8 +103,25 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
         raise InputError(f"{path}: a coordinate that is no finite number")
     layer = np.repeat([names.index(mesh.layer) for mesh in chosen], [len(mesh.faces) for mesh in chosen])
     steps = np.max([mesh.steps for mesh in chosen], axis=0)
+    if stated is not None:
+        return Triangles(vertices, faces, layer, names, stated.unit, stated.up, steps)
     unit: Unit | None = "m" if suffix in _Y_UP else dxf_unit
     return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z", steps)
+
+
+def _stated_meshes(path: Path, data: bytes, suffix: str) -> StatedMeshes | None:
+    """Return the meshes of a file whose format states its unit and axis in words of its own, None of other formats."""
+    if suffix in LANDXML:
+        found = read_landxml(path, data)
+    elif suffix == COLLADA:
+        found = read_collada(path, data)
+    elif suffix in USD:
+        found = read_usd(path)
+    elif suffix == OMF:
+        found = read_omf(path)
+    else:
+        return None
+    return in_named_unit(path, found)
 
 
 def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[_LayerMesh]:

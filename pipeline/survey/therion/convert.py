@@ -9,8 +9,9 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_survey
 from pipeline.survey.therion.imported import Imports, add_imported, declared_surveys
-from pipeline.survey.therion.lines import TherionLine, therion_lines
+from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.place import Place, cs_for_survex, date_for_survex, place_of
+from pipeline.survey.therion.project import project_lines
 from pipeline.survey.therion.shots import Shots
 from pipeline.survey.therion.words import (
     SKIPPED_BLOCKS,
@@ -51,7 +52,7 @@ def to_survex(path: Path) -> SurvexText:
     Parameters
     ----------
     path : Path
-        The main `.th` file.
+        The main `.th` file, or the `thconfig` of the project.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def to_survex(path: Path) -> SurvexText:
     The Therion Book, "Data format": survey, centreline, data, units, calibrate, declination, flags, fix, equate.
     """
     made = SurvexText()
-    lines = list(therion_lines(path, []))
+    lines = list(project_lines(path, []))
     place = place_of(lines)
     imports = Imports(made, path.parent.resolve(), place is not None, declared_surveys(lines))
     converter = _Converter(made, place, imports)
