@@ -62,8 +62,8 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     _require_tiles(folder, rough)
     if rough:
         joined = JoinedRock.of(list(rough.values()))
-        require_shading(folder, rough, joined)
         _require_closed(folder, joined, free, walls, record.height_m)
+        require_shading(folder, rough, joined)
     seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth.triangles
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
