@@ -14,6 +14,7 @@ import numpy as np
 
 from minexplore import FAMILY, environments, full_id
 from minexplore.bundle import BundleError, is_volume
+from minexplore.ends import run_command
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
 from minexplore.physics.robots import ROBOTS
@@ -119,8 +120,7 @@ def _known_id(name: str) -> str:
         raise argparse.ArgumentTypeError(f"{error}; there are {', '.join(environments())}") from None
 
 
-def main() -> int:
-    """Run one command; exit code 2 with one message on bad input."""
+def _run() -> None:
     parser = argparse.ArgumentParser(prog="python -m minexplore", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("list", help=list_envs.__doc__).set_defaults(run=lambda a: list_envs())
@@ -143,13 +143,20 @@ def main() -> int:
     timer.add_argument("--steps", type=int, default=100)
     timer.set_defaults(run=lambda a: time_env(a.id, given_of(a), a.robots, a.threads, a.steps))
     arguments = parser.parse_args()
-    try:
-        check_least("steps", getattr(arguments, "steps", 1), 1)
-        arguments.run(arguments)
-    except (BundleError, DisplayError, FileNotFoundError, ImportError, ValueError) as error:
-        print(f"{arguments.command}: {error}", file=sys.stderr)
-        return 2
-    return 0
+    check_least("steps", getattr(arguments, "steps", 1), 1)
+    arguments.run(arguments)
+
+
+def _refusal(error: Exception) -> str:
+    """Return the line of an error of the input."""
+    expected = isinstance(error, BundleError | DisplayError | ImportError | ValueError)
+    return str(error) if expected or (isinstance(error, FileNotFoundError) and error.filename is None) else ""
+
+
+def main() -> int:
+    """Run one command; exit code 2 with one message on bad input."""
+    names = [word for word in sys.argv[1:] if not word.startswith("-")]
+    return run_command(names[0] if names else "minexplore", _run, _refusal)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,15 @@
 import ctypes
 import gc
 import os
+import signal
 import sys
 from importlib.util import find_spec
+from itertools import pairwise
+
+# Until `run_command` handles it, Ctrl-C ends a command at once, without the traceback of half an import.
+_commands = [word.partition(".")[0] for option, word in pairwise(sys.orig_argv) if option == "-m"]
+if _commands[:1] in (["pipeline"], ["stages"]) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 # MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")
@@ -22,7 +29,9 @@ if _mallopt is not None:
     _mallopt(_M_ARENA_MAX, 2)
     _mallopt(_M_MMAP_THRESHOLD, 16 << 20)
 
-_missing = [name for name in ("cv2", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None]
+_missing = [
+    name for name in ("cv2", "gymnasium", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None
+]
 if _missing:
     sys.stderr.write(
         f"minexplore: {', '.join(_missing)} not installed for {sys.executable}; "

@@ -9,18 +9,21 @@ from typing import Any
 
 import yaml
 
+from minexplore.unfinished import CONTINUE, PARAMS
 from pipeline.errors import MemoryShortageError, describe_shortage, lacks_memory
 from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.params.config import Config
-from pipeline.stage import Stage, begin_artifacts, check_again, is_fresh
+from pipeline.stage import Stage, begin_artifacts, check_again, is_fresh, written_by
 from pipeline.store.files import recover_folder, write_atomically
+from pipeline.store.written import remove_empty, remove_written
 from stages.__main__ import load_stages
 
 Progress = Callable[[list[Stage]], Iterable[Stage]]
+_HEAD = "# Composed from conf/; do not edit.\n"
 
 
-def make_world(config: Config, root: Path, progress: Progress = iter) -> list[str]:
+def make_world(config: Config, root: Path, progress: Progress = iter, again: str = "") -> list[str]:
     """Bring a world's folder up to date.
 
     Parameters
@@ -30,6 +33,8 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
         `artifacts/worlds/NAME`, relative to the project. Its `params.yaml` holds the world's parameters.
     progress : callable, optional
         Iterates over the list of stages and reports progress, as `tqdm` does.
+    again : str, optional
+        The command that continues the build, for those who find the world unfinished.
 
     Returns
     -------
@@ -45,7 +50,8 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
         If a stage needs more memory than there is.
     """
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
-    write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())
+    note = f"{CONTINUE}{again}\n" if again and again.isprintable() else ""
+    write_atomically(root / PARAMS, f"{_HEAD}{note}{text}".encode())
     stages, ran = load_stages(), list[str]()
     begun: dict[str, Forked[Any] | None] = {}
     unfinished: dict[str, Callable[[], None]] = {}
@@ -72,6 +78,23 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
         raise
     _finish(unfinished)
     return ran
+
+
+def remove_world(root: Path) -> None:
+    """Remove what `make_world` wrote in a world's folder.
+
+    Raises
+    ------
+    ArtifactError
+        If a stage's folder holds anything else; the message names it.
+    """
+    for stage in load_stages():
+        recover_folder(root / stage.name)
+        remove_written(root / stage.name, written_by(stage, root))
+    params = root / PARAMS
+    if params.is_file() and params.read_bytes().startswith(_HEAD.encode()):
+        params.unlink()
+    remove_empty(root)
 
 
 def _end(begun: Mapping[str, Forked[Any] | None]) -> None:

@@ -144,10 +144,8 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         bundle="../realism/world",
         tolerance_m=free_space.tolerance_m,
     )
-    replace_folder(
-        root / FOLDER,
-        {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(view.plan))},
-    )
+    files = {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(view.plan))}
+    replace_folder(root / FOLDER, files, dict.fromkeys(files))  # no manifest names them: load times are on the page
     return root / FOLDER / PAGE
 
 

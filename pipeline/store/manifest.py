@@ -15,6 +15,8 @@ from pipeline.errors import ArtifactError
 from pipeline.store.files import describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
+# Files of stages that no manifest names: a target of its own writes the first, the second holds timings.
+UNLISTED = {"validation/mutants.json", "validation/timings.json"}
 _REPORT = "pipeline/report/page.py"
 _Section = TypeVar("_Section")
 
