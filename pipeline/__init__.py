@@ -8,10 +8,18 @@ import sys
 from importlib.util import find_spec
 from itertools import pairwise
 
-# Until `run_command` handles it, Ctrl-C ends a command at once, without the traceback of half an import.
-_commands = [word.partition(".")[0] for option, word in pairwise(sys.orig_argv) if option == "-m"]
-if _commands[:1] in (["pipeline"], ["stages"]) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+def _end_at_once(kind: int, frame: object) -> None:
+    """End a command that still loads its libraries; `minexplore.ends` takes over, whose package takes long to load."""
+    os.write(2, b"interrupted\n")
+    os._exit(130)
+
+
+_command = next((word for option, word in pairwise(sys.orig_argv) if option == "-m"), "")
+if _command.partition(".")[0] in ("pipeline", "stages") and not _command.startswith("pipeline.guard."):
+    for _kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(_kind) != signal.SIG_IGN:
+            signal.signal(_kind, _end_at_once)
 
 # MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")

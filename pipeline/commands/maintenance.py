@@ -89,6 +89,13 @@ def roughness(sweeps: list[Path], out: Path) -> None:
         print(f"{window:4.1f} m: median {1000 * rq:6.1f} mm, 90th percentile {1000 * p90:6.1f} mm")
 
 
+def clean() -> None:
+    """Remove what `make all` wrote. Worlds of your own, exports, training runs and the metrics in git stay."""
+    from pipeline.build.world import remove_default_world
+
+    remove_default_world()
+
+
 def update_baseline() -> None:
     """Accept the present metrics as the baseline of the regression gate."""
     from pipeline.report.baseline import write_baseline
@@ -105,7 +112,7 @@ def update_results() -> None:
 
 def add_to(commands: Any) -> None:
     """Declare the maintenance commands."""
-    for function in (set_overrides, update_baseline, update_results):
+    for function in (set_overrides, clean, update_baseline, update_results):
         name = function.__name__.replace("_", "-")
         commands.add_parser(name, help=function.__doc__).set_defaults(run=lambda a, f=function: f())
     verifier = commands.add_parser("verify", help=verify.__doc__)
