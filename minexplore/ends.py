@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from types import FrameType
 from typing import Any, NoReturn
@@ -72,7 +72,7 @@ def run_command(
             code, line = (INTERRUPTED, interrupted) if is_interrupt else _ending(error, refusal)
             if not line:
                 raise
-            with uninterrupted():
+            with handling(signal.SIG_IGN):
                 _say_last(f"{name}: {line}")
             return code
 
@@ -118,6 +118,14 @@ def handling(handler: Handler) -> Iterator[None]:
             signal.signal(kind, own)
 
 
-def uninterrupted() -> AbstractContextManager[None]:
-    """Ignore Ctrl-C and SIGTERM while the block runs: it cleans up, which takes a moment."""
-    return handling(signal.SIG_IGN)
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Put Ctrl-C and SIGTERM off until the block has run: it takes a moment, and must be whole."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,11 +1,8 @@
 """From a mine survey to a validated MuJoCo world: the library behind the six stages."""
 
-import ctypes
-import gc
 import os
 import signal
 import sys
-from importlib.util import find_spec
 from itertools import pairwise
 
 
@@ -20,6 +17,10 @@ if _command.partition(".")[0] in ("pipeline", "stages") and not _command.startsw
     for _kind in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(_kind) != signal.SIG_IGN:
             signal.signal(_kind, _end_at_once)
+
+import ctypes  # noqa: E402
+import gc  # noqa: E402
+from importlib.util import find_spec  # noqa: E402
 
 # MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from minexplore.ends import uninterrupted
 from pipeline.errors import ArtifactError, printable
 from pipeline.store.hashing import read_text_file, sha256_bytes
 from pipeline.store.written import Written, remove_empty, written_files
@@ -87,19 +88,23 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
     new, old = work / _NEW, work / _OLD
     with _disk_errors(folder):
         before = written_files(folder, ours)
-        _begin(work, {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before})
+        journal = {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before}
         try:
+            with uninterrupted():
+                _begin(work, journal)
             new.mkdir()
             for name in files:
                 (new / name).parent.mkdir(parents=True, exist_ok=True)
             with ThreadPoolExecutor(_WRITERS) as pool:
                 for _ in pool.map(lambda name: _write(new / name, files[name]), files):
                     pass  # an error of a file is raised here
-            if folder.exists():
-                folder.rename(old)
-            new.rename(folder)
+            with uninterrupted():
+                if folder.exists():
+                    folder.rename(old)
+                new.rename(folder)
         finally:
-            recover_folder(folder)
+            with uninterrupted():
+                recover_folder(folder)
 
 
 def recover_folder(folder: Path) -> None:
@@ -114,9 +119,11 @@ def recover_folder(folder: Path) -> None:
     if not os.path.lexists(work):
         return
     new, old = work / _NEW, work / _OLD
-    for empty in (new, old):
+    for empty in (new, old, work):  # a killed command may have left no more
         with suppress(OSError):
             empty.rmdir()
+    if not os.path.lexists(work):
+        return
     names = written_files(work, *_read_journal(work))
     if old.exists() and not folder.exists():
         old.rename(folder)

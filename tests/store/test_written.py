@@ -57,6 +57,46 @@ def link_instead(folder):
 FOREIGN = [add_note, add_hidden_note, add_empty_folder, add_link, make_a_checkout, change, link_instead]
 
 
+INTERRUPT = """
+import os, signal, sys
+from pathlib import Path
+from pipeline.store.files import replace_folder
+
+folder = Path(sys.argv[1])
+
+def replaced(text, at):
+    events = []
+    def interrupt(event, words):
+        if event in ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir") and ".out.partial" in str(words[0]):
+            events.append(event)
+            if len(events) == at + 1:
+                os.kill(os.getpid(), signal.SIGTERM)
+    def end(kind, frame):
+        raise KeyboardInterrupt
+    signal.signal(signal.SIGTERM, end)
+    sys.addaudithook(interrupt)
+    try:
+        replace_folder(folder, {"a.txt": text, "sub/c.txt": text}, {"a.txt": None, "sub/c.txt": None})
+    except KeyboardInterrupt:
+        os._exit(130)
+    os._exit(0)
+
+moments = 0
+for text in (b"new 1", b"new 2"):
+    for at in range(100):
+        if not (child := os.fork()):
+            replaced(text, at)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        assert code in (0, 130), (text, at, code)
+        found = sorted(path.name for path in folder.parent.iterdir())
+        assert found in ([], ["out"]), (text, at, found)
+        if code == 0:
+            break
+        moments += 1
+print(moments)
+"""
+
+
 @pytest.mark.parametrize("make", FOREIGN)
 @pytest.mark.parametrize(
     "end", [lambda at: replace_folder(at, {"a.txt": b"new"}, OURS), lambda at: remove_written(at, OURS)]
@@ -89,7 +129,7 @@ def test_a_linked_folder_is_refused(tmp_path):
     assert (tmp_path / "out").is_symlink()
 
 
-@pytest.mark.parametrize("content", [{}, {"new/thesis.txt": "mine"}, {"journal.json": "[]"}, {"journal.json": "{}"}])
+@pytest.mark.parametrize("content", [{"new/thesis.txt": "mine"}, {"journal.json": "[]"}, {"journal.json": "{}"}])
 def test_a_hidden_folder_of_the_user_is_kept_and_named(tmp_path, content):
     hidden = tmp_path / ".out.partial"
     hidden.mkdir()
@@ -128,6 +168,15 @@ def killing(real):
 {moment} = killing({moment})
 replace_folder(Path(sys.argv[1]), {{"a.txt": b"new", "sub/c.txt": b"new" * 9999}}, {ours!r})
 """
+
+
+def test_an_interrupt_at_any_moment_leaves_no_hidden_folder_and_an_old_or_a_new_one(tmp_path):
+    """The interrupt comes at each call of the system that writes, renames or removes, in turn."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPT, tmp_path / "out"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert int(done.stdout) > 15  # moments
+    assert tree(tmp_path) == {"out": None, "out/a.txt": b"new 2", "out/sub": None, "out/sub/c.txt": b"new 2"}
 
 
 @pytest.mark.parametrize(
