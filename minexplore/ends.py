@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import pairwise
@@ -121,11 +122,13 @@ def handling(handler: Handler) -> Iterator[None]:
 @contextmanager
 def uninterrupted() -> Iterator[None]:
     """Put Ctrl-C and SIGTERM off until the block has run: it takes a moment, and must be whole."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
+    if threading.current_thread() is not threading.main_thread():  # only that one handles signals
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    received: list[int] = []
     try:
-        yield
+        with handling(lambda kind, frame: received.append(kind)):
+            yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for kind in received[:1]:
+            signal.raise_signal(kind)

@@ -86,25 +86,21 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
     recover_folder(folder)
     work = _work_folder(folder)
     new, old = work / _NEW, work / _OLD
-    with _disk_errors(folder):
+    with _disk_errors(folder), uninterrupted():  # a second; threads that write would go on after an interrupt
         before = written_files(folder, ours)
-        journal = {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before}
+        _begin(work, {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before})
         try:
-            with uninterrupted():
-                _begin(work, journal)
             new.mkdir()
             for name in files:
                 (new / name).parent.mkdir(parents=True, exist_ok=True)
             with ThreadPoolExecutor(_WRITERS) as pool:
                 for _ in pool.map(lambda name: _write(new / name, files[name]), files):
                     pass  # an error of a file is raised here
-            with uninterrupted():
-                if folder.exists():
-                    folder.rename(old)
-                new.rename(folder)
+            if folder.exists():
+                folder.rename(old)
+            new.rename(folder)
         finally:
-            with uninterrupted():
-                recover_folder(folder)
+            recover_folder(folder)
 
 
 def recover_folder(folder: Path) -> None:

@@ -170,7 +170,7 @@ replace_folder(Path(sys.argv[1]), {{"a.txt": b"new", "sub/c.txt": b"new" * 9999}
 """
 
 
-def test_an_interrupt_at_any_moment_leaves_no_hidden_folder_and_an_old_or_a_new_one(tmp_path):
+def test_an_interrupt_at_any_moment_leaves_no_hidden_folder(tmp_path):
     """The interrupt comes at each call of the system that writes, renames or removes, in turn."""
     done = subprocess.run([sys.executable, "-c", INTERRUPT, tmp_path / "out"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
