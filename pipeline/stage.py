@@ -107,8 +107,6 @@ def _params(stage: Stage, overrides: list[str]) -> Any:
 def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> None:
     """Run a stage in a world's folder; all outputs and the manifest are replaced at once.
 
-    `begun` is what the stage's `begin` has started earlier, if anything.
-
     Raises
     ------
     MineError
@@ -190,7 +188,7 @@ def written_by(stage: Stage, root: Path) -> Written:
         manifest = read_manifest(folder / _MANIFEST)
     except (ArtifactError, OSError):
         manifest = None
-    listed: dict[str, str | None] = {}
+    listed = dict[str, str | None]()
     if manifest is not None and manifest.stage == stage.name:
         listed = {name.removeprefix(f"{folder.as_posix()}/"): digest for name, digest in manifest.outputs.items()}
         any_content.add(Path(_MANIFEST))

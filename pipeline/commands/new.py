@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -70,15 +71,17 @@ def _remarks_listed(source: Path) -> Iterator[None]:
 
 
 def _require_place(detected: Path | None, source: Path) -> None:
-    """Refuse a place for the picture of what was found that is no .png file in a folder, or is the plan itself."""
+    """Refuse a place for the picture of what was found that is no .png file in a folder, or is taken."""
     from pipeline.errors import InputError
 
     if detected is None:
         return
     if detected.suffix.lower() != ".png" or not detected.parent.is_dir() or detected.is_dir():
         raise InputError(f"--detected {detected}: expected FILE.png in a folder that exists")
-    if detected.resolve() == source.resolve():
-        raise InputError(f"--detected {detected}: is the plan itself; choose another name")
+    if os.path.lexists(detected):
+        is_plan = detected.resolve() == source.resolve()
+        what = "is the plan itself" if is_plan else "there is a file"
+        raise InputError(f"--detected {detected}: {what}; choose another name")
 
 
 def _write_picture(path: Path, picture: Any) -> str:

@@ -63,6 +63,24 @@ def write_atomically(path: Path, data: bytes) -> None:
             partial.unlink(missing_ok=True)
 
 
+def write_report(path: Path, data: bytes) -> None:
+    """Write figures as JSON to a path that the user chose; what is there must be figures with the same keys.
+
+    Raises
+    ------
+    ArtifactError
+        If there is anything else, or as `write_atomically`.
+    """
+    if os.path.lexists(path):
+        try:
+            earlier = json.loads(read_text_file(path))
+        except (OSError, ArtifactError, ValueError, RecursionError):
+            earlier = None
+        if not isinstance(earlier, dict) or earlier.keys() != json.loads(data).keys():
+            raise ArtifactError(f"{path}: there is another file; move it away, or give another name")
+    write_atomically(path, data)
+
+
 def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> None:
     """Replace a folder by one with the given files, completely or not at all.
 

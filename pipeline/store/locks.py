@@ -13,7 +13,7 @@ from filelock import FileLock, Timeout
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import read_text_file
 
-_LOCK = re.compile(rb"\d{1,19}\n")  # what a lock file holds: its process
+_LOCK = re.compile(rb"(\d{1,19}\n)?")  # what a lock file holds: its process
 
 
 @contextmanager
