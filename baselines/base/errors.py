@@ -6,6 +6,8 @@ import signal
 import sys
 from collections.abc import Callable
 
+_MOST_SHOWN = 200  # characters of a word in a message
+
 
 class BaselineError(Exception):
     """A policy, environment, setting, checkpoint or results file cannot be used."""
@@ -28,10 +30,12 @@ def interrupt(kind: int, frame: object) -> None:
 def run_command(name: str, command: Callable[[], None]) -> int:
     """Run a command; return its exit code: 2 after an expected error, 130 when it was ended by Ctrl-C or SIGTERM.
 
-    An error of the operating system, such as a full disk, is expected as well.
+    An error of the operating system, such as a full disk, is expected as well, and so are words of the command line
+    that no path can be, or that are no text.
     """
     signal.signal(signal.SIGTERM, interrupt)
     try:
+        _require_texts(sys.argv[1:])
         command()
     except BaselineError as error:
         print(f"{name}: {_printable(str(error))}", file=sys.stderr)
@@ -49,6 +53,12 @@ def run_command(name: str, command: Callable[[], None]) -> int:
         print(f"{name}: interrupted; run it again to go on", file=sys.stderr)
         return 130
     return 0
+
+
+def _require_texts(words: list[str]) -> None:
+    for word in words:
+        if "\0" in word or word.encode(errors="replace").decode() != word:
+            raise BaselineError(f"{word[:_MOST_SHOWN]}: a word of the command line with a zero byte or without UTF-8")
 
 
 def _printable(text: str) -> str:

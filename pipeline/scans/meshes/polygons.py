@@ -23,19 +23,18 @@ def triangles_of(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
         How many corners each has; those with less than three are left out.
     """
     first = np.cumsum(sizes) - sizes
+    is_folded = np.isin(np.arange(len(sizes)), _folded(vertices, corners, sizes))
     parts, order = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
     for size in np.unique(sizes[sizes > 2]):
-        rows = np.flatnonzero(sizes == size)
-        polygons = corners[first[rows, None] + np.arange(size)]
+        rows = np.flatnonzero((sizes == size) & ~is_folded)
         fans = np.column_stack([np.zeros(size - 2, int), np.arange(1, size - 1), np.arange(2, size)])
-        folded = np.flatnonzero(~_is_convex(vertices[polygons])) if size > 3 else np.zeros(0, int)
-        plain = np.delete(np.arange(len(rows)), folded)
-        parts.append(polygons[plain][:, fans].reshape(-1, 3))
-        order.append(np.repeat(rows[plain], size - 2))
-        for k in folded:
-            ears = polygons[k][cut_by_ears(vertices[polygons[k]])]
-            parts.append(ears)
-            order.append(np.repeat(rows[k], len(ears)))
+        parts.append(corners[first[rows, None] + np.arange(size)][:, fans].reshape(-1, 3))
+        order.append(np.repeat(rows, size - 2))
+    for row in np.flatnonzero(is_folded):
+        polygon = corners[first[row] : first[row] + sizes[row]]
+        ears = polygon[cut_by_ears(vertices[polygon])]
+        parts.append(ears)
+        order.append(np.repeat(row, len(ears)))
     return np.concatenate(parts)[np.argsort(np.concatenate(order), kind="stable")]
 
 
@@ -66,12 +65,12 @@ def cut_by_ears(corners: np.ndarray) -> np.ndarray:
 
 
 def with_triangles(data: bytes) -> bytes:
-    """Return an OBJ file with its polygons as triangles, so that no reader makes fans of them.
+    """Return an OBJ file with its polygons that are not convex as triangles, so that no reader makes fans of them.
 
-    Lines that are no faces, and triangles, stay. What cannot be read stays too: the reader refuses it.
+    All other lines stay. What cannot be read stays too: the reader refuses it.
     """
     lines = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines()
-    places, faces = list[list[bytes]](), dict[int, tuple[list[bytes], list[int]]]()
+    places, numbers, corners, sizes = list[list[bytes]](), list[int](), list[int](), list[int]()
     try:
         for number, line in enumerate(lines):
             match line.split():
@@ -79,13 +78,28 @@ def with_triangles(data: bytes) -> bytes:
                     places.append(place[:3])
                 case [b"f", _, _, _, _, *_] as words:
                     named = [int(word.split(b"/")[0]) for word in words[1:]]
-                    faces[number] = words[1:], [k - 1 if k > 0 else len(places) + k for k in named]
-        vertices = np.array(places, float).reshape(-1, 3) if faces else np.zeros((0, 3))
-        for number, (words, corners) in faces.items():
-            if not all(0 <= corner < len(vertices) for corner in corners):
-                return data
-            local = triangles_of(vertices[corners], np.arange(len(corners)), np.array([len(corners)]))
-            lines[number] = b"\n".join(b"f " + b" ".join(words[k] for k in face) for face in local)
+                    numbers.append(number)
+                    sizes.append(len(named))
+                    corners += [k - 1 if k > 0 else len(places) + k for k in named]
+        if not sizes or not 0 <= min(corners) <= max(corners) < len(places):
+            return data
+        vertices = np.array(places, float).reshape(-1, 3)
     except ValueError:
         return data
-    return b"\n".join(lines) + b"\n" if faces else data
+    flat, counts = np.array(corners), np.array(sizes)
+    first = np.cumsum(counts) - counts
+    for k in _folded(vertices, flat, counts):
+        words = lines[numbers[k]].split()[1:]
+        ears = cut_by_ears(vertices[flat[first[k] : first[k] + counts[k]]])
+        lines[numbers[k]] = b"\n".join(b"f " + b" ".join(words[corner] for corner in ear) for ear in ears)
+    return b"\n".join(lines) + b"\n"
+
+
+def _folded(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return the numbers of the polygons that are not convex."""
+    first = np.cumsum(sizes) - sizes
+    found = [np.zeros(0, np.int64)]
+    for size in np.unique(sizes[sizes > 3]):
+        rows = np.flatnonzero(sizes == size)
+        found.append(rows[~_is_convex(vertices[corners[first[rows, None] + np.arange(size)]])])
+    return np.sort(np.concatenate(found))
