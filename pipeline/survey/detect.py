@@ -33,7 +33,6 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
-from pipeline.survey.vector.map_axes import coordinate_system
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
@@ -143,9 +142,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     tried: dict[Unit | None, VectorReading] = {}
     remarks_of: dict[Unit | None, list[Remark]] = {}
     content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
-    units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
-    if not stated.unit and content.crs is not None and not coordinate_system(path, content.crs).is_geographic:
-        units = [None]  # the system states the unit
+    units: list[Unit | None] = [stated.unit] if stated.unit or content.has_map_unit(path) else [None, *get_args(Unit)]
     problem: InputError | None = None
     has_levels = bool(stated.elevations_m or stated.level_by)
     if not stated.layers and not has_levels:

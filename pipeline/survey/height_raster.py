@@ -18,7 +18,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.vector.map_axes import metres_of_unit
+from pipeline.survey.coordinates.map_axes import metres_of_unit
 
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}
 _GRID = ".asc"  # its coordinate system is in a .prj beside it
@@ -29,7 +29,7 @@ _NAMED = 6
 
 
 @dataclass(frozen=True)
-class Surface:
+class HeightPoints:
     """Points (k, 3) with a height, as a file has them, in the unit that it states for each axis.
 
     `crs` is the coordinate system, `up_m` how many metres a unit of height has; None: the file states none.
@@ -40,7 +40,7 @@ class Surface:
     up_m: float | None = None
 
 
-def read_raster(path: Path) -> Surface:
+def read_raster(path: Path) -> HeightPoints:
     """Read the middles of a raster's cells that have a value; values have the band's scale and offset.
 
     Raises
@@ -78,7 +78,7 @@ def read_raster(path: Path) -> Surface:
     heights = values.data[row, col].astype(float)
     if (scale, offset) != (1.0, 0.0):
         heights = heights * scale + offset
-    return Surface(np.column_stack([east, north, heights]), crs, _up_m(path, unit))
+    return HeightPoints(np.column_stack([east, north, heights]), crs, _up_m(path, unit))
 
 
 def _require_heights(path: Path, raster: Any) -> None:
@@ -116,7 +116,7 @@ def _require_nothing_beside(path: Path) -> None:
     if found or mask.is_file():
         raise InputError(
             f"{path}: {what}, and files beside it are not read; "
-            f"`gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES {path.name} out.tif` writes one file"
+            f"`gdal_translate {path.name} out.tif` with GDAL_TIFF_INTERNAL_MASK=YES writes one file"
         )
 
 

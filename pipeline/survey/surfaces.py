@@ -16,14 +16,14 @@ from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.stated import FileKind
+from pipeline.survey.coordinates.local_plan import require_lengths
+from pipeline.survey.coordinates.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
 from pipeline.survey.formats import shape_reader, suffixes_of
-from pipeline.survey.height_raster import RASTER_DRIVERS, Surface, prj_beside, read_raster
+from pipeline.survey.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
 from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.geodata import companions
-from pipeline.survey.vector.local_plan import require_lengths
-from pipeline.survey.vector.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
 from pipeline.survey.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
 
@@ -175,7 +175,7 @@ def _is_dark(plan: Image, frame: Frame, places_m: np.ndarray) -> np.ndarray:
     return dark
 
 
-def _in_metres(path: Path, surface: Surface, georeference: Georeference) -> Points:
+def _in_metres(path: Path, surface: HeightPoints, georeference: Georeference) -> Points:
     """Return the points of a surface in the mine frame, m, each axis by its own unit.
 
     Raises
@@ -218,7 +218,7 @@ def _require_same_system(path: Path, system: pyproj.CRS, of_survey: str | None) 
         )
 
 
-def _read_drawing(path: Path, step: float) -> tuple[Surface, bool]:
+def _read_drawing(path: Path, step: float) -> tuple[HeightPoints, bool]:
     """Return the points of a drawing that have an elevation: points, labels, and points a step apart along lines.
 
     The last value is whether there are lines.
@@ -240,4 +240,4 @@ def _read_drawing(path: Path, step: float) -> tuple[Surface, bool]:
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         raise InputError(f"{path}: no point, line or label with an elevation")
-    return Surface(points, content.crs), bool(lines)
+    return HeightPoints(points, content.crs), bool(lines)

@@ -190,7 +190,7 @@ def test_what_a_file_beside_the_raster_states_is_refused_until_the_advice_is_fol
             file.write_mask(np.ones((60, 90), bool))
     with pytest.raises(InputError, match=re.escape(text)) as refused:
         spots_of(plan, path)
-    assert "gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES dem.tif out.tif" in str(refused.value)
+    assert "`gdal_translate dem.tif out.tif` with GDAL_TIFF_INTERNAL_MASK=YES" in str(refused.value)
     with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True):
         rasterio.shutil.copy(path, tmp_path / "out.tif", driver="GTiff")
     require_meant(plan, tmp_path / "out.tif")

@@ -148,7 +148,10 @@ def _describe_gap(walls: list[LineString], snap_m: float) -> str:
     gap = float(distance[i].min())
     if not np.isfinite(gap):
         return ""
-    found = f": the nearest ends left open are {gap:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f})"
+    place = f"({ends[i][0]:.2f}, {ends[i][1]:.2f})"
     if gap >= _MOST_SNAP_M:
-        return f"{found}, and at most {_MOST_SNAP_M:g} m are joined"
-    return f"{found}; survey.snap_m = {snap_m:g} joins ends nearer than that, --snap M those nearer than M"
+        return f": its open ends are {gap:.2f} m and more apart, at {place}, and at most {_MOST_SNAP_M:g} m are joined"
+    return (
+        f": the nearest ends left open are {gap:.2f} m apart, at {place}; "
+        f"survey.snap_m = {snap_m:g} joins ends nearer than that, --snap M those nearer than M"
+    )

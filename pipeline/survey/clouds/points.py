@@ -16,8 +16,8 @@ from pipeline.scans.checks.precision import require_fine, steps_seen
 from pipeline.scans.checks.strays import require_together
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.scans.point_blocks import PointBlock, Wanted
-from pipeline.survey.clouds.scan_axes import ScanAxes, axes_of_scan
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
+from pipeline.survey.coordinates.scan_axes import ScanAxes, axes_of_scan
 from pipeline.survey.vector.shapes import METRES, REACH_M
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm

@@ -17,9 +17,9 @@ from rasterio.transform import Affine
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.plain_number import plain_number
+from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
+from pipeline.survey.coordinates.map_axes import axes_of, coordinate_system, warn_of_turn
 from pipeline.survey.drawing.picture_header import read_header
-from pipeline.survey.vector.ground import ground_scale, is_true_to_scale
-from pipeline.survey.vector.map_axes import axes_of, coordinate_system, warn_of_turn
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _FARTHEST = 1e9  # of a coordinate in the map's units; map coordinates in feet reach 1e8

@@ -6,8 +6,8 @@ from pipeline.survey.stated.statement import Outcome, Statement
 
 _LAS = "tests/survey/clouds/test_las_statements.py"
 _SCANS = "tests/survey/clouds/test_cloud_files.py"
-_AXES = "tests/survey/vector/test_map_axes.py"
-_GROUND = "tests/survey/vector/test_ground.py"
+_AXES = "tests/survey/coordinates/test_map_axes.py"
+_GROUND = "tests/survey/coordinates/test_ground.py"
 _KINDS = "tests/survey/vector/test_other_kinds.py"
 _SHOTS = "tests/survey/vector/test_shot_flags.py"
 _LEVELS = "tests/survey/vector/test_level_fields.py"

@@ -14,14 +14,23 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.vector.geodata_kinds import CURVE, MEASURED, multipatches, stored_kinds, warn_of_kinds
+from pipeline.survey.vector.geodata_kinds import (
+    CURVE,
+    FLAGS,
+    MEASURED,
+    flags_of,
+    multipatches,
+    stored_kinds,
+    warn_of_kinds,
+    without_flagged,
+)
 from pipeline.survey.vector.level_fields import require_field, text_of
 from pipeline.survey.vector.other_kinds import MULTIPATCH, NO_GEOMETRY
 from pipeline.survey.vector.shapes import Shapes, require_size
-from pipeline.survey.vector.shot_flags import FLAGS, flags_of, without_flagged
 
 # GDAL chooses a driver by the content, and some drivers open other files that the content names. So check the content.
 _MAGIC = {".gpkg": b"SQLite format 3\x00", ".shp": b"\x00\x00\x27\x0a"}
+_UNDEFINED = "Undefined Cartesian SRS"  # srs_id -1 of a GeoPackage: no system, though GDAL gives it metres
 _NOT_SUPPORTED = "Geometry type is not supported"  # pyogrio, of a layer declared as TIN or polyhedral surface
 
 
@@ -136,7 +145,7 @@ def _read_layers(path: Path, source: Path | bytes, layers: list[str] | None, lev
         rows = {name: column[there].tolist() for name, column in zip(meta["fields"], values, strict=True)}
         found.layer_of += [text_of(value) for value in rows[level_by]] if level_by in rows else [layer] * len(kept)
         found.flags += flags_of(rows, len(kept))
-        found.systems.add(meta.get("crs"))
+        found.systems.add(None if _UNDEFINED in (meta.get("crs") or "") else meta["crs"])
     return found
 
 

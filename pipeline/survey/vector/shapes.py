@@ -17,8 +17,8 @@ from pipeline.geometry.outline.crossings import count_crossings
 from pipeline.geometry.outline.enclosure import as_polygons, enclose_workings
 from pipeline.guard.plain_file import require_at_most
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.vector.local_plan import is_projected, project, turned
-from pipeline.survey.vector.map_axes import (
+from pipeline.survey.coordinates.local_plan import is_projected, project, turned
+from pipeline.survey.coordinates.map_axes import (
     axes_of,
     coordinate_system,
     require_plane,
@@ -48,6 +48,10 @@ class Shapes:
     others: dict[str, int] = field(default_factory=dict)
     fields: list[str] = field(default_factory=list)
     is_duplicate: list[bool] = field(default_factory=list)
+
+    def has_map_unit(self, path: Path) -> bool:
+        """Return whether the file's coordinate system states the unit of its plan; degrees may be those of a format."""
+        return self.crs is not None and not coordinate_system(path, self.crs).is_geographic
 
     def only(self, kept: list[bool]) -> Shapes:
         """Return the shapes that are to be kept, with their layers and flags."""

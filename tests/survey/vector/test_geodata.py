@@ -1,5 +1,6 @@
 """A GeoPackage is read without a trace beside it."""
 
+import sqlite3
 import struct
 
 import numpy as np
@@ -44,3 +45,13 @@ def test_a_file_of_which_one_shape_is_broken_is_refused_and_not_read_without_it(
     path.write_bytes(bytes(data))
     with pytest.raises(InputError, match=r"mine\.shp: 1 of 2 shapes in layer 'mine' are broken, the first is number 2"):
         read_geodata(path, None)
+
+
+def test_a_geopackage_whose_system_is_undefined_states_no_unit(tmp_path):
+    """OGC 12-128r18, 1.1.2.1.2: srs_id -1 is an undefined Cartesian system."""
+    path = tmp_path / "mine.gpkg"
+    pyogrio.raw.write(path, np.array([RING.wkb], object), [], [], geometry_type="Polygon", crs="EPSG:32719", layer="a")
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE gpkg_geometry_columns SET srs_id = -1")
+    assert pyogrio.read_info(path)["crs"].startswith("LOCAL_CS")
+    assert read_geodata(path, None).crs is None

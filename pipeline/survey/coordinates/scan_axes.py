@@ -10,8 +10,8 @@ import numpy as np
 
 from pipeline.guard.reading_process import warn_user
 from pipeline.scans.point_blocks import PointBlock
-from pipeline.survey.vector.local_plan import require_lengths
-from pipeline.survey.vector.map_axes import (
+from pipeline.survey.coordinates.local_plan import require_lengths
+from pipeline.survey.coordinates.map_axes import (
     axes_of,
     coordinate_system,
     horizontal,
@@ -87,7 +87,7 @@ def _of_system(
         ways = np.eye(2) if system.is_geographic else np.array(axes.ways)
         return ScanAxes("m", unit_m, _ways(ways, math.copysign(1.0, axes.up_scale(1.0))), False, crs)
     require_plane(path, system, place)
-    require_lengths(path, system, place, "points")
+    require_lengths(path, system, place, "points", "; --unit m reads them as they are")
     warn_of_turn(path, axes)
     plan = plan_m or axes.metres
     up = axes.up_scale(plan) if up_m is None else math.copysign(up_m, axes.up_scale(1.0))

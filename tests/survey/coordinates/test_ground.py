@@ -11,10 +11,10 @@ import rasterio
 import shapely
 
 from pipeline.errors import InputError
+from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.drawing.georeference import read_placement
 from pipeline.survey.vector.geodata import read_geodata
-from pipeline.survey.vector.ground import ground_scale, is_true_to_scale
 from pipeline.survey.vector.shapes import locate, workings_of
 from tests.mines import TEE
 

@@ -10,8 +10,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.survey.vector.ground import covers, ground_scale, is_true_to_scale
-from pipeline.survey.vector.map_axes import axes_of, utm_zone
+from pipeline.survey.coordinates.ground import covers, ground_scale, is_true_to_scale
+from pipeline.survey.coordinates.map_axes import axes_of, utm_zone
 
 _WIDEST_DEG = 0.5  # of a mine in degrees: 55 km, five times what may be read
 _WGS84 = (6_378_137.0, 298.257)  # semi-axis, m, and inverse flattening; GRS 80 differs by 0.1 mm
@@ -94,7 +94,7 @@ def _ellipsoid(system: pyproj.CRS) -> str:
     return f"+a={body.semi_major_metre:.10g} +rf={body.inverse_flattening:.12g}"
 
 
-def require_lengths(path: Path, system: pyproj.CRS, place: np.ndarray, what: str) -> None:
+def require_lengths(path: Path, system: pyproj.CRS, place: np.ndarray, what: str, overrule: str = "") -> None:
     """Refuse a system of a scan or a surface in which lengths are not those on the ground: its points stay as they are.
 
     Parameters
@@ -105,6 +105,8 @@ def require_lengths(path: Path, system: pyproj.CRS, place: np.ndarray, what: str
         A place in the file, which the advice is for.
     what : str
         What lies in the system, such as "points".
+    overrule : str
+        The end of the message, with the option that reads the file all the same.
 
     Raises
     ------
@@ -113,7 +115,7 @@ def require_lengths(path: Path, system: pyproj.CRS, place: np.ndarray, what: str
     """
     if system.is_geographic:
         raise InputError(
-            f"{path}: its {what} are in degrees ({system.name}); transform them to {utm_zone(system, place)}"
+            f"{path}: its {what} are in degrees ({system.name}); transform them to {utm_zone(system, place)}{overrule}"
         )
     x, y = (float(value) for value in place[:2])
     try:
@@ -122,6 +124,6 @@ def require_lengths(path: Path, system: pyproj.CRS, place: np.ndarray, what: str
         return
     if not is_true_to_scale(along):
         raise InputError(
-            f"{path}: lengths in its map ({system.name}) are {along[0]:.3f} and {along[1]:.3f} times those on the "
-            f"ground; transform it to {utm_zone(system, place)}"
+            f"{path}: its map ({system.name}) stretches lengths on the ground by {along[0]:.3f} and {along[1]:.3f}; "
+            f"transform it to {utm_zone(system, place)}{overrule}"
         )

@@ -82,7 +82,7 @@ class MapAxes:
         """Return east and north (n, 2) of stored coordinates (n, 2), in the plan's unit, or degrees."""
         return np.asarray(points @ np.array(self.ways).T)
 
-    def ways_told(self) -> str:
+    def ways_text(self) -> str:
         """Return how east and north are made of x and y, in words."""
         return ", ".join(
             f"{name} is {'-' if min(row) < 0 else ''}{'x' if row[0] else 'y'}"
@@ -168,7 +168,7 @@ def warn_of_turn(path: Path, axes: MapAxes) -> None:
     """List axes of a system that do not point east and north."""
     if axes.is_turned:
         warn_user(
-            f"{path.name}: the axes of its coordinate system do not point east and north: {axes.ways_told()}; "
+            f"{path.name}: the axes of its coordinate system do not point east and north: {axes.ways_text()}; "
             "survey.origin is (east, north); without a coordinate system x is read as east and y as north"
         )
 
