@@ -102,6 +102,8 @@ def _array_changes(data: bytes) -> Iterator[tuple[str, bytes]]:
         arrays = {key: loaded[key].copy() for key in loaded.files}
     for key, own in arrays.items():
         for how, array in other_arrays(own):
+            if np.array_equal(array, own):
+                continue
             stream = io.BytesIO()
             np.savez_compressed(stream, **{**arrays, key: array})
             yield f"{key}: {how}", stream.getvalue()
