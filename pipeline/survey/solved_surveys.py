@@ -28,7 +28,7 @@ _WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
 _SUFFIXES = (".3d", ".svx", ".th", *_COMPASS, *_WALLS)
 
 
-def solve_file(path: Path) -> SolvedSurvey:
+def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey:
     """Read or solve a survey in this process, which the caller limits.
 
     Parameters
@@ -37,6 +37,9 @@ def solve_file(path: Path) -> SolvedSurvey:
         `.3d`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is solved
         by Survex; `.th` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's form and solved; a
         copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table with elevations.
+
+    declination_deg : float, optional
+        In place of every declination that Survex computes.
 
     Returns
     -------
@@ -49,14 +52,14 @@ def solve_file(path: Path) -> SolvedSurvey:
         If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
         installed. The message names the file, the line and the value.
     """
-    survey = _solved(path)
+    survey = _solved(path, declination_deg)
     odd = next((name for name in survey.names if not name.isprintable()), None)
     if odd is not None:
         raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
     return survey
 
 
-def _solved(path: Path) -> SolvedSurvey:
+def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
     suffix = path.suffix.lower()
     if suffix == ".3d":
         return read_3d(path)
@@ -68,14 +71,14 @@ def _solved(path: Path) -> SolvedSurvey:
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
     if suffix == ".th":
-        return solve(path, therion_to_survex(path))
+        return solve(path, therion_to_survex(path), declination_deg)
     if suffix in _COMPASS:
-        return solve(path, compass_to_survex(path))
+        return solve(path, compass_to_survex(path), declination_deg)
     if suffix in _WALLS:
         require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
-        return solve(path, copy_of(path))
+        return solve(path, copy_of(path), declination_deg)
     project_files(path)
-    return solve(path)
+    return solve(path, None, declination_deg)
 
 
 def survey_files(path: Path) -> list[Path]:

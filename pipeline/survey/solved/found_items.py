@@ -33,6 +33,8 @@ class FoundItems:
         self.passages: list[list[tuple[str, list[float], int]]] = [[]]
         self.here: Place | None = None
         self.style = int(LegStyle.UNKNOWN)
+        self.adjusted: list[int] = []  # the first leg of each traverse whose misclosure was shared out
+        self._begin = 0  # the first leg since the last move
         self._first_at: dict[Place, int] = {}
         self._by_name: dict[str, int] = {}
         self._renamed: dict[tuple[str, Place], str] = {}
@@ -58,6 +60,15 @@ class FoundItems:
             return
         self._add(name, place, flags)
 
+    def move(self, place: Place) -> None:
+        """Begin a row of legs."""
+        self.here, self._begin = place, len(self.lines)
+
+    def close(self) -> None:
+        """Read that the misclosure of the row of legs was shared out among them."""
+        if self._begin < len(self.lines):
+            self.adjusted.append(self._begin)
+
     def leg(self, end: Place, flags: int, at: int) -> None:
         """Add a leg from the last place to another one."""
         if self.here is None:
@@ -79,6 +90,7 @@ class FoundItems:
             (first, _), renamed = next(iter(self._renamed.items()))
             count = len(self._renamed)
             warn_user(f"{self.path}: {count} stations have names of others elsewhere: {first[:60]} is {renamed[:60]}")
+        self._begin_at_stations()
         legs = [(self._end(start), self._end(end)) for start, end in self.lines]
         passages = tuple(self._passage(rows) for rows in self.passages if rows)
         return SolvedSurvey(
@@ -93,6 +105,26 @@ class FoundItems:
             crs,
             date,
         )
+
+    def _begin_at_stations(self) -> None:
+        """Let traverses from a fix with deviations begin at its station.
+
+        `cavern` writes their first leg from the place that was stated, where no station is. The station is the nearest
+        one with a fix.
+        """
+        fixed = [
+            place for place, flags in zip(self.places, self.station_flags, strict=True) if flags & StationFlag.FIXED
+        ]
+        if not fixed:
+            return
+        places = np.array(fixed, float)
+        for leg in self.adjusted:
+            start, end = self.lines[leg]
+            if start not in self._first_at:
+                far = np.linalg.norm(places - start, axis=1)
+                far[(places == end).all(axis=1)] = np.inf
+                if np.isfinite(far.min()):
+                    self.lines[leg] = (fixed[int(far.argmin())], end)
 
     def _add(self, name: str, place: Place, flags: int) -> int:
         number = len(self.names)

@@ -187,7 +187,7 @@ def test_equal_names_that_are_no_links_and_datums_without_a_code_are_warned_of(t
     assert "1 names of several files are no link stations, such as b: each is one station" in warned
     assert warned.count("Ordnance 1936, zone 30: no EPSG code; coordinates are of a local grid") == 1
     solve_file(write(tmp_path, {**files, "a.mak": "#a.dat;\r\n#b.dat,c,b;\r\n"}))
-    assert capsys.readouterr().err == ""
+    assert "link stations" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
