@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ class FoundItems:
         self.lines: list[tuple[Place, Place]] = []
         self.leg_flags: list[int] = []
         self.leg_styles: list[int] = []
-        self.passages: list[list[tuple[str, list[float], int]]] = [[]]
+        self.passages: list[list[tuple[str, list[float]]]] = [[]]
         self.here: Place | None = None
         self.style = int(LegStyle.UNKNOWN)
         self.adjusted: list[int] = []  # the first leg of each traverse whose misclosure was shared out
@@ -78,9 +79,9 @@ class FoundItems:
         self.leg_styles.append(self.style)
         self.here = end
 
-    def section(self, name: str, lrud_m: list[float], at: int, is_last: bool) -> None:
+    def section(self, name: str, lrud_m: list[float], is_last: bool) -> None:
         """Add a cross-section to the open passage; the last one closes it."""
-        self.passages[-1].append((name, lrud_m, at))
+        self.passages[-1].append((name, lrud_m))
         if is_last:
             self.passages.append([])
 
@@ -92,7 +93,7 @@ class FoundItems:
             warn_user(f"{self.path}: {count} stations have names of others elsewhere: {first[:60]} is {renamed[:60]}")
         self._begin_at_stations()
         legs = [(self._end(start), self._end(end)) for start, end in self.lines]
-        passages = tuple(self._passage(rows) for rows in self.passages if rows)
+        passages = tuple(self._passage(rows) for rows in self._rows() if rows)
         return SolvedSurvey(
             tuple(self.names),
             np.array(self.places, np.float64).reshape(-1, 3) / 100,
@@ -142,9 +143,28 @@ class FoundItems:
         found = self._first_at.get(place)
         return self._add("", place, int(StationFlag.ANONYMOUS)) if found is None else found
 
-    def _passage(self, rows: list[tuple[str, list[float], int]]) -> Passage:
-        for name, _, at in rows:
-            if name not in self._by_name:
-                raise InputError(f"{self.path}: byte {at}: a cross-section of {name[:60]!r}, which is no station")
-        stations = np.array([self._by_name[name] for name, _, _ in rows], np.int64)
-        return Passage(stations, np.array([lrud for _, lrud, _ in rows], np.float64))
+    def _rows(self) -> Iterator[list[tuple[str, list[float]]]]:
+        """Yield rows of cross-sections of stations that the file has, and warn of others.
+
+        Survex 1.4.10 and newer leave out stations that hang on no fixed one, and keep their cross-sections.
+        """
+        unknown: dict[str, None] = {}
+        for rows in self.passages:
+            part: list[tuple[str, list[float]]] = []
+            for name, lrud_m in rows:
+                if name in self._by_name:
+                    part.append((name, lrud_m))
+                    continue
+                unknown[name] = None
+                yield part
+                part = []
+            yield part
+        if unknown:
+            warn_user(
+                f"{self.path.name}: {len(unknown)} cross-sections are of no station of the file and are left out: the "
+                f"first is that of {next(iter(unknown))[:60]}"
+            )
+
+    def _passage(self, rows: list[tuple[str, list[float]]]) -> Passage:
+        stations = np.array([self._by_name[name] for name, _ in rows], np.int64)
+        return Passage(stations, np.array([lrud for _, lrud in rows], np.float64))

@@ -181,4 +181,4 @@ class _ItemReader:
         size = "<4h" if code < 0x32 else "<4i"
         numbers = struct.unpack(size, self.cursor.take(struct.calcsize(size)))
         lrud_m = [n / 100 if n >= 0 else float("nan") for n in numbers]
-        self.found.section(self._name(), lrud_m, self.cursor.at, bool(code & 0x01))
+        self.found.section(self._name(), lrud_m, bool(code & 0x01))
