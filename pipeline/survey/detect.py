@@ -118,9 +118,8 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    half, grades = stated.half_width_m, stated.grade
-    grades = grades if isinstance(grades, dict) else None
-    options = {"half_width_m": half, "grade": grades, "piece": stated.piece}
+    half, grades = stated.half_width_m, stated.grade if isinstance(stated.grade, dict) else None
+    options = {"half_width_m": half, "grade": grades, "piece": stated.piece, "declination_deg": stated.declination_deg}
     params = params.model_copy(update={"file": path.as_posix(), **options})
     read = read_vector_survey(params)
     origin = list(read.georeference.origin)
@@ -130,9 +129,10 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
     }
     values["piece"], remarks["piece"] = stated.piece, _PIECE
+    if stated.declination_deg is not None:
+        values["declination_deg"], remarks["declination_deg"] = stated.declination_deg, "in place of computed ones"
     if grades is not None:
-        values["grade"] = grades
-        remarks["grade"] = "rise over run of legs, in the order of their stations"
+        values["grade"], remarks["grade"] = grades, "rise over run of legs, in the order of their stations"
     files = [Path(file) for file in vector_files(params)]
     return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
 

@@ -12,13 +12,14 @@ from pipeline.guard.reading_process import one_line
 from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved.cavern import require_cavern, require_version, solve
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.stations.table import read_station_survey
+from pipeline.survey.survex.cavern import require_cavern, require_version, solve
+from pipeline.survey.survex.project_copy import project_copy
 from pipeline.survey.therion.convert import to_survex as therion_to_survex
 from pipeline.survey.therion.lines import therion_lines
 from pipeline.survey.walls.project import copy_of
@@ -77,8 +78,7 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
     if suffix in _WALLS:
         require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
         return solve(path, copy_of(path), declination_deg)
-    project_files(path)
-    return solve(path, None, declination_deg)
+    return solve(path, project_copy(path), declination_deg)
 
 
 def survey_files(path: Path) -> list[Path]:

@@ -11,7 +11,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
 from pipeline.survey.compass.data import CompassShot, CompassSurvey, read_surveys
 from pipeline.survey.compass.project import ProjectFile, ProjectLine, read_project
-from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_name
+from pipeline.survey.survex.survex_text import NAME_CHARACTERS, SurvexText, written_name
 
 _FOOT_M = 0.3048
 _EXCLUDED, _NO_PASSAGE = "X", {"P", "S"}

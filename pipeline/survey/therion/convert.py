@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
-from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_survey
+from pipeline.survey.survex.survex_text import NAME_CHARACTERS, SurvexText, written_survey
 from pipeline.survey.therion.dates import CENTRELINES, Dates, dates_of
 from pipeline.survey.therion.declinations import Declination, declination_of
 from pipeline.survey.therion.fixes import Fixes
@@ -18,7 +18,7 @@ from pipeline.survey.therion.imported import Imports, add_imported, declared_sur
 from pipeline.survey.therion.lines import TherionLine, therion_lines
 from pipeline.survey.therion.place import Place, System, cs_for_survex, place_of
 from pipeline.survey.therion.quantities import Quantities, deviations
-from pipeline.survey.therion.shots import Reading, Shots
+from pipeline.survey.therion.shots import ReadingOrder, Shots
 from pipeline.survey.therion.words import SKIPPED_BLOCKS, require_name
 
 _IGNORED_IN_CENTRELINE = {
@@ -94,7 +94,7 @@ class _Converter:
         self.shots: Shots | None = None
         self.skipped = ""
         self.date = ""  # of the open centreline
-        self.groups: list[tuple[Reading, Quantities]] = []
+        self.groups: list[tuple[ReadingOrder, Quantities]] = []
         start = TherionLine(Path(), 1, ())
         self.made.add(start, "*case preserve")
         self.made.add(start, f"*set names {NAME_CHARACTERS}")

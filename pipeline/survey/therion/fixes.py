@@ -9,10 +9,10 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.remarks import warn_user
-from pipeline.survey.solved.survex_text import SurvexText
+from pipeline.survey.survex.survex_text import SurvexText
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.place import System
-from pipeline.survey.therion.quantities import Axis
+from pipeline.survey.therion.quantities import FixAxis
 from pipeline.survey.therion.words import number_for_survex
 
 _NOTHING = ";"
@@ -38,7 +38,9 @@ class Fixes:
     made: SurvexText
     found: dict[str, list[_Fix]] = field(default_factory=lambda: defaultdict(list))
 
-    def add(self, line: TherionLine, station: str, prefix: str, system: System | None, axes: dict[str, Axis]) -> None:
+    def add(
+        self, line: TherionLine, station: str, prefix: str, system: System | None, axes: dict[str, FixAxis]
+    ) -> None:
         """Add a line `fix station east north up`, and one, two or three deviations.
 
         One deviation is that of all coordinates; two are those of the plan and of the height. In a coordinate system,

@@ -10,7 +10,7 @@ import numpy as np
 import pyproj
 
 from pipeline.errors import InputError
-from pipeline.survey.solved.convergence import convergence_deg
+from pipeline.survey.survex.convergence import convergence_deg
 from pipeline.survey.therion.dates import CENTRELINES, Dates, year_of
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.words import number_for_survex

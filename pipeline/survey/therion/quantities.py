@@ -13,7 +13,7 @@ _SILENT = {*_AXES, "declination"}  # Survex has none of these: places are conver
 
 
 @dataclass(frozen=True)
-class Axis:
+class FixAxis:
     """How a coordinate of `fix` is read: metres of its unit, and the error and the scale of `calibrate`."""
 
     metres: float = 1.0
@@ -36,7 +36,7 @@ class Quantities:
     factors: dict[str, float] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     corrections: dict[str, str] = field(default_factory=dict)
-    axes: dict[str, Axis] = field(default_factory=lambda: dict.fromkeys(_AXES, Axis()))
+    axes: dict[str, FixAxis] = field(default_factory=lambda: dict.fromkeys(_AXES, FixAxis()))
 
     def copy(self) -> Quantities:
         """Return them as they are, for a group."""

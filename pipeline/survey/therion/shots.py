@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from pipeline.errors import InputError
-from pipeline.survey.solved.survex_text import SurvexText
+from pipeline.survey.survex.survex_text import SurvexText
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.quantities import Quantities
 from pipeline.survey.therion.words import FLAGS, changed_flags, number_for_survex, station_for_survex
@@ -44,7 +44,7 @@ class _TherionShot:
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadingOrder:
     """How lines are read: the style, the readings in order, what stands around names of stations, and flags."""
 
     style: str = ""
@@ -59,7 +59,7 @@ class Shots:
     def __init__(self, made: SurvexText, is_turned: bool) -> None:
         """Begin without an order of readings. Vectors are turned by a declination, as in Therion, if `is_turned`."""
         self.made, self.add = made, made.add
-        self.how = Reading()
+        self.how = ReadingOrder()
         self.is_turned = is_turned
         self.quantities = Quantities()
         self.written: frozenset[str] | None = frozenset()  # flags that Survex has; None: it is not known which
@@ -91,13 +91,13 @@ class Shots:
         own = name not in _SPLAY_ENDS and "@" not in name
         return station_for_survex(where, f"{before}{name}{after}" if own else name)
 
-    def begin_group(self) -> tuple[Reading, Quantities]:
+    def begin_group(self) -> tuple[ReadingOrder, Quantities]:
         """Return what the end of a group takes back."""
         kept = self.how, self.quantities
         self.quantities = self.quantities.copy()
         return kept
 
-    def end_group(self, kept: tuple[Reading, Quantities]) -> None:
+    def end_group(self, kept: tuple[ReadingOrder, Quantities]) -> None:
         """Take back what a group stated, as Survex does at the end of its block."""
         (self.how, self.quantities), self.written = kept, None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from pipeline.errors import InputError
-from pipeline.survey.solved.survex_text import written_name, written_survey
+from pipeline.survey.survex.survex_text import written_name, written_survey
 
 _DOT = "~"  # stands for the point of a station's name, which parts surveys in Survex
 SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area", "revise", "scan"}

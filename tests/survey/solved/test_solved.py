@@ -12,12 +12,12 @@ from pipeline.errors import InputError
 from pipeline.guard import plain_file
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.relief import has_relief
-from pipeline.survey.solved import cavern
 from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
+from pipeline.survey.survex import cavern
 from tests.project import ROOT
 from tests.solved import position_of
 

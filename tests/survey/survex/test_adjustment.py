@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.survey.solved import cavern
-from pipeline.survey.solved.adjustment import require_printed_length
-from pipeline.survey.solved.computed import computed_declinations, warn_of_computed
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved_surveys import solve_file
+from pipeline.survey.survex import cavern
+from pipeline.survey.survex.adjustment import require_printed_length
+from pipeline.survey.survex.computed import computed_declinations, warn_of_computed
 from tests.project import ROOT
 from tests.solved import position_of
 

@@ -16,12 +16,11 @@ from pipeline.guard.process_limits import die_with_parent
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
 from pipeline.remarks import warn_user
-from pipeline.survey.solved.adjustment import read_traverses, require_printed_length, warn_of_misclosures
-from pipeline.survey.solved.computed import computed_declinations, state_declination, warn_of_computed
 from pipeline.survey.solved.model import SolvedSurvey
-from pipeline.survey.solved.project_copy import project_copy
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved.survex_text import Written
+from pipeline.survey.survex.adjustment import read_traverses, require_printed_length, warn_of_misclosures
+from pipeline.survey.survex.computed import computed_declinations, state_declination, warn_of_computed
+from pipeline.survey.survex.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
@@ -73,8 +72,8 @@ def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
         raise InputError(f"{path}: {what} needs Survex {needed} or newer to be solved; {installed} is installed")
 
 
-def solve(path: Path, written: Written | None = None, declination_deg: float | None = None) -> SolvedSurvey:
-    """Solve a project whose files were checked by `project_files`.
+def solve(path: Path, written: Written, declination_deg: float | None = None) -> SolvedSurvey:
+    """Solve a project whose files were checked.
 
     `cavern` runs as a child of this process, inherits its limits on memory, processor time and file size, and ends with
     it. It writes into a temporary folder only. Misclosures, computed declinations and stations that hang on no fixed
@@ -84,8 +83,8 @@ def solve(path: Path, written: Written | None = None, declination_deg: float | N
     ----------
     path : Path
         The main file. Errors name it.
-    written : Written, optional
-        What to solve in place of the file's content. Errors name the lines from which it was made.
+    written : Written
+        What to solve in place of the file itself. Errors name the lines from which it was made.
     declination_deg : float, optional
         In place of every declination that Survex computes.
 
@@ -100,12 +99,9 @@ def solve(path: Path, written: Written | None = None, declination_deg: float | N
     Survex manual, "cavern".
     """
     program = require_cavern(path)
-    if written is None and declination_deg is not None:
-        written = project_copy(path)
     with tempfile.TemporaryDirectory(prefix="minexplore-") as name:
         folder = Path(name)
-        # Survex looks for included files beside the main file.
-        source = path.absolute() if written is None else written.write(folder)
+        source = written.write(folder)
         result = folder / f"{path.stem}.3d"
         command = [program, "-q", "-o", str(result), str(source)]
         status, output = _run(command)
@@ -120,21 +116,21 @@ def solve(path: Path, written: Written | None = None, declination_deg: float | N
             raise InputError(_problem(path, source, status, output, written))
         _require_sound(path, source, output, written)
         warn_of_computed(path, _version(output), computed_declinations(output))
-        shown = (lambda text: text) if written is None else written.message
-        warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), shown)
+        warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)
         hanging = hanging_stations(output)
         if hanging:
-            some = ", ".join(shown(station) for station in hanging[:3])
+            some = ", ".join(written.message(station) for station in hanging[:3])
             warn_user(f"{path.name}: {len(hanging)} pieces hang on no fixed station and are left out: that of {some}")
         try:
             survey = read_3d(result)
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
         require_printed_length(path, output, survey)
-        return survey if written is None else replace(survey, title=path.stem, names=written.names(survey.names))
+        title = path.stem if survey.title == source.stem else survey.title
+        return replace(survey, title=title, names=written.names(survey.names))
 
 
-def _require_sound(path: Path, source: Path, output: str, written: Written | None) -> None:
+def _require_sound(path: Path, source: Path, output: str, written: Written) -> None:
     """Refuse readings that no instrument shows and bearings that are turned wrongly, and list those beyond 360 deg."""
     unreal = _named(_UNREAL, path, source, output, written)
     if unreal is not None:
@@ -186,7 +182,7 @@ def _run(command: list[str]) -> tuple[int, str]:
     return process.returncode, data.decode("utf-8", "replace")
 
 
-def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written: Written | None) -> str | None:
+def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written: Written) -> str | None:
     """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
         found = kind.match(line)
@@ -194,7 +190,7 @@ def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written
             continue
         file, number = Path(found[1]), int(found[2])
         message = found[3]
-        if written is not None and file.parent == source.parent:
+        if file.parent == source.parent:
             file, number = written.origin(file, number)
             message = written.message(message)
         elif file.is_relative_to(source.parent):
@@ -203,13 +199,13 @@ def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written
     return None
 
 
-def _problem(path: Path, source: Path, status: int, output: str, written: Written | None) -> str:
+def _problem(path: Path, source: Path, status: int, output: str, written: Written) -> str:
     named = _named(_ERROR, path, source, output, written)
     if named is not None:
         return named
     hanging = hanging_stations(output)
     if hanging:
-        shown = [one_line(text if written is None else written.message(text), 60) for text in hanging]
+        shown = [one_line(written.message(text), 60) for text in hanging]
         return (
             f"{path}: {first_few(shown, 5)}: no leg and no equate leads from there to a fixed station; tie it by one "
             "of them, or fix a station of it"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pyproj
 
 from pipeline.remarks import Remark, warn_user
-from pipeline.survey.solved.convergence import convergence_deg
 from pipeline.survey.solved.model import SolvedSurvey
+from pipeline.survey.survex.convergence import convergence_deg
 
 _COMPUTED = re.compile(r"^.*?:\d+(?::\d+(?:-\d+)?)?: info: Declination: (-?[\d.]+)° @ (\d{4}-\d\d-\d\d)", re.MULTILINE)
 # The first version of Survex with each model of the earth's field, its name, and the last year of its forecast.

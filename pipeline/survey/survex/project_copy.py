@@ -1,14 +1,17 @@
-"""A copy of a Survex project, in which lines may be changed before it is solved."""
+"""A copy of a Survex project, in which some lines are changed before it is solved."""
 
 from __future__ import annotations
 
-import shutil
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.guard.plain_file import read_text_bytes
 from pipeline.survey.solved.project_files import project_files
+from pipeline.survey.survex.repeated import flagged_together
 
 _FOLDER = "project"
+_LINE_END = re.compile(r"(\r\n|\n\r|\n|\r)")
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,9 @@ class ProjectCopy:
         for file in self.files:
             copy = folder / _FOLDER / file.relative_to(root)
             copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, copy)
+            parts = _LINE_END.split(read_text_bytes(file).decode("latin-1"))  # lines, and what ends each
+            parts[::2] = flagged_together(parts[::2])
+            copy.write_bytes("".join(parts).encode("latin-1"))
         return folder / _FOLDER / self.path.name
 
     def origin(self, file: Path, number: int) -> tuple[Path, int]:
