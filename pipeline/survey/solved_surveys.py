@@ -23,6 +23,7 @@ from pipeline.survey.survex.project_copy import project_copy
 from pipeline.survey.therion.convert import to_survex as therion_to_survex
 from pipeline.survey.therion.lines import therion_lines
 from pipeline.survey.walls.project import copy_of
+from pipeline.survey.walls.sections import with_sections
 
 _COMPASS = (".mak", ".dat", ".clp")
 _WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
@@ -77,7 +78,9 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
         return solve(path, compass_to_survex(path), declination_deg)
     if suffix in _WALLS:
         require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
-        return solve(path, copy_of(path), declination_deg)
+        copy = copy_of(path)
+        survey = solve(path, copy, declination_deg)
+        return with_sections(survey, list(zip(copy.surveys, copy.options, strict=True)))
     return solve(path, project_copy(path), declination_deg)
 
 
