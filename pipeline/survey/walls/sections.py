@@ -44,7 +44,7 @@ class _Units:
 
 
 @dataclass
-class _Reader:
+class _SectionReader:
     """A reading of a file: its units, those that were saved, its prefixes from the first level, and its passages."""
 
     units: _Units
@@ -142,7 +142,7 @@ def with_sections(survey: SolvedSurvey, files: list[tuple[Path, str]]) -> Solved
 
 def _passages(path: Path, options: str) -> list[list[tuple[str, list[float]]]]:
     """Return the passages of a file in which at least one distance was measured."""
-    reader, is_comment = _Reader(_Units().after(options)), False
+    reader, is_comment = _SectionReader(_Units().after(options)), False
     for line in file_text(path).splitlines():
         mark = line.strip()[:2]
         if mark in ("#[", "#]"):
