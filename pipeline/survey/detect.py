@@ -13,7 +13,6 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
 from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
-from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
@@ -28,7 +27,7 @@ from pipeline.survey.detection.found import Detection
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
-from pipeline.survey.formats import is_solved, kind_of
+from pipeline.survey.formats import kind_of, solver_limits
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
@@ -76,8 +75,8 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         return detect_cloud(path, stated)
     require_read(path, kind_of(path), stated)
     arguments = {"path": str(path), "stated": stated.values(), "rules": floor_rules().model_dump()}
-    scratch_bytes = reader_limits().scratch_bytes if is_solved(path) else 0
-    payload = run_limited("detect", arguments, str(path), scratch_bytes=scratch_bytes)
+    solver_s, scratch_bytes = solver_limits(path)
+    payload = run_limited("detect", arguments, str(path), solver_s, scratch_bytes=scratch_bytes)
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.solved_surveys import read_passages
@@ -144,6 +145,12 @@ def shape_reader(path: Path) -> ShapeReader:
     if found is None or found.shapes is None:
         raise InputError(f"{path}: not a supported vector format ({', '.join(suffixes_of(FileKind.VECTOR))})")
     return found.shapes
+
+
+def solver_limits(path: Path) -> tuple[float, int]:
+    """Return the processor time, s, and the bytes of each temporary file that Survex may need; 0 for other files."""
+    limits = reader_limits()
+    return (limits.solver_s, limits.scratch_bytes) if is_solved(path) else (0.0, 0)
 
 
 def leg_reader(path: Path) -> PassageReader:

@@ -40,7 +40,8 @@ class WholeSurvey:
 
     A survey that `is_level` is built as a plan. The stations of lines, which are not `is_named`, have names that the
     user does not know. `ties` are pairs of stations that a repeated leg joins, which is no passage of its own. `names`
-    has the station that each name of a solved survey stands for: equated stations have several.
+    has the station that each name of a solved survey stands for: equated stations have several. `doubt` says which loop
+    has a wrong reading.
     """
 
     legs: list[SurveyLeg]
@@ -50,6 +51,7 @@ class WholeSurvey:
     is_named: bool = True
     ties: tuple[tuple[str, str], ...] = ()
     names: dict[str, str] = field(default_factory=dict)
+    doubt: str = ""
 
 
 def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
@@ -76,7 +78,13 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
         legs, names = legs + lone, _names_of(survey)
         entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
         return WholeSurvey(
-            legs, not has_relief(legs), entrances, crs, ties=tuple(tie.stations for tie in ties), names=names
+            legs,
+            not has_relief(legs),
+            entrances,
+            crs,
+            ties=tuple(tie.stations for tie in ties),
+            names=names,
+            doubt=survey.doubt,
         )
     legs, crs = leg_reader(path)(path, params.half_width_m)
     return WholeSurvey(legs, not has_relief(legs), (), crs)

@@ -54,20 +54,24 @@ def read_traverses(path: Path) -> list[Traverse]:
     return found
 
 
-def warn_of_misclosures(path: Path, traverses: list[Traverse], name: Callable[[str], str]) -> None:
+def warn_of_misclosures(path: Path, traverses: list[Traverse], name: Callable[[str], str]) -> str:
     """List the worst misclosures. `name` returns a station's name as the user wrote it.
 
-    If readings are worse than their deviations allow, those that are worst in this way; else the longest one.
+    If readings are worse than their deviations allow, those that are worst in this way; else the longest one. Returns
+    what the worst of them says, empty if all readings are as good as their deviations.
     """
     missed = [one for one in traverses if one.moved_m >= _LEAST_M]
     gross = sorted((one for one in missed if one.times > _GROSS), key=lambda one: -one.times)
+    told = []
     for one in gross[:_LISTED] or sorted(missed, key=lambda one: -one.moved_m)[:1]:
         kind = "loop" if one.stations[0] == one.stations[-1] != _FIXED else "traverse"
         size = f"by {one.moved_m:.2f} m in {one.length_m:.1f} m ({one.per_cent:.1f} %)"
         cause = f", {one.times:.0f} times what its readings allow: look for a wrong one" if one.times > _GROSS else ""
-        warn_user(f"{path.name}: the {kind} {_named(one, name)} misses {size}{cause}")
+        told.append(f"the {kind} {_named(one, name)} misses {size}{cause}")
+        warn_user(f"{path.name}: {told[-1]}")
     if len(gross) > _LISTED:
         warn_user(f"{path.name}: {len(gross) - _LISTED} more traverses miss by over {_GROSS:g} times what is allowed")
+    return told[0] if gross else ""
 
 
 def _named(one: Traverse, name: Callable[[str], str]) -> str:

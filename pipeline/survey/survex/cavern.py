@@ -116,7 +116,7 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
             raise InputError(_problem(path, source, status, output, written))
         _require_sound(path, source, output, written)
         warn_of_computed(path, _version(output), computed_declinations(output))
-        warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)
+        doubt = warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)
         hanging = hanging_stations(output)
         if hanging:
             some = ", ".join(written.message(station) for station in hanging[:3])
@@ -127,7 +127,7 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
         require_printed_length(path, output, survey)
         title = path.stem if survey.title == source.stem else survey.title
-        return replace(survey, title=title, names=written.names(survey.names))
+        return replace(survey, title=title, names=written.names(survey.names), doubt=doubt)
 
 
 def _require_sound(path: Path, source: Path, output: str, written: Written) -> None:

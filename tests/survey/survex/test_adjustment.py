@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.params.survey import PassageSurveyParams
+from pipeline.survey.formats import solver_limits
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.survex import cavern
 from pipeline.survey.survex.adjustment import require_printed_length
 from pipeline.survey.survex.computed import computed_declinations, warn_of_computed
+from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT
 from tests.solved import position_of
 
@@ -218,3 +221,24 @@ def test_a_stated_declination_takes_the_place_of_computed_ones(tmp_path, is_incl
 def test_a_stated_declination_that_replaces_none_is_listed(tmp_path, capsys):
     solve_file(write(tmp_path, f"{SHOTS}1 2 10 0 0\n"), 10.0)
     assert "--declination changes nothing: no declination is computed" in capsys.readouterr().err
+
+
+@needs_cavern
+def test_legs_that_cross_because_a_loop_does_not_close_are_refused_with_the_loop(tmp_path):
+    shots = "1 2 40 90 0\n2 3 40 0 0\n3 4 40 90 0\n4 1 40 180 0\n1 5 40 0 0\n"  # 3 to 4 is to 270
+    walls = "*data passage station left right up down\n" + "".join(f"{k} 2 2 2 1\n" for k in (1, 2, 3, 4, 1))
+    path = write(tmp_path, f"{SHOTS}{shots}{walls}")
+    params = PassageSurveyParams(kind="passages", name="a", file="data/x").model_copy(update={"file": str(path)})
+    with pytest.raises(InputError) as error:
+        read_vector_survey(params)
+    said = r"a\.svx: .* crosses .* at \(.*\) without a station; the loop 1 - 2 - 3 - 4 - 1 misses by 80\.00 m"
+    assert re.search(said, str(error.value))
+    right = write(tmp_path, f"{SHOTS}{shots}{walls}".replace("3 4 40 90", "3 4 40 270"))
+    assert read_vector_survey(params.model_copy(update={"file": str(right)})).workings.area > 0
+
+
+def test_a_survey_that_survex_solves_has_the_time_that_its_network_needs():
+    solver_s, scratch_bytes = solver_limits(Path("a.svx"))
+    assert solver_s >= 1180  # a grid of 60 x 60 junctions, on one core of 2026
+    assert scratch_bytes > 0
+    assert solver_limits(Path("a.csv")) == (0.0, 0)
