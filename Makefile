@@ -39,11 +39,9 @@ test-slow: setup  ## run the slow tests
 check: setup  ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
 
-clean:  ## remove artifacts and caches, keep .venv, data and the metrics that git tracks
-	@find artifacts ! -type d ! -path artifacts/.gitignore ! -path artifacts/validation/metrics.json -delete
-	@find artifacts -mindepth 1 -type d -empty -delete
-	@rm -rf .dvc/cache .dvc/tmp .pytest_cache .mypy_cache .ruff_cache .hypothesis dvc_plots
-	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+clean:  ## remove what `make all` wrote and compiled modules; worlds of your own, exports and training runs stay
+	@$(PY) -m pipeline clean
+	@find minexplore pipeline stages baselines benchmarks tests -path '*/__pycache__/*.pyc' -delete
 
 # One stage and those before it: make contours OVERRIDES="contours.tolerance_m=0.15"
 $(STAGES): setup

@@ -18,6 +18,7 @@ from baselines.base.result_file import (
     Episode,
     Head,
     read_results,
+    require_place,
     result_path,
     write_results,
 )
@@ -39,8 +40,9 @@ def evaluate(policy_name: str, env_id: str, seeds: list[int], out: Path, jobs: i
     Raises
     ------
     BaselineError
-        If policy or environment is unknown, or they do not fit each other.
+        If policy or environment is unknown, they do not fit each other, or `out` is no place for a file.
     """
+    require_place(out)
     env = make_env(env_id, 1)
     head = expected_head(policy_name, env_id, env, seeds)
     progress = Progress(f"{head.policy} in {env_id}", len(seeds) * env.task.max_steps)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks import CALLERS_ENVIRONMENT
+from pipeline.errors import run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -191,5 +192,9 @@ def main(words: list[str]) -> int:
     os.execvpe("sh", ["sh", "-ec", found.command, found.name, *words[1:]], environment)
 
 
+def _end(words: list[str]) -> None:
+    sys.exit(main(words))
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(run_command("benchmarks", lambda: _end(sys.argv[1:])))

@@ -5,9 +5,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gymnasium.envs.registration import register
+from minexplore.ends import end_at_once_if_interrupted
 
-from minexplore.bundle import RECORD
+end_at_once_if_interrupted("minexplore", "baselines", "pipeline", "stages", "benchmarks.corpus")  # Gymnasium takes long
+
+from gymnasium.envs.registration import register  # noqa: E402
+
+from minexplore.bundle import RECORD  # noqa: E402
 
 if TYPE_CHECKING:
     from minexplore.world import World

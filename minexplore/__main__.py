@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Callable
+from itertools import chain, count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gymnasium
@@ -14,6 +17,7 @@ import numpy as np
 
 from minexplore import FAMILY, environments, full_id
 from minexplore.bundle import BundleError, is_volume
+from minexplore.ends import run_command
 from minexplore.envs.env import MineEnv
 from minexplore.page import page
 from minexplore.physics.robots import ROBOTS
@@ -61,12 +65,35 @@ def play(env_id: str, kwargs: dict[str, Any], policy: str, steps: int, video: st
     if video and policy == "keyboard":
         raise ValueError("policy = 'keyboard': --video has no screen to take keys from; want ahead or random")
     env = gymnasium.make(env_id, render_mode="rgb_array" if video else "human", **kwargs)
-    if video:
-        try:
-            Path(video).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(f"video = {video!r}: no folder that can be written ({error.strerror})") from error
-        env = gymnasium.wrappers.RecordVideo(env, video, episode_trigger=lambda k: True)
+    if not video:
+        _drive(env, policy, steps, True)
+        return
+    try:
+        Path(video).mkdir(parents=True, exist_ok=True)
+        recording = TemporaryDirectory(prefix=".recording-", dir=video)
+    except OSError as error:
+        raise ValueError(f"video = {video!r}: no folder that can be written ({error.strerror})") from error
+    with recording as place:  # nothing is kept of a video that is not finished
+        _drive(gymnasium.wrappers.RecordVideo(env, place, episode_trigger=lambda k: True), policy, steps, False)
+        for file in sorted(Path(place).glob("*.mp4")):
+            file.rename(_free_name(Path(video) / file.name))
+
+
+def _free_name(path: Path) -> Path:
+    """Return a path at which nothing is: this one, or one with a number."""
+    numbered = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
+    return next(place for place in chain([path], numbered) if not os.path.lexists(place))
+
+
+def _drive(env: gymnasium.Env, policy: str, steps: int, at_pace: bool) -> None:
+    """Drive an episode, and close the environment; `at_pace` is as fast as the robot drives."""
+    try:
+        _drive_open(env, policy, steps, at_pace)
+    finally:
+        env.close()
+
+
+def _drive_open(env: gymnasium.Env, policy: str, steps: int, at_pace: bool) -> None:
     mine: MineEnv = env.unwrapped  # type: ignore[assignment]
     keyboard, commands = np.zeros(2, dtype=np.float32), mine.robot.COMMANDS
     rng = np.random.default_rng(0)
@@ -89,10 +116,9 @@ def play(env_id: str, kwargs: dict[str, Any], policy: str, steps: int, video: st
             print(f"{step / 10:6.1f} s  coverage {100 * info['coverage']:5.2f} %  collisions {info['collisions']}")
         if truncated:
             break
-        if not video:
+        if at_pace:
             time.sleep(max(0.0, mine.task.control_s - (time.perf_counter() - start)))
     print(f"coverage {100 * info['coverage']:.2f} %, {info['collisions']} collisions")
-    env.close()
 
 
 def time_env(env_id: str, kwargs: dict[str, Any], robots: int, threads: int, steps: int) -> None:
@@ -119,8 +145,7 @@ def _known_id(name: str) -> str:
         raise argparse.ArgumentTypeError(f"{error}; there are {', '.join(environments())}") from None
 
 
-def main() -> int:
-    """Run one command; exit code 2 with one message on bad input."""
+def _run() -> None:
     parser = argparse.ArgumentParser(prog="python -m minexplore", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("list", help=list_envs.__doc__).set_defaults(run=lambda a: list_envs())
@@ -143,13 +168,20 @@ def main() -> int:
     timer.add_argument("--steps", type=int, default=100)
     timer.set_defaults(run=lambda a: time_env(a.id, given_of(a), a.robots, a.threads, a.steps))
     arguments = parser.parse_args()
-    try:
-        check_least("steps", getattr(arguments, "steps", 1), 1)
-        arguments.run(arguments)
-    except (BundleError, DisplayError, FileNotFoundError, ImportError, ValueError) as error:
-        print(f"{arguments.command}: {error}", file=sys.stderr)
-        return 2
-    return 0
+    check_least("steps", getattr(arguments, "steps", 1), 1)
+    arguments.run(arguments)
+
+
+def _refusal(error: Exception) -> str:
+    """Return the line of an error of the input."""
+    expected = isinstance(error, BundleError | DisplayError | ImportError | ValueError)
+    return str(error) if expected or (isinstance(error, FileNotFoundError) and error.filename is None) else ""
+
+
+def main() -> int:
+    """Run one command; exit code 2 with one message on bad input."""
+    names = [word for word in sys.argv[1:] if not word.startswith("-")]
+    return run_command(names[0] if names else "minexplore", _run, _refusal)
 
 
 if __name__ == "__main__":

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 import sys
 import types
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,10 @@ from gymnasium.envs.registration import register
 from tqdm import tqdm
 
 from minexplore.bundle import RECORD, BundleError
-from minexplore.schema.files import is_known
+from minexplore.download import Transfer, keep_file, read_address
+from minexplore.limits import UnreadableError, read_plain_file
+from minexplore.schema.files import MOST_BUNDLE_BYTES, is_known
+from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.sizes import most_bytes
 from minexplore.world import World, load_world
 
@@ -33,7 +34,7 @@ _NAMESPACE = "MineXplore/corpus"
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}", re.ASCII)
 _SHA256 = re.compile(r"[0-9a-f]{64}", re.ASCII)
 _MOST_INDEX_BYTES, _MOST_WORLDS = 16 << 20, 10_000
-_PIECE_BYTES, _TIMEOUT_S = 1 << 20, 60.0
+_MOST_INDEX_VALUES = 20 * _MOST_WORLDS  # commas, brackets and keys; an entry of this project's corpus has 6 keys
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ class Corpus:
         FileNotFoundError
             If the corpus has no world of this name; the message lists some of its names.
         BundleError
-            If a file cannot be fetched, is larger than a world's may be, has another hash than the index or the world's
-            record says, or the tables of `minexplore.schema` refuse the bundle.
+            If a file cannot be fetched or comes too slowly, is larger than a world's may be, has another hash than the
+            index or the world's record says, or the tables of `minexplore.schema` refuse the bundle.
         """
         if name not in self.records:
             known = ", ".join(sorted(self.records)[:10])
@@ -75,11 +76,18 @@ class Corpus:
         """Return the folder into which a world was fetched; what is there with the right hash is not fetched again."""
         folder = Path(pooch.os_cache("minexplore"), "corpus", self.records[name])
         address = f"{self.source}/{WORLDS}/{name}/{BUNDLE}"
+        transfer, left = Transfer(), MOST_BUNDLE_BYTES
         with requests.Session() as session:
-            _retrieve(session, f"{address}/{RECORD}", folder / RECORD, self.records[name])
+
+            def keep(file: str, sha256: str) -> int:
+                most, path = min(left, most_bytes(file)), folder / file
+                keep_file(session, f"{address}/{quote(file)}", path, sha256, most, transfer, "the file of the corpus")
+                return path.stat().st_size
+
+            left -= keep(RECORD, self.records[name])
             files = _listed_files(folder / RECORD)
             for file, sha256 in tqdm(files.items(), desc=name, unit="file", disable=None, leave=False):
-                _retrieve(session, f"{address}/{quote(file)}", folder / file, sha256)
+                left -= keep(file, sha256)
         return folder
 
 
@@ -103,7 +111,10 @@ def open_corpus(source: str | Path | None = None, sha256: str | None = None) -> 
         If the index cannot be fetched, has another hash, or is no index.
     """
     place = str(source or os.environ.get(SOURCE) or Path(__file__).parents[1] / "artifacts" / "corpus").rstrip("/")
-    text = _read_address(f"{place}/{INDEX}") if _is_address(place) else _read_file(Path(place, INDEX))
+    if _is_address(place):
+        text = read_address(f"{place}/{INDEX}", _MOST_INDEX_BYTES, Transfer())
+    else:
+        text = _read_file(Path(place, INDEX))
     found = hashlib.sha256(text).hexdigest()
     if sha256 is not None and found != sha256:
         raise BundleError(f"{place}/{INDEX}: sha256 {found[:12]}, want {sha256[:12]}")
@@ -111,10 +122,7 @@ def open_corpus(source: str | Path | None = None, sha256: str | None = None) -> 
 
 
 def _read_index(path: str, text: bytes) -> dict[str, str]:
-    try:
-        index: Any = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise BundleError(f"{path}: not JSON") from error
+    index: Any = read_json(path, text, _MOST_INDEX_BYTES, _MOST_INDEX_VALUES)
     if not isinstance(index, dict) or index.get("format") != FORMAT or not isinstance(index.get("worlds"), dict):
         raise BundleError(f"{path}: not the index of a corpus: want format {FORMAT!r} and worlds by name")
     if len(index["worlds"]) > _MOST_WORLDS:
@@ -135,68 +143,24 @@ def _is_address(source: str) -> bool:
 def _read_file(path: Path) -> bytes:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no corpus; give source=, or {SOURCE}, a folder or an address")
-    if path.stat().st_size > _MOST_INDEX_BYTES:
-        raise BundleError(f"{path}: more than {_MOST_INDEX_BYTES} bytes")
-    return path.read_bytes()
+    return _read_plain(path, _MOST_INDEX_BYTES)
+
+
+def _read_plain(path: Path, most: int) -> bytes:
+    try:
+        return read_plain_file(path, most)
+    except UnreadableError as error:
+        raise BundleError(f"{path}: {error}") from error
 
 
 def _sha256_of(path: Path) -> str:
-    if not path.is_file() or path.stat().st_size > most_bytes(RECORD):
-        raise BundleError(f"{path}: missing or too large; the corpus is not whole")
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _read_address(address: str) -> bytes:
-    parts: list[bytes] = []
-    with requests.Session() as session:
-        _stream(session, address, _MOST_INDEX_BYTES, parts.append)
-    return b"".join(parts)
-
-
-def _stream(session: requests.Session, address: str, most: int, take: Callable[[bytes], object]) -> None:
-    """Hand over the bytes of an address in pieces; refuse more than `most`."""
-    size = 0
-    try:
-        with session.get(address, stream=True, timeout=_TIMEOUT_S) as response:
-            response.raise_for_status()
-            for piece in response.iter_content(_PIECE_BYTES):
-                size += len(piece)
-                if size > most:
-                    raise BundleError(f"{address}: more than {most} bytes")
-                take(piece)
-    except requests.RequestException as error:
-        reason = f"HTTP {error.response.status_code}" if error.response is not None else type(error).__name__
-        raise BundleError(f"{address}: cannot be fetched ({reason})") from error
-
-
-def _retrieve(session: requests.Session, address: str, path: Path, sha256: str) -> None:
-    """Fetch a file by pooch, which keeps only what has the hash."""
-
-    def download(url: str, output: str, _: object) -> None:
-        with Path(output).open("wb") as file:
-            _stream(session, url, most_bytes(path.name), file.write)
-
-    logger = pooch.get_logger()
-    level = logger.level
-    logger.setLevel("WARNING")  # it names every file
-    try:
-        pooch.retrieve(address, f"sha256:{sha256}", path.name, path.parent, downloader=download)
-    except BundleError:
-        raise
-    except ValueError as error:
-        raise BundleError(f"{address}: not the file of the corpus: want sha256 {sha256[:12]}") from error
-    except OSError as error:
-        raise BundleError(f"{path}: cannot be kept ({error.strerror})") from error
-    finally:
-        logger.setLevel(level)
+    return hashlib.sha256(_read_plain(path, most_bytes(RECORD))).hexdigest()
 
 
 def _listed_files(record: Path) -> dict[str, str]:
     """Return the hash of each file that a record lists; a name that no bundle has is refused before it is fetched."""
-    try:
-        files: Any = json.loads(record.read_bytes()).get("files")
-    except (ValueError, RecursionError, AttributeError) as error:
-        raise BundleError(f"{record}: not the record of a world") from error
+    content: Any = read_json(str(record), _read_plain(record, most_bytes(RECORD)))
+    files = content.get("files") if isinstance(content, dict) else None
     if not isinstance(files, dict):
         raise BundleError(f"{record}: files: want the hash of each file")
     for name, digest in files.items():

@@ -18,6 +18,7 @@ from minexplore.bundle import MODEL, RECORD, BundleError, line_of
 from minexplore.floors.floor_zones import FloorZone, read_zones
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
+from minexplore.unfinished import command_to_end
 
 DEFAULT_WORLD = "chilean_mine"
 
@@ -122,7 +123,17 @@ def find_world(world: str | Path | None) -> Path:
     ------
     FileNotFoundError
         If there is none; the message lists the names.
+    BundleError
+        If it is a world of this checkout whose last stage has not ended; the message has the command that ends it.
     """
+    folder = _find(world)
+    command = command_to_end(folder)
+    if command is not None:
+        raise BundleError(f"{folder}: unfinished: its last stage has not ended; `{command}` ends it")
+    return folder
+
+
+def _find(world: str | Path | None) -> Path:
     if world is None:
         raise FileNotFoundError("no world: give world=, the path of a world bundle or one of its names")
     if not isinstance(world, str | os.PathLike) or not os.fspath(world):

@@ -1,10 +1,26 @@
 """From a mine survey to a validated MuJoCo world: the library behind the six stages."""
 
-import ctypes
-import gc
 import os
+import signal
 import sys
-from importlib.util import find_spec
+from itertools import pairwise
+
+
+def _end_at_once(kind: int, frame: object) -> None:
+    """End a command that still loads its libraries; `minexplore.ends` takes over, whose package takes long to load."""
+    os.write(2, b"interrupted\n")
+    os._exit(130)
+
+
+_command = next((word for option, word in pairwise(sys.orig_argv) if option == "-m"), "")
+if _command.partition(".")[0] in ("pipeline", "stages") and not _command.startswith("pipeline.guard."):
+    for _kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(_kind) != signal.SIG_IGN:
+            signal.signal(_kind, _end_at_once)
+
+import ctypes  # noqa: E402
+import gc  # noqa: E402
+from importlib.util import find_spec  # noqa: E402
 
 # MuJoCo chooses its OpenGL backend at the first import; the pipeline always renders off screen.
 os.environ.setdefault("MUJOCO_GL", "osmesa")
@@ -22,7 +38,9 @@ if _mallopt is not None:
     _mallopt(_M_ARENA_MAX, 2)
     _mallopt(_M_MMAP_THRESHOLD, 16 << 20)
 
-_missing = [name for name in ("cv2", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None]
+_missing = [
+    name for name in ("cv2", "gymnasium", "hydra", "mujoco", "open3d", "pydantic", "shapely") if find_spec(name) is None
+]
 if _missing:
     sys.stderr.write(
         f"minexplore: {', '.join(_missing)} not installed for {sys.executable}; "

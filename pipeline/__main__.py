@@ -34,12 +34,13 @@ def parse(words: list[str]) -> argparse.Namespace:
 def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
     keep_memory()
+    names = [word for word in sys.argv[1:] if not word.startswith("-")]
+    return run_command(names[0] if names else "pipeline", _run)
+
+
+def _run() -> None:
+    """Run the command that is typed, in the project's folder unless it says that it works in every folder."""
     arguments = parse(sys.argv[1:])
-    return run_command(arguments.command, lambda: _run(arguments))
-
-
-def _run(arguments: argparse.Namespace) -> None:
-    """Run a command, in the project's folder unless it says that it works in every folder."""
     if not getattr(arguments, "anywhere", False):
         require_project()
     arguments.run(arguments)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import signal
+import errno
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 _OURS = ("minexplore", "pipeline", "stages")  # packages; a module that these lack is a fault of ours
 _MOST_NAME = 300  # characters of a file's name in a message
 _MOST_REASON = 200  # characters of a library's message
+# A full disk, a quota, a limit on the size of files, and nobody who reads the output: nothing is wrong with the input.
+_NO_RESOURCES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EPIPE)
 # How Python, C++, NumPy, MuJoCo, OpenCV and the loader of libraries state that memory or addresses ran out.
 _NO_MEMORY = (
     *("bad_alloc", "ould not allocate", "annot allocate memory", "nable to allocate", "nsufficient memory"),
@@ -79,44 +81,37 @@ def describe_missing(error: ModuleNotFoundError) -> str:
 
 
 def run_command(name: str, command: Callable[[], object], interrupted: str = "interrupted") -> int:
-    """Run a command; return its exit code: 2 after an expected error, 130 after Ctrl-C or SIGTERM.
+    """Run a command; return its exit code, after one line if it did not succeed.
 
-    An error of the operating system is expected as well: a file that may not be read, a folder that may not be written,
-    a full disk, a name that is too long. The message names the file. So are a missing package and a lack of memory.
+    The code is 2 after an expected error, 130 after Ctrl-C or SIGTERM, and 141 if nobody reads the output any more. An
+    error of the operating system is expected as well: a file that may not be read, a folder that may not be written, a
+    full disk, a name that is too long. The message names the file. So are a missing package and a lack of memory.
     """
-    received: list[int] = []
+    from minexplore import ends  # with Gymnasium, which the process that waits for another one does not need
 
-    def interrupt(kind: int, frame: object) -> NoReturn:
-        received.append(kind)
-        raise KeyboardInterrupt
+    return ends.run_command(name, command, _refusal, interrupted)
 
-    signal.signal(signal.SIGTERM, interrupt)
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored, as in a shell's background
-        signal.signal(signal.SIGINT, interrupt)
-    try:
-        command()
-    except MineError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"{name}: {describe_os_error(error)}", file=sys.stderr)
-        return 2
-    except ModuleNotFoundError as error:
-        missing = describe_missing(error)
-        if not missing:
-            raise
-        print(f"{name}: {missing}", file=sys.stderr)
-        return 2
-    except BaseException as error:
-        # Interrupted while it is imported, a library raises an error of its own.
-        if received or isinstance(error, KeyboardInterrupt):
-            print(f"{name}: {interrupted}", file=sys.stderr)
-            return 130
-        if not lacks_memory(error):
-            raise
-        print(f"{name}: {describe_shortage(error)}", file=sys.stderr)
-        return 2
-    return 0
+
+def _refusal(error: Exception) -> str:
+    """Return the line of an expected error; nothing for another one."""
+    if isinstance(error, MineError):
+        return str(error)
+    if isinstance(error, OSError):
+        return describe_os_error(error)
+    if isinstance(error, ModuleNotFoundError):
+        return describe_missing(error)
+    return describe_shortage(error) if lacks_memory(error) else ""
+
+
+def lacks_resources(error: BaseException | None) -> bool:
+    """Return whether an error is a lack of memory or of space, or a reader of the output that went away."""
+    if lacks_memory(error):
+        return True
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _NO_RESOURCES:
+            return True
+        error = error.__cause__
+    return False
 
 
 def lacks_memory(error: BaseException | None) -> bool:

@@ -22,9 +22,10 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.places import WRITTEN_BY_NEW
 from pipeline.remarks import Remark, warn_user
-from pipeline.store.files import missing_folders, take_back, write_atomically
-from pipeline.store.hashing import absence_of
+from pipeline.store.files import missing_folders, write_atomically
+from pipeline.store.hashing import absence_of, sha256_bytes, sha256_file
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
+from pipeline.store.written import take_back
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.detection.found import Detection
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
@@ -48,9 +49,9 @@ class ImportDraft:
 
 @dataclass(frozen=True)
 class Import:
-    """The files and folders that an import wrote, and the files that it registered."""
+    """The files that an import wrote with their sha256, its new folders, and the files that it registered."""
 
-    written: list[Path] = field(default_factory=list)
+    written: dict[Path, str] = field(default_factory=dict)
     registered: list[Path] = field(default_factory=list)
     folders: list[Path] = field(default_factory=list)
 
@@ -103,7 +104,9 @@ def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
     if draft.section is None:
         return Import()
     known, conf = read_registry(), survey_file(draft.name)
-    written = [path for path in (*draft.copies.values(), conf) if not path.is_file()]
+    section = draft.section.encode()
+    written = {target: sha256_file(file) for file, target in draft.copies.items() if not target.is_file()}
+    written |= {} if conf.is_file() else {conf: sha256_bytes(section)}
     made = Import(
         written,
         [path for path in draft.copies.values() if path.relative_to("data").as_posix() not in known],
@@ -114,7 +117,7 @@ def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
             if target in made.written:
                 write_atomically(target, file.read_bytes())
             register(target, origin, licence, OWN_REGISTRY)
-        write_atomically(conf, draft.section.encode())
+        write_atomically(conf, section)
     except BaseException:
         forget_import(made)
         raise
@@ -149,7 +152,7 @@ def _with_heights(detected: Detection, stated: StatedOptions, source: Path) -> D
 
 
 def forget_import(made: Import) -> None:
-    """Remove the files and folders that an import wrote, and their lines in the registry; print what stays.
+    """Remove what an import wrote and nobody has changed, and its lines in the registry; print what stays.
 
     What cannot be removed hinders nothing else from being removed.
     """
@@ -158,7 +161,7 @@ def forget_import(made: Import) -> None:
     except (MineError, OSError) as error:
         print(f"{OWN_REGISTRY}: lines of {made.registered[0].parent} stay ({error})", file=sys.stderr)
     for path in take_back(made.written, made.folders):
-        print(f"{path}: cannot be removed", file=sys.stderr)
+        print(f"{path}: stays, as it was changed, holds other files or cannot be removed", file=sys.stderr)
 
 
 def _targets(source: Path, files: list[Path], folder: Path) -> dict[Path, Path]:

@@ -19,8 +19,9 @@ from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder, write_atomically
 from pipeline.store.hashing import sha256_bytes, sha256_file
 from pipeline.store.locks import hold_lock
-from pipeline.store.manifest import code_sha256, new_manifest, read_manifest
+from pipeline.store.manifest import UNLISTED, Manifest, code_sha256, new_manifest, read_manifest
 from pipeline.store.registry import read_registry, verify_input
+from pipeline.store.written import Written
 
 ARTIFACTS = Path("artifacts")
 _MANIFEST = "manifest.json"
@@ -106,8 +107,6 @@ def _params(stage: Stage, overrides: list[str]) -> Any:
 def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> None:
     """Run a stage in a world's folder; all outputs and the manifest are replaced at once.
 
-    `begun` is what the stage's `begin` has started earlier, if anything.
-
     Raises
     ------
     MineError
@@ -126,8 +125,8 @@ def with_later(outputs: Mapping[str, Any]) -> dict[str, Any]:
 def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> Callable[[], None]:
     """Run a stage in a world's folder as `make_artifacts` does, but write first only what other stages read.
 
-    The function that is returned writes the rest once it is made, and at last the manifest, without which the stage
-    runs again.
+    The function that is returned writes the rest once it is made. Until then the manifest names less than the stage
+    declares, and the stage runs again.
 
     Raises
     ------
@@ -139,9 +138,8 @@ def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | 
     if later is None:
         _write(stage, params, root, inputs, outputs)
         return lambda: None
-    files = _encoded_all(stage, outputs)
-    replace_folder(root / stage.name, files)
-    return partial(_finish, stage, params, root, inputs, set(outputs), _hashes(stage, root, files), later)
+    hashes = _replace(stage, params, root, inputs, outputs)
+    return partial(_finish, stage, params, root, inputs, set(outputs), hashes, later)
 
 
 def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tuple[dict[str, str], dict[str, Any]]:
@@ -158,10 +156,43 @@ def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tu
 def _write(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: dict[str, Any]) -> None:
     """Replace all artifacts and the manifest of a stage, and check its figures."""
     _require_all(stage, set(outputs))
-    files = _encoded_all(stage, outputs)
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, _hashes(stage, root, files))
-    replace_folder(root / stage.name, {**files, _MANIFEST: encode(Path(_MANIFEST), manifest)})
+    _replace(stage, params, root, inputs, outputs)
     stage.check(params, outputs)
+
+
+def _replace(
+    stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]
+) -> dict[str, str]:
+    """Replace a stage's folder by outputs and the manifest that names them; return the outputs' hashes."""
+    files = _encoded_all(stage, outputs)
+    hashes = _hashes(stage, root, files)
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
+    files[_MANIFEST] = encode(Path(_MANIFEST), manifest)
+    replace_folder(root / stage.name, files, written_by(stage, root))
+    return hashes
+
+
+def written_by(stage: Stage, root: Path) -> Written:
+    """Return what the folder of a stage may hold: what its manifest names, and what no manifest can name.
+
+    Those are the manifest itself, timings, and the default world's figures in git, which keeps their earlier content.
+    """
+    folder = root / stage.name
+    any_content = {Path(name).relative_to(stage.name) for name in UNLISTED if name.startswith(f"{stage.name}/")}
+    any_content |= {
+        Path(artifact.path).relative_to(stage.name)
+        for artifact in stage.writes.values()
+        if artifact.volatile or (artifact.in_git and root == ARTIFACTS)
+    }
+    try:
+        manifest = read_manifest(folder / _MANIFEST)
+    except (ArtifactError, OSError):
+        manifest = None
+    listed = dict[str, str | None]()
+    if manifest is not None and manifest.stage == stage.name:
+        listed = {name.removeprefix(f"{folder.as_posix()}/"): digest for name, digest in manifest.outputs.items()}
+        any_content.add(Path(_MANIFEST))
+    return {**listed, **{name.as_posix(): None for name in any_content}}
 
 
 def _finish(
@@ -173,13 +204,13 @@ def _finish(
     hashes: dict[str, str],
     later: Forked[Any],
 ) -> None:
-    """Write what comes later, and the manifest, beside what a stage has written."""
+    """Write what comes later beside what a stage has written, after the manifest that names it."""
     outputs = later.result()
     _require_all(stage, written | set(outputs))
     files = _encoded_all(stage, outputs)
     hashes |= _hashes(stage, root, files)
     manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
-    for name, data in {**files, _MANIFEST: encode(Path(_MANIFEST), manifest)}.items():
+    for name, data in {_MANIFEST: encode(Path(_MANIFEST), manifest), **files}.items():
         write_atomically(root / stage.name / name, data)
 
 
@@ -188,7 +219,8 @@ def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
     try:
         manifest = read_manifest(root / stage.name / _MANIFEST)
         return (
-            manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
+            _names_all(manifest, stage, root)
+            and manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
             and manifest.params == params.model_dump(mode="json")
             and manifest.inputs == _input_hashes(stage, params, root)
             and all(sha256_file(Path(name)) == digest for name, digest in manifest.outputs.items())
@@ -196,6 +228,12 @@ def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
         )
     except (MineError, OSError):
         return False
+
+
+def _names_all(manifest: Manifest, stage: Stage, root: Path) -> bool:
+    """Return whether a manifest names a file of each output."""
+    paths = [artifact.at(root).as_posix() for artifact in stage.writes.values() if not artifact.volatile]
+    return all(any(name == path or name.startswith(f"{path}/") for name in manifest.outputs) for path in paths)
 
 
 def check_again(stage: Stage, params: Any, root: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import RECORD, VOLUME
+from minexplore.unfinished import command_to_end
 from pipeline.errors import ArtifactError
 from pipeline.guard.reading_process import one_line
 from pipeline.metrics.limits import flatten, format_limit, is_time
@@ -93,13 +94,18 @@ def list_worlds() -> str:
     """Return a table of all worlds with their main metrics and env ids."""
     rows = [["name", *(title for title, _, _ in _COLUMNS), "world", "env id"]]
     for name in world_names():
+        bundle, reached = world_folder(name) / "realism" / "world", env_id(name)
+        command = command_to_end(bundle, ARTIFACTS.absolute())
         try:
+            if command is not None:
+                raise ArtifactError("unfinished")
             figures = read_figures(name)
             cells = [_cell(figures, keys, form) for _, keys, form in _COLUMNS]
-            digest = verify_world(world_folder(name) / "realism" / "world")[:12]
+            digest = verify_world(bundle)[:12]
         except (ArtifactError, ValueError, TypeError):  # no figures, or one that is no number
             cells, digest = ["-"] * len(_COLUMNS), "unfinished"
-        rows.append([name, *cells, digest, env_id(name)])
+            reached = f"`{command}` ends it" if command else reached
+        rows.append([name, *cells, digest, reached])
     return _table(rows)
 
 

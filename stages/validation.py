@@ -55,7 +55,7 @@ def validate_world(
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     if len(floors) or len(network) or len(solid):
-        return _validate_volume(params, world, survey, network, solid, floors)
+        return _validate_volume(params, world, survey, traced, network, solid, floors)
     groups, whole = [group for group in MEASURES if is_measured(group, params)], params.extent != "certificate"
     validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], beside=whole)
     if not whole:
@@ -75,9 +75,16 @@ def validate_world(
 
 
 def _validate_volume(
-    params: ValidationParams, world: Path, survey: Survey, network: SurveyedLegs, solid: ClosedMesh, floors: FloorMesh
+    params: ValidationParams,
+    world: Path,
+    survey: Survey,
+    traced: Workings,
+    network: SurveyedLegs,
+    solid: ClosedMesh,
+    floors: FloorMesh,
 ) -> dict[str, Any]:
     """Return the outputs of this stage for a world that is one volume."""
+    from pipeline.volume.world.proof.again.seen import require_surveyed_plan
     from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
         open_volume,
         validate_volume,
@@ -93,6 +100,7 @@ def _validate_volume(
     with Forked(lambda: measure_volume_texture(opened, params.texture)) as measured:
         require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
         require_remade(world, opened, params.volume, *_survey_of(network, solid, floors))
+        require_surveyed_plan(world, opened.record, survey.frame, traced.polygons)
         found = validate_volume(params.volume, opened, network, solid, floors)
         rock = measured.result()
     metrics, evidence = found.metrics, dict[str, Any]()

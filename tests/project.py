@@ -9,11 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 
 from tests.forked import run_forked
 
 ROOT = Path(__file__).resolve().parents[1]
+STATED = ROOT.parent / "shared/data/turn4"  # files that state something beside their coordinates
 
 TINY_STATIONS = """leg,station,easting_m,northing_m,left_m,right_m
 A,a0,0,0,2.5,2.5
@@ -176,3 +178,10 @@ def message_of(done: subprocess.CompletedProcess) -> str:
     assert done.returncode == 2, (done.returncode, done.stderr)
     assert "Traceback" not in done.stderr
     return done.stderr.strip()
+
+
+def shared_file(name: str) -> Path:
+    """Return the path of a shared file; without it the test is skipped."""
+    if not (STATED / name).exists():
+        pytest.skip(f"../shared/data/turn4/{name} is missing")
+    return STATED / name

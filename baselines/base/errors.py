@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable
+
+from minexplore import ends
+
+_MOST_SHOWN = 200  # characters of a word in a message
 
 
 class BaselineError(Exception):
@@ -26,31 +29,26 @@ def interrupt(kind: int, frame: object) -> None:
 
 
 def run_command(name: str, command: Callable[[], None]) -> int:
-    """Run a command; return its exit code: 2 after an expected error, 130 when it was ended by Ctrl-C or SIGTERM.
+    """Run a command; return its exit code, see `minexplore.ends`."""
 
-    An error of the operating system, such as a full disk, is expected as well.
-    """
-    signal.signal(signal.SIGTERM, interrupt)
-    try:
+    def checked() -> None:
+        _require_texts(sys.argv[1:])
         command()
-    except BaselineError as error:
-        print(f"{name}: {_printable(str(error))}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        reason = f"{error.filename or name}: {error.strerror or type(error).__name__}"
-        print(f"{name}: {_printable(reason)}", file=sys.stderr)
-        return 2
-    except ModuleNotFoundError as error:
+
+    return ends.run_command(name, checked, _refusal, "interrupted; run it again to go on")
+
+
+def _require_texts(words: list[str]) -> None:
+    for word in words:
+        if "\0" in word or word.encode(errors="replace").decode() != word:
+            raise BaselineError(f"{word[:_MOST_SHOWN]}: a word of the command line with a zero byte or without UTF-8")
+
+
+def _refusal(error: Exception) -> str:
+    if isinstance(error, BaselineError):
+        return str(error)
+    if isinstance(error, ModuleNotFoundError):
         if error.name is None or error.name.partition(".")[0] in ("baselines", "minexplore"):
-            raise
-        print(f"{name}: {error.name} is not installed for {sys.executable}; run `make setup`", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{name}: interrupted; run it again to go on", file=sys.stderr)
-        return 130
-    return 0
-
-
-def _printable(text: str) -> str:
-    """Return text with a blank for each character that a terminal would act on or cannot show."""
-    return "".join(c if c.isprintable() else " " for c in text)
+            return ""
+        return f"{error.name} is not installed for {sys.executable}; run `make setup`"
+    return ""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import stat
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from baselines.base.errors import BaselineError
 from baselines.base.refusals import first_refusal
+from minexplore.limits import UnreadableError, read_plain_file, require_small_json
+from minexplore.splits import SIZES
 
 RESULTS = Path(__file__).parents[1] / "results"
 CHECKPOINTS = RESULTS / "checkpoints"
@@ -29,6 +30,11 @@ MOST_CM = 10_000_000  # of a coordinate: 100 km
 MOST_M = 10_000_000.0  # of a path
 MOST_RETURN = 1e9
 MOST_FACTS = 64  # numbers of a task or a robot, and versions
+MOST_LINES = 2 * max(SIZES.values())  # of a split: two a mine
+# What is counted of a line before it is read: bytes, commas and opening brackets, keys, and brackets within brackets.
+_HEAD = 100_000, 3 * MOST_FACTS * 10 + MOST_EPISODES + 100, 3 * MOST_FACTS + 20  # a fact has at most 8 numbers
+_EPISODE = 2_000_000, 4 * MOST_SAMPLES + 100, 20  # a sample has three numbers of up to 9 digits
+_DEEPEST = 3
 _MOST_SAID = 200  # characters of a message that come from the file
 # A policy's name is a file's name and a module's: no `..`, no dot at an end, and no hyphen as an option begins.
 POLICY = r"^[A-Za-z0-9_][A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+)*$"
@@ -76,8 +82,8 @@ class Episode(_StrictEntry):
 
     seed: _Seed
     steps: int = Field(ge=1, le=MOST_STEPS)
-    seen: list[_Cells] = Field(min_length=2, max_length=MOST_SAMPLES)
-    path_cm: list[tuple[_Cm, _Cm]] = Field(min_length=2, max_length=MOST_SAMPLES)
+    seen: list[_Cells] = Field(min_length=2, max_length=MOST_SAMPLES, fail_fast=True)
+    path_cm: list[tuple[_Cm, _Cm]] = Field(min_length=2, max_length=MOST_SAMPLES, fail_fast=True)
     idle: _Count
     collided: _Count
     path_m: float = Field(ge=0, le=MOST_M, allow_inf_nan=False)
@@ -108,9 +114,24 @@ def write_results(path: Path, head: Head, episodes: list[Episode]) -> None:
     replace_text(path, chain(head, episodes))
 
 
-def replace_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all, also where two processes write it at once."""
+def require_place(path: Path) -> None:
+    """Make the folder of a file that is to be written; refuse what is no plain file, which no results may replace.
+
+    Raises
+    ------
+    BaselineError
+        Naming the path.
+    OSError
+        If there can be no such folder.
+    """
+    if (path.is_symlink() or path.exists()) and not path.is_file():
+        raise BaselineError(f"{path}: not a plain file; no results are written there")
     path.parent.mkdir(parents=True, exist_ok=True)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all, also where two processes write it at once; replace only a plain file."""
+    require_place(path)
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         fresh.write_text(text)
@@ -155,20 +176,19 @@ def read_text(path: Path) -> str:
         If it is no plain file, too large, or no text.
     """
     try:
-        about = path.stat()
-        if not stat.S_ISREG(about.st_mode):
-            raise BaselineError(f"{path}: not a plain file")
-        if about.st_size > MOST_BYTES:
-            raise BaselineError(f"{path}: {about.st_size:,} bytes, a results file has at most {MOST_BYTES:,}")
-        with path.open("rb") as file:
-            return file.read(MOST_BYTES).decode()
-    except OSError as error:
-        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
+        data = read_plain_file(path, MOST_BYTES)
+        text = data.decode()
+    except UnreadableError as error:
+        raise BaselineError(f"{path}: {error}") from error
     except UnicodeDecodeError as error:
         raise BaselineError(f"{path}: cannot be read: not UTF-8 text from byte {error.start} on") from error
+    if data.count(b"\n") > MOST_LINES:
+        raise BaselineError(f"{path}: more than {MOST_LINES:,} lines, the most of a results file")
+    return text
 
 
 def _read_head(path: Path, line: str) -> Head:
+    _require_small(f"{path}:1", line, *_HEAD)
     try:
         head = Head.model_validate_json(line)
     except ValidationError as error:
@@ -178,7 +198,17 @@ def _read_head(path: Path, line: str) -> Head:
     return head
 
 
+def _require_small(place: str, line: str, size: int, values: int, keys: int) -> None:
+    if len(line) > size:
+        raise BaselineError(f"{place}: {len(line):,} characters, at most {size:,} are read")
+    try:
+        require_small_json(line.encode(), values, keys, _DEEPEST)
+    except UnreadableError as error:
+        raise BaselineError(f"{place}: {error}") from error
+
+
 def _read_episode(path: Path, number: int, line: str) -> Episode:
+    _require_small(f"{path}:{number}", line, *_EPISODE)
     try:
         return Episode.model_validate_json(line)
     except ValidationError as error:

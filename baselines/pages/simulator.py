@@ -27,6 +27,7 @@ from baselines.graph.features import Context
 from baselines.graph.policy import GraphPolicy
 from baselines.graph.training.mines import simulate
 from baselines.graph.training.watch import drive
+from baselines.policies.policy_source import require_checkpoint
 from baselines.scoring.split_file import mine_id, read_drives, split_folder
 from minexplore.physics.robot import RobotParams
 from minexplore.splits import SIZES
@@ -142,6 +143,8 @@ def main() -> None:
     arguments = parser.parse_args()
     if not 1 <= arguments.mines <= SIZES[_SPLIT]:
         raise BaselineError(f"mines = {arguments.mines}: want 1 to {SIZES[_SPLIT]}")
+    if arguments.network is not None:
+        require_checkpoint(arguments.network)
     write_table(_PAGE, compare(arguments.mines, arguments.network))
     print(f"{_PAGE} is written")
 

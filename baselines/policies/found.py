@@ -21,7 +21,7 @@ from baselines.graph import checkpoint as graph_checkpoint
 from baselines.graph.policy import GraphPolicy
 from baselines.policies.learned import LearnedPolicy
 from baselines.policies.learned import trained_in as ppo_trained_in
-from baselines.policies.policy_source import find_source, read_source, source_sha256
+from baselines.policies.policy_source import find_source, read_source, require_checkpoint, source_sha256
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot import RobotParams
 from minexplore.physics.robot_kind import Robot
@@ -118,9 +118,10 @@ def find_checkpoint(name: str) -> Path:
     Raises
     ------
     BaselineError
-        If there is none; the message lists what can be evaluated.
+        If there is none, and the message lists what can be evaluated, or the file cannot be a checkpoint.
     """
     if name.endswith(".safetensors"):
+        require_checkpoint(Path(name))
         return Path(name)
     for path in (CHECKPOINTS / f"{name}.safetensors", TRAINED / name / "policy.safetensors"):
         if path.is_file():

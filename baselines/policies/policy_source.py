@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import importlib.machinery
 import os
-import stat
 import sys
 from pathlib import Path
 
 from baselines.base.errors import BaselineError
+from minexplore.limits import UnreadableError, read_plain_file, require_small_json
 
 _MOST_FILES = 2000  # of a package
 MOST_BYTES = 256_000_000  # of all files, weights included; a checkpoint may have as much
+_SIZE = 8  # bytes of a safetensors file that state its header's size
+_MOST_HEADER, _MOST_HEADER_VALUES, _DEEPEST_HEADER = 1_000_000, 20_000, 3  # of kept policies: 3 kB, 100, 3
 _MOST_NAME = 200  # characters of a name in a message
 
 
@@ -43,30 +45,42 @@ def read_source(source: Path) -> dict[str, bytes]:
     paths = [source] if source.is_file() else sorted(_files_below(source))
     found, left = {}, MOST_BYTES
     for path in paths:
-        content = read_plain(path, left, f"a policy's files have at most {MOST_BYTES:,} bytes in all")
+        content = read_plain(path, left)
         found[path.relative_to(source.parent).as_posix()] = content
         left -= len(content)
     return found
 
 
-def read_plain(path: Path, most_bytes: int, limit: str) -> bytes:
+def read_plain(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """Return the bytes of a plain file that is no link.
 
     Raises
     ------
     BaselineError
-        If it is something else, cannot be read, or is longer than `most_bytes`; the message ends with `limit`.
+        If it is something else, cannot be read, or is longer than `most_bytes`.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-        with os.fdopen(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise BaselineError(f"{path}: not a plain file")
-            content = file.read(most_bytes + 1)
-    except OSError as error:
-        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(content) > most_bytes:
-        raise BaselineError(f"{path}: too large, {limit}")
+        return read_plain_file(path, most_bytes, may_link=False)
+    except UnreadableError as error:
+        raise BaselineError(f"{path}: {error}") from error
+
+
+def require_checkpoint(path: Path) -> bytes:
+    """Return the bytes of a checkpoint, a link or a plain file, whose header is small enough to be read.
+
+    Raises
+    ------
+    BaselineError
+        If it is something else, cannot be read, or is too large.
+    """
+    try:
+        content = read_plain_file(path, MOST_BYTES)
+        header = content[_SIZE : _SIZE + int.from_bytes(content[:_SIZE], "little")]
+        if len(header) > _MOST_HEADER:
+            raise UnreadableError(f"a header of {len(header):,} bytes, at most {_MOST_HEADER:,} are read")
+        require_small_json(header, _MOST_HEADER_VALUES, _MOST_HEADER_VALUES, _DEEPEST_HEADER)
+    except UnreadableError as error:
+        raise BaselineError(f"{path}: {error}") from error
     return content
 
 

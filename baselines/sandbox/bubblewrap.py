@@ -7,14 +7,11 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import minexplore
 from baselines.base.errors import BaselineError
-from baselines.sandbox.syscall_filter import filter_program
 
 POLICY = "/policy"  # where a policy's files are, inside
 PROJECT = "/project"  # where the packages `baselines` and `minexplore` are, inside
@@ -24,6 +21,7 @@ _NOBODY = "65534"
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 # Without MUJOCO_GL, importing MuJoCo starts a process that looks for a display.
 _VARIABLES = {"PATH": "/usr/bin", "HOME": "/", "LANG": "C.UTF-8", "MUJOCO_GL": "disable", **_ONE_THREAD}
+_FILTERED = "from baselines.sandbox.syscall_filter import install_filter; install_filter()"
 _PROBE_S = 60.0  # to start an empty sandbox on a busy machine
 
 
@@ -35,9 +33,8 @@ class Limits:
     time_s: float = 7200.0
 
 
-@contextmanager
-def sandbox_command(folder: Path | None, program: str, *words: str) -> Iterator[tuple[list[str], int]]:
-    """Yield the command that runs a Python program in a sandbox, and a file descriptor that it must inherit.
+def sandbox_command(folder: Path | None, program: str, *words: str) -> list[str]:
+    """Return the command that runs a Python program in a sandbox; the program must install the filter of system calls.
 
     Parameters
     ----------
@@ -51,16 +48,10 @@ def sandbox_command(folder: Path | None, program: str, *words: str) -> Iterator[
     Raises
     ------
     BaselineError
-        If bubblewrap is not installed, or there is no filter of system calls for this machine.
+        If bubblewrap is not installed.
     """
-    reading, writing = os.pipe()
-    try:
-        with os.fdopen(writing, "wb") as file:
-            file.write(filter_program())  # a few hundred bytes: less than a pipe holds
-        python = [os.path.realpath(sys.executable), "-I", "-S", "-B", "-c", program, *words]
-        yield [_find_bubblewrap(), *_isolation(), *_visible(folder), "--seccomp", str(reading), *python], reading
-    finally:
-        os.close(reading)
+    python = [os.path.realpath(sys.executable), "-I", "-S", "-B", "-c", program, *words]
+    return [_find_bubblewrap(), *_isolation(), *_visible(folder), *python]
 
 
 @functools.cache
@@ -72,8 +63,8 @@ def require_sandbox() -> None:
     BaselineError
         Naming what is missing.
     """
-    with sandbox_command(None, "pass") as (command, inherited):
-        done = subprocess.run(command, pass_fds=(inherited,), capture_output=True, timeout=_PROBE_S)
+    program = f"import sys; sys.path += {[*library_folders(), PROJECT]}; {_FILTERED}"
+    done = subprocess.run(sandbox_command(None, program), capture_output=True, timeout=_PROBE_S)
     if done.returncode:
         lines = done.stderr.decode(errors="replace").splitlines() or [f"exit code {done.returncode}"]
         reason = "".join(c if c.isprintable() else " " for c in lines[-1])

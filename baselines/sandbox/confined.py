@@ -163,15 +163,14 @@ def _start(folder: Path, limits: Limits, stack: contextlib.ExitStack) -> tuple[s
     try:
         modules = json.dumps([*library_folders(), PROJECT, POLICY])
         words = [modules, str(theirs[0]), str(ours[1]), str(limits.memory_bytes), str(limits.time_s)]
-        with sandbox_command(folder, _PROGRAM, *words) as (command, inherited):
-            process = subprocess.Popen(
-                command,
-                pass_fds=(theirs[0], ours[1], inherited),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
+        process = subprocess.Popen(
+            sandbox_command(folder, _PROGRAM, *words),
+            pass_fds=(theirs[0], ours[1]),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
     finally:
         _close(theirs[0], ours[1])
     stack.callback(_end, process)

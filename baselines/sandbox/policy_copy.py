@@ -8,10 +8,9 @@ from pathlib import Path
 from baselines.base.errors import BaselineError, RejectedError
 from baselines.policies.found import checkpoint_sha256
 from baselines.policies.policy_source import (
-    MOST_BYTES,
     find_source,
-    read_plain,
     read_source,
+    require_checkpoint,
     source_sha256,
     write_source,
 )
@@ -56,7 +55,7 @@ def copy_policy(name: str, folder: Path, sha256: str | None = None) -> PolicyCop
 
 
 def _copy_checkpoint(path: Path, folder: Path) -> PolicyCopy:
-    content = read_plain(path.resolve(), MOST_BYTES, f"a checkpoint has at most {MOST_BYTES:,} bytes")
+    content = require_checkpoint(path)
     write_source({path.name: content}, folder)
     return PolicyCopy(str(path), checkpoint_sha256(folder / path.name), path.name)
 

@@ -9,16 +9,19 @@ import sys
 from typing import Any
 
 from baselines.sandbox.channel import DONE, FAILED, MAKE, RESET, Channel, ChannelError
+from baselines.sandbox.syscall_filter import install_filter
 
 _MOST_BYTES = 256 << 20
 _MOST_SAID = 500
 _OPEN_FILES = 256
+_WAITING_SIGNALS = 64  # and timers; the kernel counts them for all processes of a user
 
 
 def main() -> None:
-    """Set the limits, then make the policy and answer calls until the other side is gone."""
+    """Set the limits and the filter, then make the policy and answer calls until the other side is gone."""
     reading, writing, memory_bytes, time_s = sys.argv[2:]
     _limit(int(memory_bytes), float(time_s))
+    install_filter()
     channel = Channel(int(reading), int(writing), _MOST_BYTES)
     server: Any = None
     try:
@@ -48,6 +51,7 @@ def _limit(memory_bytes: int, time_s: float) -> None:
         resource.RLIMIT_FSIZE: 0,
         resource.RLIMIT_CORE: 0,
         resource.RLIMIT_NOFILE: _OPEN_FILES,
+        resource.RLIMIT_SIGPENDING: _WAITING_SIGNALS,
     }
     for kind, most in limits.items():
         hard = resource.getrlimit(kind)[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 from baselines.base.errors import BaselineError
@@ -38,7 +39,7 @@ def read_parts(path: Path) -> list[tuple[Head, list[Episode]]]:
         If a part is no results file, or there are too many parts.
     """
     parts: list[list[str]] = []
-    for line in read_text(path).splitlines(keepends=True):
+    for line in io.StringIO(read_text(path), newline="\n"):
         if line.startswith(_BEGIN) or not parts:
             parts.append([])
         parts[-1].append(line)

@@ -11,10 +11,10 @@ from pathlib import Path
 from tqdm import tqdm
 
 from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, Workshop, copy_evidence, generated, with_heights
-from benchmarks.corpus.metadata import CorpusEntry, read_entry, write_metadata
+from benchmarks.corpus.metadata import CorpusEntry, read_entry, require_ours, write_metadata
 from minexplore.bundle import RECORD
 from minexplore.corpus import BUNDLE, WORLDS
-from pipeline.errors import ArtifactError, MineError
+from pipeline.errors import ArtifactError, run_command
 from pipeline.report.provenance import last_commit_date
 
 OUT = Path("artifacts/corpus")
@@ -28,8 +28,10 @@ def build(folder: Path, members: list[CorpusMember]) -> list[CorpusEntry]:
     Raises
     ------
     ArtifactError
-        If the pipeline refuses a member, a certificate does not hold, or all are larger than `MOST_MB`.
+        If the folder has other files where this writes, the pipeline refuses a member, a certificate does not hold, or
+        all are larger than `MOST_MB`.
     """
+    require_ours(folder)  # before hours of building
     missing = [member for member in members if not (folder / WORLDS / member.name / BUNDLE / RECORD).is_file()]
     with tempfile.TemporaryDirectory() as place:
         workshop = Workshop(Path(place) / "project", sum(not member.words for member in members if member != DEFAULT))
@@ -54,12 +56,8 @@ def main() -> int:
     parser.add_argument("--each", type=int, default=_EACH, help="generated mines of each style")
     parser.add_argument("--heights", type=int, default=_WITH_HEIGHTS, help="generated mines with heights")
     arguments = parser.parse_args()
-    try:
-        build(arguments.out, [DEFAULT, *CASES, *generated(arguments.each), *with_heights(arguments.heights)])
-    except MineError as error:
-        print(f"corpus: {error}", file=sys.stderr)
-        return 2
-    return 0
+    members = [DEFAULT, *CASES, *generated(arguments.each), *with_heights(arguments.heights)]
+    return run_command("corpus", lambda: build(arguments.out, members), "interrupted; run it again to go on")
 
 
 if __name__ == "__main__":

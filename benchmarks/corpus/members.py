@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.worlds.random_levels import random_legs
 from minexplore.splits import STYLES, light_folder, mine_name, parse_name
+from minexplore.unfinished import command_to_end
 from pipeline.build.family import FAMILIES
 from pipeline.errors import ArtifactError
 from pipeline.report.page import FOLDER, PAGE, write_page
@@ -19,6 +22,7 @@ from tests.project import ROOT, Project
 SPLIT = "test"
 PROJECT_LICENCE = "Apache-2.0"
 _HEIGHTS = "heights-"
+_FOLDER_MODE = 0o755  # a temporary folder is its owner's alone
 _EMPTY_BYTES = 100  # of the picture of one pixel that a stage writes where it has none
 _EVIDENCE = ("validation/certificate.json", "validation/metrics.json", f"{FOLDER}/{PAGE}", f"{FOLDER}/mine.png")
 
@@ -137,14 +141,29 @@ class Workshop:
 
 
 def copy_evidence(built: Path, target: Path) -> None:
-    """Copy a world's bundle, certificate, metrics, report and plan into a folder, whose content is replaced."""
-    fresh = target.with_name(f".{target.name}")
-    shutil.rmtree(fresh, ignore_errors=True)
-    shutil.copytree(built / "realism" / "world", fresh / "world")
-    for name in evidence_of(built):
-        shutil.copy2(built / name, fresh / Path(name).name)
-    shutil.rmtree(target, ignore_errors=True)
-    fresh.rename(target)
+    """Copy a world's bundle, certificate, metrics, report and plan into a folder that does not exist.
+
+    Raises
+    ------
+    ArtifactError
+        If there is something else at its place, or the world's last stage has not ended.
+    """
+    command = command_to_end(built / "realism" / "world", built)
+    if command is not None:
+        raise ArtifactError(f"{built}: unfinished; `{command}` ends it")
+    if os.path.lexists(target):
+        raise ArtifactError(f"{target}: is no whole world of a corpus; move it away and run again")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    try:
+        shutil.copytree(built / "realism" / "world", fresh / "world")
+        for name in evidence_of(built):
+            shutil.copy2(built / name, fresh / Path(name).name)
+        fresh.chmod(_FOLDER_MODE)
+        fresh.rename(target)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)  # nobody else knows its name
+        raise
 
 
 def evidence_of(built: Path) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import date, datetime, time
@@ -11,6 +12,7 @@ from typing import Any
 
 import mlcroissant as mlc
 import yaml
+from pydantic import TypeAdapter, ValidationError
 from rocrate.model import ContextEntity
 from rocrate.rocrate import ROCrate
 
@@ -19,9 +21,11 @@ from benchmarks.corpus.members import CorpusMember
 from minexplore import __version__
 from minexplore.bundle import RECORD
 from minexplore.corpus import BUNDLE, FORMAT, INDEX, WORLDS
-from pipeline.store.hashing import sha256_bytes
+from pipeline.errors import ArtifactError
+from pipeline.store.files import write_atomically
+from pipeline.store.hashing import read_text_file, sha256_bytes, sha256_file
 
-CARD, TABLE = "README.md", "worlds.csv"
+CARD, TABLE, WRITTEN = "README.md", "worlds.csv", "written.json"
 CROISSANT, CRATE = "croissant.json", "ro-crate-metadata.json"
 # Column of worlds.csv, its type, and what it is.
 _COLUMNS = {
@@ -64,14 +68,46 @@ def read_entry(folder: Path, member: CorpusMember) -> CorpusEntry:
 
 
 def write_metadata(folder: Path, entries: list[CorpusEntry], published: date) -> None:
-    """Write index, table, data card, Croissant and RO-Crate files beside the worlds; equal worlds give equal bytes."""
+    """Write index, table, data card, Croissant and RO-Crate files beside the worlds; equal worlds give equal bytes.
+
+    Raises
+    ------
+    ArtifactError
+        If the folder has another file of one of these names.
+    """
     index = {"format": FORMAT, "version": __version__, "worlds": {e.member.name: _index_entry(e) for e in entries}}
-    (folder / INDEX).write_text(_json(index))
     lines = [",".join(_COLUMNS), *(",".join(str(value) for value in entry.row()) for entry in entries)]
-    (folder / TABLE).write_text("\n".join(lines) + "\n")
-    (folder / CARD).write_text(_card(entries, sha256_bytes((folder / INDEX).read_bytes())))
-    (folder / CROISSANT).write_text(_json(_croissant(folder, entries, published)))
-    (folder / CRATE).write_text(_json(_crate(folder, entries, published)))
+    files = {INDEX: _json(index).encode(), TABLE: ("\n".join(lines) + "\n").encode()}
+    hashes = {name: sha256_bytes(data) for name, data in files.items()}
+    files[CARD] = _card(entries, hashes[INDEX]).encode()
+    files[CROISSANT] = _json(_croissant(hashes, entries, published)).encode()
+    files[CRATE] = _json(_crate(folder, entries, published)).encode()
+    listed = require_ours(folder)
+    for name, data in files.items():
+        listed[name] = [sha256_bytes(data), *listed.get(name, [])[:1]]  # and the earlier one, until it is replaced
+    for name, data in {WRITTEN: _json(listed).encode(), **files}.items():
+        write_atomically(folder / name, data)
+
+
+def require_ours(folder: Path) -> dict[str, list[str]]:
+    """Return the hashes of the description that an earlier call wrote into a folder.
+
+    Raises
+    ------
+    ArtifactError
+        If the folder has another file of one of its names; the message has the name.
+    """
+    try:
+        listed = TypeAdapter(dict[str, list[str]]).validate_json(read_text_file(folder / WRITTEN))
+    except FileNotFoundError:
+        listed = {}
+    except ValidationError as error:
+        raise ArtifactError(f"{folder / WRITTEN}: not the list of what was written here; move it away") from error
+    for name in (INDEX, TABLE, CARD, CROISSANT, CRATE):
+        path = folder / name
+        if os.path.lexists(path) and (path.is_symlink() or sha256_file(path) not in listed.get(name, [])):
+            raise ArtifactError(f"{path}: is not as {WRITTEN} lists it; move it away, or give another --out")
+    return listed
 
 
 def _json(value: object) -> str:
@@ -152,7 +188,7 @@ def _areas(entries: list[CorpusEntry]) -> str:
     return f"{min(areas):,.0f} to {max(areas):,.0f}"
 
 
-def _croissant(folder: Path, entries: list[CorpusEntry], published: date) -> dict[str, Any]:
+def _croissant(hashes: dict[str, str], entries: list[CorpusEntry], published: date) -> dict[str, Any]:
     """Return Croissant 1.0 metadata: the table of worlds as a record set, and the index.
 
     References
@@ -166,7 +202,7 @@ def _croissant(folder: Path, entries: list[CorpusEntry], published: date) -> dic
             name=name,
             content_url=name,
             encoding_formats=[kind],
-            sha256=sha256_bytes((folder / name).read_bytes()),
+            sha256=hashes[name],
         )
         for name, kind in {TABLE: "text/csv", INDEX: "application/json"}.items()
     ]

@@ -67,13 +67,13 @@ def faults(bundle: Path) -> list[Mutant]:
     free = decode(bundle / FREE_SPACE, FreeSpace).polygon
     south, north = free.bounds[1], free.bounds[3]
     found = [
-        Mutant("a drift blocked by 0.5 m of rock", block_drift, "certificate.intrusion_m2"),
+        Mutant("a drift blocked by 0.5 m of rock", block_drift, "certificate.intrusion_mm"),
         Mutant("a drift blocked by 0.5 m of rock, by reach", block_drift, "certificate.same_graph"),
-        Mutant("a 0.4 m leak in a wall", leak_wall, "certificate.widest_gap_m"),
-        Mutant("one prism removed", remove_prism, "certificate.missing_m2"),
-        Mutant("one prism shifted by 0.3 m", shift_prism, "certificate.intrusion_m2"),
+        Mutant("a 0.4 m leak in a wall", leak_wall, "certificate.gap_mm"),
+        Mutant("one prism removed", remove_prism, "certificate.missing_mm"),
+        Mutant("one prism shifted by 0.3 m", shift_prism, "certificate.intrusion_mm"),
         Mutant("one prism shifted, by MuJoCo's distances", shift_prism, "certificate.clearance_error_m"),
-        Mutant("one prism lifted off the floor", raise_prism, "certificate.missing_m2"),
+        Mutant("one prism lifted off the floor", raise_prism, "certificate.missing_mm"),
         Mutant("scale x 1.02", move_rock(lambda xy: 1.02 * xy), "iou.free_space_vs_cleaned"),
         Mutant(
             "plan mirrored",

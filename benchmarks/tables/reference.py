@@ -1,4 +1,4 @@
-"""Tables of the reference, from the code: options of `new`, configuration, limits of stage 6, defences.
+"""Tables of the reference, from the code: options of `new`, what files state, configuration, limits, defences.
 
 `python -m benchmarks.tables.reference` writes them between two marks of each page.
 """
@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
@@ -16,10 +17,15 @@ from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit
 from pipeline.params.validation import Limit, ValidationParams
+from pipeline.survey.stated.table import by_format
 
 FOLDER = Path("docs")
 _KINDS = {"embedded": [], "own": ["+mine=own"], "heights": ["+mine=heights"]}  # of mine: what composes its limits
 _CLAUSE = "certificate."
+_OUTCOMES = (
+    "What a file states about its coordinates is used (they follow it), listed (it changes nothing, and a remark says "
+    "so)\nor refused."
+)
 
 
 def options_table() -> str:
@@ -47,6 +53,21 @@ def _command(name: str) -> argparse.ArgumentParser:
     raise LookupError(f"python -m pipeline has no command {name}")
 
 
+def statements_table() -> str:
+    """Return what the files of each format state about their coordinates, and what is done with it."""
+    texts = []
+    for name, rows in by_format().items():
+        suffixes = re.sub(r"\.[a-z0-9]+", lambda found: f"`{found[0]}`", name)
+        cells = ((row.states, row.outcome, row.how) for row in rows)
+        texts.append(f"### {suffixes}\n\n{noted_table(('a file states', 'outcome', 'what is done'), cells)}")
+    return "\n\n".join(texts)
+
+
+def formats_tables() -> str:
+    """Return the tables of the page of formats."""
+    return f"{options_table()}\n\n## What files state\n\n{_OUTCOMES}\n\n{statements_table()}"
+
+
 def limits_table() -> str:
     """Return each figure that has a limit, with its limit by kind of mine."""
     limits = {kind: limits_of(compose(overrides).validation) for kind, overrides in _KINDS.items()}
@@ -69,7 +90,7 @@ def volume_limits_table() -> str:
 
 
 TABLES = {
-    "reference/formats.md": options_table,
+    "reference/formats.md": formats_tables,
     "reference/configuration.md": configuration_table,
     "reference/metrics.md": limits_table,
     "reference/heights.md": volume_limits_table,

@@ -9,12 +9,13 @@ from typing import Any, Protocol
 import gymnasium
 import numpy as np
 
+from minexplore.ends import uninterrupted
 from minexplore.envs.env import MineEnv
 from minexplore.envs.sensed.sensor_suite import check_sensors, sensor_names
 from minexplore.physics.robots import find_robot
 from minexplore.record.episode import SensedStep, frames_of
 from minexplore.record.live import LiveView, require_viser
-from minexplore.record.mcap_file import McapFile, require_mcap
+from minexplore.record.mcap_file import McapFile, require_mcap, require_new
 from minexplore.record.policies import Ahead, Drive, find_drive
 from minexplore.sensing.params import preset_names
 
@@ -29,6 +30,9 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """Finish."""
+
+    def drop(self) -> None:
+        """Leave nothing of what is not finished."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -98,16 +102,22 @@ def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     sinks: list[Sink] = []
     try:
         if arguments.out is not None:
-            sinks.append(McapFile(arguments.out, env.suite))
+            with uninterrupted():
+                sinks.append(McapFile(arguments.out, env.suite))
         if arguments.live is not None:
             view = LiveView(env.suite, arguments.live)
             sinks.append(view)
             print(f"open {view.address}", flush=True)
-        _run(env, drive, sensors, arguments, sinks)
-    finally:
+        summary = _run(env, drive, sensors, arguments, sinks)
         for sink in sinks:
             sink.close()
-        made.close()
+    finally:
+        with uninterrupted():
+            for sink in sinks:
+                sink.drop()
+            made.close()
+    size = f", {arguments.out} {arguments.out.stat().st_size / 1e6:.1f} MB" if arguments.out else ""
+    print(f"{summary}{size}")
 
 
 def _require(arguments: argparse.Namespace) -> None:
@@ -115,13 +125,13 @@ def _require(arguments: argparse.Namespace) -> None:
         require_mcap()
         if not arguments.out.parent.is_dir():
             raise ValueError(f"out = {str(arguments.out)!r}: no folder {arguments.out.parent}")
+        require_new(arguments.out)
     if arguments.live is not None:
         require_viser()
 
 
-def _run(
-    env: MineEnv, drive: Drive, sensors: tuple[str, ...], arguments: argparse.Namespace, sinks: list[Sink]
-) -> None:
+def _run(env: MineEnv, drive: Drive, sensors: tuple[str, ...], arguments: argparse.Namespace, sinks: list[Sink]) -> str:
+    """Drive the episode into the sinks; return what it was."""
     steps, seed, every = arguments.steps, arguments.seed, arguments.every
     frames = frames_of(env, drive, sensors, steps, seed, every, arguments.pose == "true")
     count, looks, frame = 0, 0, None
@@ -129,8 +139,8 @@ def _run(
         looks += bool(frame.readings)
         for sink in sinks:
             sink.add(frame)
-    if frame is not None:
-        error_m = float(np.linalg.norm(frame.counted.place_m[:2] - frame.robot.place_m[:2]))
-        wheels = "" if env.robot.FLIES else f", odometry off by {error_m:.2f} m"
-        size = f", {arguments.out} {arguments.out.stat().st_size / 1e6:.1f} MB" if arguments.out else ""
-        print(f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %{wheels}{size}")
+    if frame is None:
+        return "0 steps"
+    error_m = float(np.linalg.norm(frame.counted.place_m[:2] - frame.robot.place_m[:2]))
+    wheels = "" if env.robot.FLIES else f", odometry off by {error_m:.2f} m"
+    return f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %{wheels}"

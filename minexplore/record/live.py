@@ -82,4 +82,10 @@ class LiveView:
 
     def close(self) -> None:
         """Stop the server."""
-        self._server.stop()
+        self.drop()
+
+    def drop(self) -> None:
+        """Stop the server; after `close` nothing happens."""
+        server, self._server = self._server, None
+        if server is not None:
+            server.stop()

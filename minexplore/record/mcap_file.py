@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -41,6 +45,20 @@ def require_mcap() -> None:
         raise ImportError("record needs MCAP's packages: pip install 'minexplore[record]'")
 
 
+def require_new(path: Path) -> None:
+    """Refuse to write where something is.
+
+    Raises
+    ------
+    ValueError
+        Naming the path.
+    """
+    if path.is_dir():
+        raise ValueError(f"out = {str(path)!r}: cannot be written (Is a directory)")
+    if os.path.lexists(path):
+        raise ValueError(f"out = {str(path)!r}: there is a file; move it away, or give another name")
+
+
 class McapFile:
     """Writes frames. Topics: /clock, /tf, /odom, /imu, /camera/*, and one for each LiDAR.
 
@@ -49,22 +67,36 @@ class McapFile:
     """
 
     def __init__(self, path: Path, suite: SensorSuite) -> None:
-        """Create the file; `suite` knows how the sensors are mounted.
+        """Create the file under a temporary name, which `close` changes; `suite` knows how the sensors are mounted.
 
         Raises
         ------
         ValueError
-            If the file cannot be written.
+            If the file cannot be written, or there is one.
         """
         from mcap_ros2.writer import Writer  # of the extra `record`
 
-        try:
-            self._suite, self._stream = suite, path.open("wb")
-        except OSError as error:
-            raise ValueError(f"out = {str(path)!r}: cannot be written ({error.strerror})") from error
-        self._writer: Any = Writer(self._stream)
-        self._schemas = {name: self._writer.register_msgdef(name, definition_of(name)) for name in message_types()}
+        require_new(path)
+        self._suite, self._path = suite, path
+        self._partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
+        with self._writing():
+            self._stream = self._partial.open("xb")
         self._time_ns = 0
+        try:
+            with self._writing():
+                self._writer: Any = Writer(self._stream)
+                self._schemas = {k: self._writer.register_msgdef(k, definition_of(k)) for k in message_types()}
+        except ValueError:
+            self.drop()
+            raise
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Refuse what the disk does not take, with the file's name."""
+        try:
+            yield
+        except OSError as error:
+            raise ValueError(f"out = {str(self._path)!r}: cannot be written ({error.strerror})") from error
 
     def add(self, frame: SensedStep) -> None:
         """Write one control step."""
@@ -106,12 +138,27 @@ class McapFile:
         ]
 
     def _write(self, topic: str, message_type: str, message: Message) -> None:
-        self._writer.write_message(topic, self._schemas[message_type], message, self._time_ns, self._time_ns)
+        with self._writing():
+            self._writer.write_message(topic, self._schemas[message_type], message, self._time_ns, self._time_ns)
 
     def close(self) -> None:
-        """Write the index and close the file."""
-        self._writer.finish()
-        self._stream.close()
+        """Write the index, close the file and give it its name.
+
+        Raises
+        ------
+        ValueError
+            If the disk does not take it.
+        """
+        with self._writing():
+            self._writer.finish()
+            self._stream.close()
+            self._partial.replace(self._path)
+
+    def drop(self) -> None:
+        """Remove the file that was not finished; nothing happens after `close`."""
+        with suppress(OSError):  # what is buffered finds no place on a full disk
+            self._stream.close()
+        self._partial.unlink(missing_ok=True)
 
 
 def topic_of(scanner: str) -> str:

@@ -61,7 +61,7 @@ VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock hav
 _MESH = re.compile(rf"{MESHES}(?:{VISIBLE_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 _HFIELD = re.compile(rf"{HFIELDS}{ROUGH_FLOORS}\.png", re.ASCII)
 _FOLDERS = {MESHES.rstrip("/"), HFIELDS.rstrip("/"), ROCK_TEXTURE.partition("/")[0]}
-_MOST_BYTES = 1 << 30  # of a bundle
+MOST_BUNDLE_BYTES = 1 << 30
 _MOST_FILES = 100_000
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
@@ -108,8 +108,8 @@ def read_folder(folder: Path) -> dict[str, bytes]:
         except OSError as error:
             raise BundleError(f"{path}: cannot be read ({error.strerror})") from error
         total += len(data)
-        if total > _MOST_BYTES or len(files) >= _MOST_FILES:
-            raise BundleError(f"{folder}: more than {_MOST_BYTES} bytes or {_MOST_FILES} files")
+        if total > MOST_BUNDLE_BYTES or len(files) >= _MOST_FILES:
+            raise BundleError(f"{folder}: more than {MOST_BUNDLE_BYTES} bytes or {_MOST_FILES} files")
         files[name] = data
     return files
 

@@ -19,7 +19,8 @@ from minexplore.bundle import (
     BundleError,
 )
 
-MOST_FACETS, MOST_SPANS = 5_000_000, 100_000_000  # of a volume
+MOST_FACETS, MOST_SPANS = 5_000_000, 5_000_000  # of a volume: 100 km of drifts 3 m wide, in cells of 0.25 m
+MOST_COLUMNS = 100_000_000  # of its box in plan: 2,500 m square at 0.25 m
 MOST_CORNERS = 16  # of a part, on average; those of caves have 7, and one may have more
 MOST_VOLUME_PARTS = 1_000_000  # of a narrow cave of 33 km; names have numbers of six digits
 MOST_CELLS = 100_000_000  # of the clearance grid: 2,500 m square at 0.25 m

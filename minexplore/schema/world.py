@@ -98,7 +98,7 @@ def _check_volume(record: dict[str, Any], files: Mapping[str, bytes]) -> Checked
     require_volume_files(record, files)
     volume = read_volume(files)
     check_figures(record, volume)
-    check_volume_files(record, files, volume.spans)
+    check_volume_files(record, files, volume)
     root = read_xml(MODEL, files[MODEL])
     check_elements(MODEL, root, ROCK_VOLUME_WORLD if has_visible_rock(record) else VOLUME_WORLD)
     check_volume_model(root, record, volume)

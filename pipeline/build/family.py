@@ -133,6 +133,7 @@ def make_family(
     progress: Progress,
     on: Literal["local", "ray"] = "local",
     listed: Mapping[tuple[str, int], Listed] | None = None,
+    again: str = "",
 ) -> list[MemberOutcome]:
     """Build all members in parallel, over the cores or over the Ray cluster at RAY_ADDRESS, which shares this folder.
 
@@ -149,6 +150,8 @@ def make_family(
     on : {"local", "ray"}
     listed : mapping, optional
         Worlds of the committed list by split and seed; a world with another hash fails.
+    again : str, optional
+        The command that continues, for those who find a world unfinished.
 
     Returns
     -------
@@ -165,7 +168,7 @@ def make_family(
         If another command is building worlds of the same folder, or the manifest is broken.
     """
     _read_record(FAMILIES / "manifest.json")  # refuse a broken one before worlds are built
-    built = _over_cluster(members) if on == "ray" else _over_cores(members, jobs)
+    built = _over_cluster(members, again) if on == "ray" else _over_cores(members, jobs, again)
     place = FAMILIES / Path(members[0].folder).parent
     lock = hold_lock(place / ".lock", f"{place}: another command is building these worlds")
     with lock, closing(built):  # closed also where an interrupt arrives in `progress`
@@ -215,7 +218,7 @@ def to_list(outcomes: Iterable[MemberOutcome]) -> list[Listed]:
     return [Listed(o.member.split, o.member.seed, o.member.style, str(o.world_sha256)) for o in outcomes]
 
 
-def make_member(member: Member, families: Path) -> MemberOutcome:
+def make_member(member: Member, families: Path, again: str = "") -> MemberOutcome:
     """Build one member below `families` and return the result; it has figures if all six stages have run."""
     folder, problem = families / member.folder, None
     try:
@@ -223,7 +226,7 @@ def make_member(member: Member, families: Path) -> MemberOutcome:
         if config.survey.kind == "procedural":  # an override may have changed seed or style
             member = replace(member, seed=config.survey.seed, style=config.survey.mine.style)
         try:
-            make_world(config, folder)
+            make_world(config, folder, again=again)
         except LimitError as error:
             problem = f"LimitError: {error}"
         figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
@@ -234,7 +237,7 @@ def make_member(member: Member, families: Path) -> MemberOutcome:
         return MemberOutcome(member, None, None, False, f"{type(error).__name__}: {error}")
 
 
-def _over_cores(members: list[Member], jobs: int) -> Generator[MemberOutcome]:
+def _over_cores(members: list[Member], jobs: int, again: str) -> Generator[MemberOutcome]:
     if not has_limits():
         raise InputError("this system forks no processes, as Windows does not: build worlds on Linux, or with --on ray")
     context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
@@ -243,7 +246,7 @@ def _over_cores(members: list[Member], jobs: int) -> Generator[MemberOutcome]:
         # A process that gets a signal to end before `_begin_worker` would go on as a second parent, by its handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
         try:
-            futures = [pool.submit(make_member, m, FAMILIES) for m in members]
+            futures = [pool.submit(make_member, m, FAMILIES, again) for m in members]
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         for future in as_completed(futures):
@@ -268,7 +271,7 @@ def _begin_worker(parent: int) -> None:
     die_with_parent(parent)
 
 
-def _over_cluster(members: list[Member]) -> Generator[MemberOutcome]:
+def _over_cluster(members: list[Member], again: str) -> Generator[MemberOutcome]:
     address = os.environ.get("RAY_ADDRESS")
     if not address:
         raise InputError("--on ray: RAY_ADDRESS is not set; it names the cluster, for example 10.0.0.1:6379")
@@ -283,7 +286,7 @@ def _over_cluster(members: list[Member]) -> Generator[MemberOutcome]:
     @ray.remote  # type: ignore[untyped-decorator]
     def build(member: Member) -> MemberOutcome:
         os.chdir(project)
-        return make_member(member, families)
+        return make_member(member, families, again)
 
     waiting = [build.remote(member) for member in members]
     while waiting:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,18 +10,25 @@ from typing import Any
 
 import yaml
 
-from pipeline.errors import MemoryShortageError, describe_shortage, lacks_memory
+from minexplore.unfinished import CONTINUE, PARAMS
+from pipeline.errors import MemoryShortageError, MineError, describe_shortage, lacks_memory
 from pipeline.guard.forked import Forked
 from pipeline.memory import give_back
 from pipeline.params.config import Config
-from pipeline.stage import Stage, begin_artifacts, check_again, is_fresh
+from pipeline.places import CODE_HASHES, COMPOSED
+from pipeline.stage import ARTIFACTS, Stage, begin_artifacts, check_again, is_fresh, written_by
 from pipeline.store.files import recover_folder, write_atomically
+from pipeline.store.hashing import read_text_file
+from pipeline.store.manifest import REPORT_FILES
+from pipeline.store.written import remove_empty, remove_written, written_files
 from stages.__main__ import load_stages
 
 Progress = Callable[[list[Stage]], Iterable[Stage]]
+REPORT_FOLDER = "report"
+_HEAD = "# Composed from conf/; do not edit.\n"
 
 
-def make_world(config: Config, root: Path, progress: Progress = iter) -> list[str]:
+def make_world(config: Config, root: Path, progress: Progress = iter, again: str = "") -> list[str]:
     """Bring a world's folder up to date.
 
     Parameters
@@ -30,6 +38,8 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
         `artifacts/worlds/NAME`, relative to the project. Its `params.yaml` holds the world's parameters.
     progress : callable, optional
         Iterates over the list of stages and reports progress, as `tqdm` does.
+    again : str, optional
+        The command that continues the build, for those who find the world unfinished.
 
     Returns
     -------
@@ -45,7 +55,8 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
         If a stage needs more memory than there is.
     """
     text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, width=110)
-    write_atomically(root / "params.yaml", f"# Composed from conf/; do not edit.\n{text}".encode())
+    note = f"{CONTINUE}{again}\n" if again and again.isprintable() else ""
+    write_atomically(root / PARAMS, f"{_HEAD}{note}{text}".encode())
     stages, ran = load_stages(), list[str]()
     begun: dict[str, Forked[Any] | None] = {}
     unfinished: dict[str, Callable[[], None]] = {}
@@ -72,6 +83,53 @@ def make_world(config: Config, root: Path, progress: Progress = iter) -> list[st
         raise
     _finish(unfinished)
     return ran
+
+
+def remove_default_world() -> None:
+    """Remove what `make all` wrote in `artifacts`; the figures that git tracks stay.
+
+    Raises
+    ------
+    ArtifactError
+        If a folder holds anything else; the message names it, and nothing is removed.
+    """
+    stages = load_stages()
+    for name in (*(stage.name for stage in stages), REPORT_FOLDER):
+        recover_folder(ARTIFACTS / name)
+    ours = {ARTIFACTS / stage.name: written_by(stage, ARTIFACTS) for stage in stages}
+    ours[ARTIFACTS / REPORT_FOLDER] = REPORT_FILES
+    found = [folder / name for folder, listed in ours.items() for name in written_files(folder, listed)]
+    tracked = {artifact.at(ARTIFACTS) for stage in stages for artifact in stage.writes.values() if artifact.in_git}
+    for path in (*found, *filter(_is_composed, (COMPOSED, CODE_HASHES))):
+        if path not in tracked:
+            path.unlink()
+    for folder in ours:
+        remove_empty(folder)
+
+
+def _is_composed(path: Path) -> bool:
+    """Return whether a file has a key of each section, as those that are composed have."""
+    try:
+        return set(json.loads(read_text_file(path))) >= set(Config.model_fields)
+    except (OSError, MineError, ValueError, TypeError, RecursionError):
+        return False
+
+
+def remove_world(root: Path) -> None:
+    """Remove what `make_world` wrote in a world's folder.
+
+    Raises
+    ------
+    ArtifactError
+        If a stage's folder holds anything else; the message names it.
+    """
+    for stage in load_stages():
+        recover_folder(root / stage.name)
+        remove_written(root / stage.name, written_by(stage, root))
+    params = root / PARAMS
+    if params.is_file() and params.read_bytes().startswith(_HEAD.encode()):
+        params.unlink()
+    remove_empty(root)
 
 
 def _end(begun: Mapping[str, Forked[Any] | None]) -> None:

@@ -50,5 +50,5 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--to", choices=["usd", "sdf", "gltf", "obj"], required=True)
     parser.add_argument("--out", type=Path, help="default: artifacts/export/NAME-FORMAT")
     parser.add_argument("--licence", help="default: the licences of the survey's files, or 'not stated'")
-    parser.add_argument("overrides", nargs="*", help="for example validation.certificate.limits.missing_um.max=5")
+    parser.add_argument("overrides", nargs="*", help="for example validation.certificate.limits.missing_mm.max=20")
     parser.set_defaults(run=lambda a: export_(a.name, a.to, a.out, a.licence, a.overrides), anywhere=True)

@@ -79,14 +79,21 @@ def roughness(sweeps: list[Path], out: Path) -> None:
     from pipeline.metrics.rock.roughness import roughness_of_sweeps
     from pipeline.scans.sweeps import read_sweep
     from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
+    from pipeline.store.files import write_report
 
     gate = compose([]).surface.sweeps
     points = {path.stem: read_sweep(path, gate.max_range_m, gate.max_range_var_m2) for path in sweeps}
     measured = roughness_of_sweeps(points, gate.max_gap_m, gate.window_m, gate.footprint_m)
-    write_atomically(out, encode(out, measured))
+    write_report(out, encode(out, measured))
     for window, rq, p90 in zip(measured.window_m, measured.rq_m, measured.rq_p90_m, strict=True):
         print(f"{window:4.1f} m: median {1000 * rq:6.1f} mm, 90th percentile {1000 * p90:6.1f} mm")
+
+
+def clean() -> None:
+    """Remove what `make all` wrote. Worlds of your own, exports, training runs and the metrics in git stay."""
+    from pipeline.build.world import remove_default_world
+
+    remove_default_world()
 
 
 def update_baseline() -> None:
@@ -105,7 +112,7 @@ def update_results() -> None:
 
 def add_to(commands: Any) -> None:
     """Declare the maintenance commands."""
-    for function in (set_overrides, update_baseline, update_results):
+    for function in (set_overrides, clean, update_baseline, update_results):
         name = function.__name__.replace("_", "-")
         commands.add_parser(name, help=function.__doc__).set_defaults(run=lambda a, f=function: f())
     verifier = commands.add_parser("verify", help=verify.__doc__)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -55,34 +55,44 @@ def new(
 
 @contextmanager
 def _remarks_listed(source: Path) -> Iterator[None]:
-    """List the remarks of what runs in a table on standard error, also if it fails."""
+    """List the remarks of what runs in a table on standard error, also if it fails; not if it is interrupted."""
     from pipeline.remarks import collect_remarks
 
     with collect_remarks() as remarks:
+        failure = None
         try:
             yield
-        finally:
-            if remarks:
-                print(remark_table(source.name, remarks), file=sys.stderr)
+        except Exception as error:
+            failure = error
+        if remarks:
+            print(remark_table(source.name, remarks), file=sys.stderr)
+    if failure is not None:
+        raise failure
 
 
 def _require_place(detected: Path | None, source: Path) -> None:
-    """Refuse a place for the picture of what was found that is no .png file in a folder, or is the plan itself."""
+    """Refuse a place for the picture of what was found that is no .png file in a folder, or is taken."""
     from pipeline.errors import InputError
 
     if detected is None:
         return
     if detected.suffix.lower() != ".png" or not detected.parent.is_dir() or detected.is_dir():
         raise InputError(f"--detected {detected}: expected FILE.png in a folder that exists")
-    if detected.resolve() == source.resolve():
-        raise InputError(f"--detected {detected}: is the plan itself; choose another name")
+    if os.path.lexists(detected):
+        is_plan = detected.resolve() == source.resolve()
+        what = "is the plan itself" if is_plan else "there is a file"
+        raise InputError(f"--detected {detected}: {what}; choose another name")
 
 
-def _write_picture(path: Path, picture: Any) -> None:
+def _write_picture(path: Path, picture: Any) -> str:
+    """Write a picture and return its sha256."""
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically
+    from pipeline.store.hashing import sha256_bytes
 
-    write_atomically(path, encode(path, picture))
+    data = encode(path, picture)
+    write_atomically(path, data)
+    return sha256_bytes(data)
 
 
 def _show(name: str, source: Path, stated: StatedOptions, overrides: list[str], detected: Path) -> None:
@@ -103,6 +113,7 @@ def _make(
     overrides: list[str],
     detected: Path | None,
 ) -> None:
+    from minexplore.ends import uninterrupted
     from pipeline.compose import compose, floor_rules_of
     from pipeline.errors import LimitError
     from pipeline.guard.forked import Forked
@@ -112,20 +123,23 @@ def _make(
 
     with reading_by(floor_rules_of(overrides)):
         draft = draft_import(name, source, stated)
-    existed, failure = (WORLDS / name).exists(), None
+    pictures, failure = dict[Path, str](), None
     default = Forked(lambda: compose([]))  # for the report, while this process composes the mine's
     imported = import_mine(draft, origin, licence)
     try:
         if draft.picture is not None:
             for path in filter(None, (WORLDS / name / DETECTED, detected)):
-                _write_picture(path, draft.picture)
+                pictures[path] = _write_picture(path, draft.picture)
         is_drawn = draft.picture is not None
         del draft  # a plan of 50 million pixels takes 150 MB
         build(name, [f"survey={name}", *overrides])
     except LimitError as error:
         failure = error
     except BaseException as error:
-        _take_back(name, imported, existed, error)
+        if detected is not None:
+            pictures.pop(detected, None)  # it was asked for
+        with uninterrupted():
+            _take_back(name, imported, pictures, error)
         raise
     if is_drawn:
         print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
@@ -138,25 +152,32 @@ def _make(
         raise failure
 
 
-def _take_back(name: str, imported: Any, existed: bool, error: BaseException) -> None:
+def _take_back(name: str, imported: Any, pictures: dict[Path, str], error: BaseException) -> None:
     """Remove what an import wrote after an error.
 
-    A refused mine leaves nothing behind. Ctrl-C and a lack of memory leave nothing before the file is read, and keep
-    the finished stages later.
+    A refused mine leaves nothing behind. Ctrl-C and a lack of memory or space leave nothing before the file is read,
+    and keep the finished stages later.
     """
-    from pipeline.errors import lacks_memory
+    from pipeline.build.world import remove_world
+    from pipeline.errors import MineError, lacks_resources
     from pipeline.import_mine import forget_import
+    from pipeline.store.written import take_back
     from pipeline.worlds import WORLDS
 
     is_read = (WORLDS / name / "survey").is_dir()
-    refused = isinstance(error, Exception) and not lacks_memory(error)
+    refused = isinstance(error, Exception) and not lacks_resources(error)
     if imported.written and (refused or not is_read):
         forget_import(imported)
-        if not existed:
-            shutil.rmtree(WORLDS / name, ignore_errors=True)
+        take_back(pictures, ())
+        try:
+            remove_world(WORLDS / name)
+        except (MineError, OSError) as left:
+            print(f"{WORLDS / name}: stays ({left})", file=sys.stderr)
+            return
         remedy = "; state corrected values as overrides, for example survey.snap_m=1" if refused else ""
-        print(f"nothing is kept{remedy}", file=sys.stderr)
-    elif lacks_memory(error):
+        if isinstance(error, Exception):
+            print(f"nothing is kept{remedy}", file=sys.stderr)
+    elif lacks_resources(error):
         print(f"{WORLDS / name}: the finished stages are kept; the same command continues", file=sys.stderr)
 
 

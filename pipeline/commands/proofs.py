@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pipeline.mjcf.bundle import OpenedBundle
     from pipeline.proof.certificate import Certificate
 
+_CERTIFY_WITHIN = 4_000_000_000, 4 * 3600  # bytes of memory, and s of processor time, of each process
 _CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no project that made a world decides
 
 
@@ -24,15 +25,25 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     from pipeline.proof.lidar.replay import find_sweeps, replay_sweeps
     from pipeline.report.figures.replay import draw_replay
     from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
+    from pipeline.store.files import write_atomically, write_report
 
     world, free = _open_level(bundle, "replay")
     result = replay_sweeps(world, free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
     figures = encode(Path("replay.json"), result.report)
     print(figures.decode(), end="")
     if out is not None:
-        write_atomically(out / "replay.json", figures)
+        _require_replay(out)
+        write_report(out / "replay.json", figures)
         write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, free)))
+
+
+def _require_replay(out: Path) -> None:
+    """Refuse to replace a picture that lies there without the figures of a replay."""
+    from pipeline.errors import ArtifactError
+
+    picture = out / "replay.png"
+    if os.path.lexists(picture) and not (out / "replay.json").is_file():
+        raise ArtifactError(f"{picture}: there is another file; move it away, or give another --out")
 
 
 def _open_level(bundle: Path, command: str) -> tuple[OpenedBundle, Polygon]:
@@ -58,14 +69,16 @@ def limits_of_kind(kind: str, overrides: list[str]) -> Any:
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
     """Check that a world is what the builder writes and that its rock encloses the workings. Print the certificate."""
     from pipeline.errors import LimitError
+    from pipeline.guard.within_limits import within_limits
     from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
+    from pipeline.store.files import write_report
 
-    certificate = (_of_volume if (bundle / VOLUME).is_file() else _of_plan)(bundle, contacts, overrides)
+    of_kind = _of_volume if (bundle / VOLUME).is_file() else _of_plan
+    certificate = within_limits(lambda: of_kind(bundle, contacts, overrides), str(bundle), *_CERTIFY_WITHIN)
     text = encode(Path("certificate.json"), certificate)
     print(text.decode(), end="")
     if out is not None:
-        write_atomically(out, text)
+        write_report(out, text)
     if not certificate.holds:
         failed = [name for name, clause in certificate.clauses.items() if not clause.holds]
         raise LimitError(f"{bundle}: the certificate does not hold: {', '.join(failed)}")
@@ -118,13 +131,13 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
     from pipeline.proof.lidar.holdout import score_holdout
     from pipeline.proof.lidar.replay import find_sweeps
     from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
+    from pipeline.store.files import write_report
 
     if not holdout:
         raise InputError("--holdout is required; stage 6 is run by `make validation`")
     report = score_holdout(find_sweeps(sweeps), compose([]).surface, partial(tqdm, desc="halves", disable=None))
     if out is not None:
-        write_atomically(out, encode(out, report))
+        write_report(out, encode(out, report))
     for split in report.splits:
         ratios = ", ".join(f"{w:g} m {r:.2f}" for w, r in zip(split.window_m, split.built_vs_held_out, strict=True))
         print(f"from {'+'.join(split.built_from)}, held out {'+'.join(split.held_out)}: built / held out {ratios}")
@@ -136,11 +149,11 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     from pipeline.errors import LimitError
     from pipeline.proof.lidar.parity import compare_backends
     from pipeline.store.codecs import encode
-    from pipeline.store.files import write_atomically
+    from pipeline.store.files import write_report
 
     report = compare_backends(bundle, *_open_level(bundle, "parity"), rays, seed=0)
     if out is not None:
-        write_atomically(out, encode(out, report))
+        write_report(out, encode(out, report))
     for name, result in report.backends.items():
         print(f"{name}: {result.agree} of {result.rays} rays within {result.tolerance_m} m, worst {result.worst_m} m")
     for name, reason in report.left_out.items():

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import shlex
+import sys
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.commands.arguments import natural, number, positive
 
 if TYPE_CHECKING:
     from pipeline.params.config import Config
+
+
+def this_command() -> str:
+    """Return the command line of this process, which continues what is unfinished."""
+    return shlex.join(["python", "-m", "pipeline", *sys.argv[1:]])
 
 
 def build(name: str, overrides: list[str]) -> None:
@@ -27,7 +34,7 @@ def build(name: str, overrides: list[str]) -> None:
                 bar.set_postfix_str(stage.name)
                 yield stage
 
-    make_world(compose(overrides), WORLDS / name, progress)
+    make_world(compose(overrides), WORLDS / name, progress, this_command())
 
 
 def worlds(
@@ -68,9 +75,11 @@ def worlds(
     if light:
         members = without_rock(members, stress_tests)
     listed = read_list() if benchmark and not write else {}
-    outcomes = make_family(
-        members, jobs, lambda done, n: tqdm(done, total=n, desc=split, unit="world", disable=None), on, listed
-    )
+
+    def progress(done: Iterable, count: int) -> Iterable:
+        return tqdm(done, total=count, desc=split, unit="world", disable=None)
+
+    outcomes = make_family(members, jobs, progress, on, listed, this_command())
     if write:
         write_list(to_list(outcomes))
     print(LIST if write else FAMILIES / "manifest.json")

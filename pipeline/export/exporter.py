@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ from pipeline.params.validation import ValidationParams
 from pipeline.stage import ARTIFACTS
 from pipeline.store.codecs import encode
 from pipeline.store.files import replace_folder, write_atomically
-from pipeline.store.hashing import sha256_bytes
+from pipeline.store.hashing import read_text_file, sha256_bytes
+from pipeline.store.written import Written, written_files
 
 EXPORT_RECORD = "export.json"
 EXPORT_FORMAT = "minexplore-export/1"
@@ -48,7 +50,7 @@ def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: 
     to : str
         A key of `FORMATS`.
     out : Path, optional
-        The folder; an earlier export there is replaced, any other folder is refused. Default:
+        The folder; an earlier export there is replaced, a folder with any other file is refused. Default:
         `artifacts/export/NAME-FORMAT`.
     licence : str
         Written into each file; bundles state none.
@@ -78,6 +80,7 @@ def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: 
         proof = proof_of(chosen.read(Path(name), scene.facts))
     if not proof.holds:
         raise LimitError(f"{bundle}: {to}: nothing is written: {'; '.join(proof.failures())}")
+    files = {**files, RECORD: encode(Path(RECORD), world.record)}
     stated = {
         "format": EXPORT_FORMAT,
         "to": to,
@@ -87,9 +90,19 @@ def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: 
         "files": {file: sha256_bytes(data) for file, data in sorted(files.items())},
         "proof": {"holds": proof.holds, **dataclasses.asdict(proof)},
     }
-    record = encode(Path(RECORD), world.record)
-    replace_folder(folder, {**files, RECORD: record, EXPORT_RECORD: encode(Path(EXPORT_RECORD), stated)})
+    replace_folder(folder, {**files, EXPORT_RECORD: encode(Path(EXPORT_RECORD), stated)}, _earlier_export(folder))
     return Export(folder, proof)
+
+
+def _earlier_export(folder: Path) -> Written:
+    """Return the files of the export that a folder holds, by its record; none if it holds no export."""
+    try:
+        stated = json.loads(read_text_file(folder / EXPORT_RECORD))
+        if stated["format"] != EXPORT_FORMAT:
+            return {}
+        return {EXPORT_RECORD: None, **{str(name): str(digest) for name, digest in stated["files"].items()}}
+    except (OSError, ArtifactError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        return {}
 
 
 def _plan(
@@ -115,8 +128,8 @@ def _volume(
 
 
 def _require_place(out: Path) -> None:
-    """Refuse a place that holds anything but an earlier export."""
-    if out.is_symlink() or (out.exists() and not out.is_dir()):
-        raise InputError(f"--out {out}: is no folder")
-    if out.is_dir() and any(out.iterdir()) and not (out / EXPORT_RECORD).is_file():
-        raise InputError(f"--out {out}: has files and no {EXPORT_RECORD}; an export replaces only an earlier one")
+    """Refuse a place that holds anything but an earlier export, before the world is read."""
+    try:
+        written_files(out, _earlier_export(out))
+    except ArtifactError as error:
+        raise InputError(f"--out {out}: {error}; an export replaces only an earlier one") from error

@@ -24,6 +24,7 @@ from pipeline.guard.process_limits import die_with_parent
 from pipeline.remarks import collect_remarks, hand_on
 
 _T = TypeVar("_T")
+_ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
 _MOST = 4  # processes at a time: the memory that each one writes to adds up
 _SHARES = 8  # of the work, to each process: what takes long in one is made up for by the others
 _sharing = False  # whether this process works at its share
@@ -51,7 +52,11 @@ class Forked(Generic[_T]):
                 warnings.simplefilter(
                     "ignore", DeprecationWarning
                 )  # about threads; none of them holds what `work` needs
-                process.start()
+                before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)  # until `_serve` has its own handlers
+                try:
+                    process.start()
+                finally:
+                    signal.pthread_sigmask(signal.SIG_SETMASK, before)
             self._process = process
             self._work = None  # the other process holds it now
             out.close()
@@ -109,6 +114,8 @@ class Forked(Generic[_T]):
 
 def _serve(work: Callable[[], Any], file: IO[bytes], out: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # the parent's handler would end in a traceback here
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
     die_with_parent(parent)
     multiprocessing.current_process().daemon = False  # it may have forked processes, which end with it
     with collect_remarks() as remarks:

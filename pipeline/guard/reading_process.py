@@ -28,6 +28,7 @@ from pipeline.params.reader_limits import FILE, ReaderLimits, reader_limits
 from pipeline.remarks import warn_user
 
 _CHUNK = 1 << 20
+_ENDS = (signal.SIGINT, signal.SIGTERM)  # a new interpreter would print a traceback; the parent ends it
 _LOOK_S = 0.1  # between two looks at the processor time of a reader
 _CLOCK = 5.0  # the limit by the clock, in limits of processor time: a busy machine leaves a reader a part of a core
 _UNBOUNDED = (
@@ -139,7 +140,9 @@ def _spawn(task: str, arguments: dict[str, Any], seconds: float, scratch: str, s
     # Every thread reserves address space, which the limit on memory counts.
     env = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     try:
-        pid = os.posix_spawn(sys.executable, [sys.executable, "-m", "pipeline.guard.reading_process", *words], env)
+        pid = os.posix_spawn(
+            sys.executable, [sys.executable, "-m", "pipeline.guard.reading_process", *words], env, setsigmask=_ENDS
+        )
     finally:
         os.close(out)
     return pid, answer

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,17 +10,30 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-_ROUND_M = 1e-4
+_EXACT_M = 1e-4  # to which depths and widths are found; smaller ones are 0
+_FAR_M = 1e3  # no rock reaches farther into the workings
 _SEAM_M = 0.002  # edges of neighbouring parts may differ by the rounding of decimals in the MJCF
 
 
 @dataclass(frozen=True)
 class WallCover:
-    """Worst values over all heights: rock in the free space, m2; missing rock, m2; the widest gap along a wall, m."""
+    """Worst values over all heights.
 
+    Attributes
+    ----------
+    intrusion_mm, missing_mm : float
+        How deep rock reaches into the free space, and the widest circle of rock that is missing.
+    gap_mm : float
+        The longest stretch of a wall without rock behind it.
+    intrusion_m2, missing_m2 : float
+        The areas of both in all of the mine.
+    """
+
+    intrusion_mm: float
+    missing_mm: float
+    gap_mm: float
     intrusion_m2: float
     missing_m2: float
-    widest_gap_m: float
 
 
 def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heights_m: Iterable[float]) -> WallCover:
@@ -36,7 +49,7 @@ def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heig
         Heights of the slices.
     """
     all_parts = list(parts)
-    worst = [0.0, 0.0, 0.0]
+    worst = [0.0] * 5
     for height in heights_m:
         rock = shapely.union_all([_slice(part, height) for part in all_parts])
         uncovered = free.boundary.intersection(world.buffer(-_SEAM_M)).difference(rock.buffer(_SEAM_M))
@@ -45,9 +58,39 @@ def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heig
             if not uncovered.is_empty
             else [0.0]
         )
-        errors = (rock.intersection(free).area, world.difference(free).difference(rock).area, max(gaps))
+        inside, missing = rock.intersection(free), world.difference(free).difference(rock)
+        errors = (
+            1e3 * depth_m(inside, free),
+            1e3 * width_m(missing),
+            1e3 * max(gaps),
+            inside.area,
+            missing.area,
+        )
         worst = [max(a, b) for a, b in zip(worst, errors, strict=True)]
     return WallCover(*(round(float(v), 6) for v in worst))
+
+
+def depth_m(inside: BaseGeometry, free: Polygon) -> float:
+    """Return how far from the walls, m, some area in the free space reaches."""
+    return _largest(lambda size_m: bool(inside.intersects(free.buffer(-size_m))))
+
+
+def width_m(area: BaseGeometry) -> float:
+    """Return the diameter, m, of the largest circle in an area."""
+    return 2 * _largest(lambda size_m: not area.buffer(-size_m).is_empty)
+
+
+def _largest(fits: Callable[[float], bool]) -> float:
+    """Return the largest size, m, that fits, at most 0.1 mm too large; 0 if 0.1 mm does not."""
+    if not fits(_EXACT_M):
+        return 0.0
+    low, high = _EXACT_M, 2 * _EXACT_M
+    while high < _FAR_M and fits(high):
+        low, high = high, 2 * high
+    while high - low > _EXACT_M:
+        middle = (low + high) / 2
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return high
 
 
 def _slice(part: np.ndarray, height_m: float) -> BaseGeometry:

@@ -22,7 +22,7 @@ from minexplore.bundle import GeomGroup
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.metrics.containment import cover_walls, open_area_m2
+from pipeline.metrics.containment import cover_walls, depth_m, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, obstacles, placed_parts
 from pipeline.mjcf.clearance import rock_clearance
@@ -88,8 +88,6 @@ def measure_containment(
     T_world_mine = np.array(record.T_world_mine)
     parts = placed_parts(world.model, GeomGroup.COLLISION, T_world_mine)
     figures = _enclosure(world, free, shapely.box(*record.world_m), parts)
-    wall_m = free.length
-    figures |= {f"{name}_um": round(1e6 * figures[f"{name}_m2"] / wall_m, 4) for name in ("intrusion", "missing")}
     figures |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
@@ -106,7 +104,9 @@ def _enclosure(world: OpenedBundle, free: Polygon, box: Polygon, parts: list[np.
     solid = shapely.union_all(
         [section_footprint(part) for part in obstacles(world.model, T_world_mine, record.height_m)]
     )
-    figures["intrusion_m2"] = max(figures["intrusion_m2"], round(float(solid.intersection(free).area), 6))
+    inside = solid.intersection(free)
+    figures["intrusion_m2"] = max(figures["intrusion_m2"], round(float(inside.area), 6))
+    figures["intrusion_mm"] = max(figures["intrusion_mm"], round(1e3 * depth_m(inside, free), 6))
     figures["rock_round_m"] = round(float(free.distance(box.exterior)) if box.contains(free) else 0.0, 3)
     figures["floor_open_m2"] = open_area_m2(_slabs(world.model, GeomGroup.FLOOR, T_world_mine, 0.0, top=True), free)
     roof = _slabs(world.model, GeomGroup.ROOF, T_world_mine, record.height_m, top=False)

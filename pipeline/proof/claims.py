@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from minexplore.bundle import MADE_BY
@@ -11,6 +12,22 @@ from pipeline.params.validation import ValidationParams
 from pipeline.proof.rebuilt.built import tolerance_of
 
 _FINER = 4.0  # times that a network may be finer than that of its kind
+
+STATED = {  # what only a bundle says of itself, as `FILE: FIELD`; docs/security.md says what a false one could do
+    r"world\.json: zones\.\d+\.(friction|command_scale|speed_noise_mps|rgba.*|name)": "floor zones",
+    r"world\.json: rock_friction": "floor zones",
+    r"world\.json: gain_m\.entrance_length": "entrance length",
+    r"world\.json: spawn\.(centre_m.*|radius_m|clearance_m)": "start region",
+    r"world\.json: volume\.(surveyed_m|datum_m)": "survey",
+    r"world\.json: (plan_frame|areas)\..*": "plan",
+    r"volume\.npz: leg": "leg of a facet",
+    r"mine\.xml: light\.cutoff: all .*": "lights",
+}
+
+
+def claim_of(field: str) -> str | None:
+    """Return the claim that a field (`FILE: FIELD`) of a bundle is, or None if a false one must be refused."""
+    return next((claim for pattern, claim in STATED.items() if re.match(pattern, field)), None)
 
 
 def allowed_claims(folder: Path, claims: MadeBy, own: ValidationParams) -> ValidationParams:

@@ -26,7 +26,7 @@ from pipeline.report.figures.style import to_image
 from pipeline.report.results import NO_FIGURE, flat_walls_note, read_metrics
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import replace_folder
-from pipeline.store.manifest import read_manifest
+from pipeline.store.manifest import REPORT_FILES, read_manifest
 from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, Survey
 
 FOLDER, PAGE = "report", "report.html"
@@ -144,10 +144,8 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         bundle="../realism/world",
         tolerance_m=free_space.tolerance_m,
     )
-    replace_folder(
-        root / FOLDER,
-        {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(view.plan))},
-    )
+    files = {PAGE: page.encode(), "mine.svg": svg, "mine.png": encode(Path("mine.png"), to_image(view.plan))}
+    replace_folder(root / FOLDER, files, REPORT_FILES)
     return root / FOLDER / PAGE
 
 

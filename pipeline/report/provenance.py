@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import yaml
 from rocrate.model import ContextEntity, Entity
@@ -15,12 +16,14 @@ from rocrate.rocrate import ROCrate
 
 from pipeline.errors import ArtifactError
 from pipeline.store.files import replace_folder
-from pipeline.store.hashing import sha256_bytes
+from pipeline.store.hashing import read_text_file, sha256_bytes
 from pipeline.store.manifest import Manifest, read_manifest
 from pipeline.store.registry import Entry, read_registry
 from pipeline.store.verify import verify_chain, verify_world
+from pipeline.store.written import Written
 
 WORLD = Path("artifacts/realism/world")
+_METADATA = "ro-crate-metadata.json"
 _CRATE_VERSION, _PROFILE = "1.1", "https://w3id.org/ro/wfrun/process/0.5"
 _SHA256 = "https://w3id.org/ro/terms/workflow-run#sha256"  # RO-Crate 1.1 has no term of its own
 _FORMATS = {
@@ -46,7 +49,7 @@ def write_crate(folder: Path, published: date) -> int:
     Parameters
     ----------
     folder : Path
-        The folder of the crate; its content is replaced.
+        The folder of the crate; an earlier crate there is replaced, a folder with anything else is refused.
     published : date
         The date of publication, which RO-Crate requires; the command uses the day of the last commit.
 
@@ -74,8 +77,18 @@ def write_crate(folder: Path, published: date) -> int:
     crate.root_dataset["mentions"] = actions
     _group_world(crate, files)
     metadata = json.dumps(crate.metadata.generate(), indent=1, sort_keys=True, ensure_ascii=False) + "\n"
-    replace_folder(folder, {**files, "ro-crate-metadata.json": metadata.encode()})
+    replace_folder(folder, {**files, _METADATA: metadata.encode()}, _earlier_crate(folder))
     return len(files)
+
+
+def _earlier_crate(folder: Path) -> Written:
+    """Return the files of the crate that a folder holds, by its metadata; none if it holds no crate."""
+    try:
+        entities = json.loads(read_text_file(folder / _METADATA))["@graph"]
+        files = {str(e["@id"]): str(e["sha256"]) for e in entities if "sha256" in e and not e["@id"].startswith("#")}
+    except (OSError, ArtifactError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        return {}
+    return {_METADATA: None, **{unquote(name): digest for name, digest in files.items()}} if files else {}
 
 
 def last_commit_date() -> date:

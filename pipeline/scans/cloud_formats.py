@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,19 +12,23 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.scans.checks.measured_points import measured
 from pipeline.scans.e57_clouds import e57_blocks
+from pipeline.scans.las_clouds import las_blocks
+from pipeline.scans.meshes.ply_meshes import read_ply_mesh
+from pipeline.scans.meshes.polygons import with_triangles
+from pipeline.scans.octomap_clouds import OCTOMAP, octomap_blocks
 from pipeline.scans.pcd_clouds import pcd_blocks
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
+from pipeline.scans.ptx_clouds import ptx_blocks
 from pipeline.scans.text_clouds import TEXT, text_blocks
 from pipeline.scans.zipped_clouds import zipped_blocks
 
 LEAST_POINTS = 100
 _UNPACKED = 4  # times as large as its zip file is a cloud of text
 _MESHES = (".stl", ".obj")
-CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57")
+CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57", ".ptx", *OCTOMAP)
 _BLOCK = 1_000_000
-_LAS_HEAD, _LAS_POINTS_AT, _LAS_RECORDS_AT, _LAS_EXTENDED_AT = 375, 96, 100, 243  # bytes of the header and in it
-_LAZ_CHUNK = 20  # bytes of its first point, which is not packed
 _PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
 
@@ -55,19 +59,27 @@ def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) ->
     Raises
     ------
     InputError
-        If the format is unknown, or the file is empty, truncated, too large, not numeric or not finite.
+        If the format is unknown, or the file is empty, truncated, too large or not numeric, or no point was measured.
     """
+    return measured(path, _all_blocks(path, points_per_unit2, wanted))
+
+
+def _all_blocks(path: Path, points_per_unit2: float, wanted: Wanted) -> Iterator[PointBlock]:
     suffix = path.suffix.lower()
     if suffix in TEXT:
         return text_blocks(path, wanted)
     if suffix == ".e57":
         return e57_blocks(path, wanted)
+    if suffix in OCTOMAP:
+        return octomap_blocks(path, wanted)
+    if suffix == ".ptx":
+        return ptx_blocks(path, wanted)
     if suffix == ".zip":
-        return zipped_blocks(path, CLOUDS, lambda one: read_blocks(one, points_per_unit2, wanted))
+        return zipped_blocks(path, CLOUDS, lambda one: _all_blocks(one, points_per_unit2, wanted))
     if suffix in {".las", ".laz"}:
-        return _las_blocks(path, wanted)
+        return las_blocks(path, wanted)
     if suffix == ".pcd":
-        return (_require_finite(path, block) for block in pcd_blocks(path, wanted))
+        return pcd_blocks(path, wanted)
     if suffix in {".ply", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
@@ -85,69 +97,9 @@ def _whole_file(path: Path, suffix: str, points_per_unit2: float, wanted: Wanted
     return _mesh_blocks(path, points_per_unit2)
 
 
-def _las_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
-    import laspy
-
-    _require_records(path)
-    try:
-        # The parallel decoder's threads do not survive a fork.
-        with laspy.open(path, laz_backend=laspy.LazBackend.Lazrs) as reader:
-            count = 0
-            for chunk in reader.chunk_iterator(_BLOCK):
-                count += len(chunk)
-                fields = fields_of(chunk.point_format.dimension_names, wanted)
-                columns = {field: np.asarray(chunk[name]) for field, name in fields.items()}
-                yield _require_finite(path, block_of(np.column_stack([chunk.x, chunk.y, chunk.z]), columns))
-            if count < reader.header.point_count:
-                raise InputError(
-                    f"{path}: {count} points, but its header states {reader.header.point_count}; the file is truncated"
-                )
-    except (laspy.errors.LaspyException, struct.error, OSError, ValueError, RuntimeError, OverflowError) as error:
-        raise InputError(
-            f"{path}: cannot be read as LAS or LAZ; it is broken or cut off, and behind a wrong byte of a LAZ file no "
-            "point can be unpacked; copy or export it again"
-        ) from error
-
-
-def _require_records(path: Path) -> None:
-    """Refuse a header that states more variable length records than the file can hold; laspy would look for each.
-
-    References
-    ----------
-    ASPRS, LAS Specification 1.4, tables 3 and 20
-    """
-    with path.open("rb") as stream:
-        head, size = stream.read(_LAS_HEAD), path.stat().st_size
-    for at, least in ((_LAS_RECORDS_AT, 54), (_LAS_EXTENDED_AT, 60)):
-        count = int.from_bytes(head[at : at + 4], "little")
-        if count * least > size and (at == _LAS_RECORDS_AT or head[25:26] >= b"\4"):
-            raise InputError(
-                f"{path}: its header states {count:,} variable length records, which need {count * least:,} bytes; "
-                f"the file has {size:,}"
-            )
-    _require_chunks(path, int.from_bytes(head[_LAS_POINTS_AT : _LAS_POINTS_AT + 4], "little"), size)
-
-
-def _require_chunks(path: Path, points_at: int, size: int) -> None:
-    """Refuse a LAZ file whose table states more chunks than it can hold; lazrs would reserve memory for each."""
-    if path.suffix.lower() != ".laz":
-        return
-    with path.open("rb") as stream:
-        stream.seek(points_at)
-        table_at = int.from_bytes(stream.read(8), "little")
-        if not points_at < table_at < size:  # at the end of the file, or nowhere
-            return
-        stream.seek(table_at + 4)
-        chunks = int.from_bytes(stream.read(4), "little")
-    if chunks * _LAZ_CHUNK > size:
-        raise InputError(
-            f"{path}: its table states {chunks:,} packed chunks, more than it can hold; copy or export it again"
-        )
-
-
 def _ply_points(path: Path, wanted: Wanted) -> PointBlock:
     vertices, _, fields = _load(path, "PLY", wanted)  # Open3D fills a truncated PLY with zeros
-    return _require_finite(path, block_of(vertices, fields))
+    return block_of(vertices, fields)
 
 
 def read_ply_header(path: Path) -> dict[str, int]:
@@ -204,7 +156,7 @@ def _load(
     import trimesh
 
     try:
-        with path.open("rb") as stream:
+        with path.open("rb") if path.suffix.lower() != ".obj" else BytesIO(with_triangles(path.read_bytes())) as stream:
             found: Any = trimesh.load(stream, path.suffix.lower()[1:], process=False, **options)
         vertices = np.asarray(found.vertices, float).reshape(-1, 3)
         faces = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
@@ -232,11 +184,19 @@ def _load(
     return vertices, faces, fields
 
 
+def _ply_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    read_ply_header(path)
+    try:
+        return read_ply_mesh(path.read_bytes())[:2]
+    except (ValueError, KeyError, IndexError, Warning) as error:
+        raise InputError(f"{path}: cannot be read as a mesh; it is broken or cut off; is it truncated?") from error
+
+
 def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[PointBlock]:
     """Yield points sampled on a mesh, block by block."""
     import trimesh
 
-    vertices, faces, _ = _load(path, "a mesh", force="mesh")
+    vertices, faces = _ply_mesh(path) if path.suffix.lower() == ".ply" else _load(path, "a mesh", force="mesh")[:2]
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not len(faces) or not np.isfinite(vertices).all() or not 0 < mesh.area < np.inf:
         raise InputError(f"{path}: has no faces, or a vertex is not finite")

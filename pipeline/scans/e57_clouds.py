@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.remarks import warn_user
 from pipeline.scans.point_blocks import PointBlock, Wanted, block_of, fields_of
 
 _LEAST_BITS = 1  # of a point in a file: packed integers of a scan in a plane take a few
@@ -15,6 +16,8 @@ _LEAST_BITS = 1  # of a point in a file: packed integers of a scan in a plane ta
 
 def e57_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
     """Yield the points, m, of each scan of an E57 file, in the file's frame; without times.
+
+    Points whose state is invalid are left out, and counted in a remark.
 
     Raises
     ------
@@ -26,7 +29,7 @@ def e57_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
     except ImportError as error:
         raise InputError(f"{path}: E57 is read by pye57: pip install 'minexplore-pipeline[e57]'") from error
     try:
-        file = pye57.E57(str(path))
+        file, invalid = pye57.E57(str(path)), 0
         for number in range(file.scan_count):
             header = file.get_header(number)
             if header.point_count > 8 * path.stat().st_size / _LEAST_BITS:
@@ -36,7 +39,12 @@ def e57_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
             if header.point_count:
                 scan = file.read_scan(number, colors=wanted.colours, ignore_missing_fields=True)
                 points = np.column_stack([scan[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+                invalid += header.point_count - len(points)
+                if header.has_pose():  # what a scanner missed lies at its own place, as 0 0 0 in other files
+                    points[(points == np.asarray(header.translation)).all(axis=1)] = 0.0
                 yield block_of(points, {field: scan[name] for field, name in fields_of(scan, wanted).items()})
+        if invalid:
+            warn_user(f"{path.name}: {invalid} points that the file states as invalid are left out")
     except InputError:
         raise
     except MemoryError:

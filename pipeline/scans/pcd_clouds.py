@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -14,7 +15,9 @@ from typing import BinaryIO
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
+from pipeline.remarks import warn_user
 from pipeline.scans.point_blocks import COLOURS, PLACES, PointBlock, Wanted, block_of, fields_of
 from pipeline.scans.text_clouds import TextLayout, parse_rows
 
@@ -22,6 +25,7 @@ _BLOCK = 1_000_000
 _HEAD_BYTES, _LINE_BYTES = 65_536, 10_000
 _TYPES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}  # and the bytes that a number of each may have
 _PACKED, _RGB_BYTES = ("rgb", "rgba"), 4  # fields of blue, green, red and opacity
+_NO_VIEWPOINT = [0, 0, 0, 1, 0, 0, 0]  # the origin, and no turn as a quaternion
 _COPY, _LONG, _LEAST_COPY = 32, 7, 2  # LZF: smaller marks are followed by so many bytes, others name earlier ones
 
 
@@ -110,7 +114,23 @@ def _read_header(path: Path, stream: BinaryIO, wanted: Wanted) -> PcdHeader:
                 f"{path}: its header states {name[:40]} as {counts[k]} numbers {kinds[k][:9]} of {sizes[k]} bytes"
             )
         columns[field] = (f"<{kinds[k].lower()}{sizes[k]}", bytes_at[k], words_at[k])
+    _warn_of_viewpoint(path, stated.get("VIEWPOINT", []))
     return PcdHeader(points, columns, bytes_at[-1], kind, lines)
+
+
+def _warn_of_viewpoint(path: Path, stated: list[str]) -> None:
+    """Warn of a place and a turn of the scanner: they say where points were seen from, and move none.
+
+    References
+    ----------
+    Point Cloud Library, `PCLPointCloud2` of `PCDReader`: the viewpoint is handed out beside the points
+    """
+    with suppress(ValueError):
+        if stated and [plain_number(word) for word in stated] != _NO_VIEWPOINT:
+            warn_user(
+                f"{path.name}: states the VIEWPOINT {' '.join(stated)[:80]}, the scanner's place and turn; it moves no "
+                "point, as in PCL; a cloud in the scanner's own frame is to be moved before it is given"
+            )
 
 
 def _fields_read(fields: list[str], wanted: Wanted) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from dataclasses import field as field_of
 
 import numpy as np
 
@@ -29,16 +30,34 @@ PLACES = Wanted()
 
 
 @dataclass(frozen=True)
+class StatedSystem:
+    """What a file states of its coordinates: the system as well-known text, empty if none.
+
+    `plan_m` and `up_m` are metres a unit of the plan and of heights where the file states them beside the system, and
+    `step` is the smallest difference of two coordinates, in the file's unit.
+    """
+
+    wkt: str = ""
+    plan_m: float | None = None
+    up_m: float | None = None
+    step: float = field_of(default=0.0, compare=False)
+
+
+NO_SYSTEM = StatedSystem()
+
+
+@dataclass(frozen=True)
 class PointBlock:
     """Points (n, 3) in a file's units, with colours (n, 3) and times (n,) where these are wanted and stated.
 
     Colours are red, green and blue as the file has them, from 0 to 65,535. Black is none: scanners write it where no
-    camera saw. A time that is not known is NaN.
+    camera saw. A time that is not known is NaN. `system` is what the file states of the places' units and axes.
     """
 
     points: np.ndarray
     colours: np.ndarray | None = None
     times: np.ndarray | None = None
+    system: StatedSystem = NO_SYSTEM
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -58,7 +77,7 @@ def fields_of(names: Iterable[str], wanted: Wanted) -> dict[str, str]:
     return {field: found[field] for field in kept if field in found}
 
 
-def block_of(points: np.ndarray, fields: Mapping[str, np.ndarray]) -> PointBlock:
+def block_of(points: np.ndarray, fields: Mapping[str, np.ndarray], system: StatedSystem = NO_SYSTEM) -> PointBlock:
     """Return points (n, 3) with the fields (n,) `red`, `green`, `blue` and `time` that there are.
 
     A colour with a channel that is no number from 0 to 65,535 is none, and so is a time that is not finite.
@@ -71,7 +90,7 @@ def block_of(points: np.ndarray, fields: Mapping[str, np.ndarray]) -> PointBlock
     if "time" in fields:
         times = np.asarray(fields["time"], float)
         times = np.where(np.isfinite(times), times, np.nan)
-    return PointBlock(np.asarray(points, float), colours, times)
+    return PointBlock(np.asarray(points, float), colours, times, system)
 
 
 def mean_colours(sums: np.ndarray, count: np.ndarray) -> np.ndarray:

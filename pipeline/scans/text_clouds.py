@@ -12,11 +12,13 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
+from pipeline.remarks import warn_user
 from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
 
 TEXT = (".dat", ".xyz", ".txt", ".csv", ".pts", ".asc")
 _BLOCK = 1_000_000
 _HEAD_BYTES = 10_000  # of the first line
+_COUNT_CHARACTERS = 20
 _BETWEEN = re.compile(r"[,;\s]+")
 _NAMES = (  # of the columns of x, y and z
     {"x", "x_m", "east", "easting", "easting_m"},
@@ -26,7 +28,7 @@ _NAMES = (  # of the columns of x, y and z
 _COLUMNS = ["x", "y", "z"]  # of rows without names
 _DAT_COLUMNS = ["time", *_COLUMNS, "intensity"]
 _PTS_COLUMNS = [*_COLUMNS, "intensity", "red", "green", "blue"]
-_OF_STATIONS = {"leg", "station", "from", "to"}
+_OF_STATIONS = {"leg", "station", "from", "to", "point", "punkt", "pt"}
 
 
 @dataclass(frozen=True)
@@ -54,24 +56,45 @@ def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
 
     A line of names above the rows says which columns are x, y and z, and red, green, blue and the time; without one the
     first three are x, y and z. In `.dat` files rows are `time x y z intensity` below a header line. The first line of
-    `.pts` files is their number; rows of seven columns there are `x y z intensity red green blue`.
+    `.pts` files is their number, and may stand above each of several scans; rows of seven columns there are `x y z
+    intensity red green blue`.
 
     Raises
     ------
     InputError
-        If a row is too short, or not of finite numbers. The message names the line.
+        If a row is too short, or not of numbers. The message names the line.
     """
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
         layout = _layout(path, [stream.readline(_HEAD_BYTES) for _ in range(2)], wanted)
         stream.seek(0)
-        number = len(list(itertools.islice(stream, layout.above)))
-        found = False
+        has_counts = path.suffix.lower() == ".pts"
+        above = list(itertools.islice(stream, layout.above))
+        number, found, stated = len(above), 0, _counts(above) if has_counts else []
         while lines := list(itertools.islice(stream, _BLOCK)):
-            columns = parse_rows(path, lines, number, layout)
-            yield block_of(np.column_stack([columns[axis] for axis in "xyz"]), columns)
-            number, found = number + len(lines), True
+            if has_counts and (more := _counts(lines)):
+                stated += more
+                lines = ["\n" if _is_count(line) else line for line in lines]
+            if any(line.strip() for line in lines):
+                columns = parse_rows(path, lines, number, layout)
+                yield block_of(np.column_stack([columns[axis] for axis in "xyz"]), columns)
+                found += len(columns["x"])
+            number += len(lines)
     if not found:
         raise InputError(f"{path}: no rows")
+    if stated and sum(stated) != found:
+        warn_user(
+            f"{path.name}: {found:,} points, but the counts above its {len(stated)} scans state {sum(stated):,}; if it "
+            "is cut off, copy or export it again"
+        )
+
+
+def _is_count(line: str) -> bool:
+    return line.strip().isdecimal()
+
+
+def _counts(lines: list[str]) -> list[int]:
+    """Return the numbers that stand alone on a line, above the points of a scan."""
+    return [int(line) for line in lines if _is_count(line) and len(line) < _COUNT_CHARACTERS]
 
 
 def _words(line: str) -> list[str]:
@@ -121,7 +144,7 @@ def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) ->
     Raises
     ------
     InputError
-        If a row is too short, or not of finite numbers. The message names the line.
+        If a row is too short, or not of numbers. The message names the line.
     """
     columns = list(layout.columns.values())
     if layout.delimiter in (";", "\t"):  # where a comma does not part columns it may begin the decimals
@@ -130,7 +153,7 @@ def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) ->
         block = np.loadtxt(lines, usecols=columns, ndmin=2, comments="#", delimiter=layout.delimiter)
     except (ValueError, IndexError):
         block = None
-    if block is not None and np.isfinite(block).all():
+    if block is not None:
         return dict(zip(layout.columns, block.T, strict=True))
     for number, line in enumerate(lines, start=before + 1):
         words = line.split("#")[0].strip().split(layout.delimiter)
@@ -142,9 +165,7 @@ def parse_rows(path: Path, lines: list[str], before: int, layout: TextLayout) ->
             )
         for word in (words[k].strip() for k in columns):
             try:
-                finite = np.isfinite(plain_number(word))
+                plain_number(word)
             except ValueError:
                 raise InputError(f"{path}:{number}: {word[:40]!r} is not a number") from None
-            if not finite:
-                raise InputError(f"{path}:{number}: {word} is not finite")
     raise InputError(f"{path}: rows {before + 1} to {before + len(lines)} cannot be read as numbers")

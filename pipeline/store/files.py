@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from minexplore.ends import uninterrupted
 from pipeline.errors import ArtifactError, printable
+from pipeline.store.hashing import read_text_file, sha256_bytes
+from pipeline.store.written import Written, remove_empty, written_files
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
+_JOURNAL, _NEW, _OLD = "journal.json", "new", "old"  # in the hidden folder beside one that is replaced
 _WRITERS = 16  # each waits for the disk, which takes 200 files of one writer in 0.85 s and of 16 in 0.1 s
 
 
@@ -47,7 +53,7 @@ def write_atomically(path: Path, data: bytes) -> None:
     ArtifactError
         If the disk is full or the file cannot be written.
     """
-    partial = path.with_name(f".{path.name}.partial")
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")  # no file of the user has this name
     with _disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -57,33 +63,87 @@ def write_atomically(path: Path, data: bytes) -> None:
             partial.unlink(missing_ok=True)
 
 
-def replace_folder(folder: Path, files: dict[str, bytes]) -> None:
-    """Replace a folder by one with the given files, completely or not at all.
-
-    The new folder is written next to the old one and takes its name. `recover_folder` repairs the state that a killed
-    run leaves.
+def write_report(path: Path, data: bytes) -> None:
+    """Write figures as JSON to a path that the user chose; what is there must be figures with the same keys.
 
     Raises
     ------
     ArtifactError
-        If the disk is full or the folder cannot be written; the old folder is then unchanged.
+        If there is anything else, or as `write_atomically`.
     """
-    partial, old = _hidden_sibling(folder, "partial"), _hidden_sibling(folder, "old")
-    with _disk_errors(folder):
-        recover_folder(folder)
+    if os.path.lexists(path):
         try:
+            earlier = json.loads(read_text_file(path))
+        except (OSError, ArtifactError, ValueError, RecursionError):
+            earlier = None
+        if not isinstance(earlier, dict) or earlier.keys() != json.loads(data).keys():
+            raise ArtifactError(f"{path}: there is another file; move it away, or give another name")
+    write_atomically(path, data)
+
+
+def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> None:
+    """Replace a folder by one with the given files, completely or not at all.
+
+    The new folder is written into a hidden folder beside the old one, then both change places. A journal there lists
+    the files of both, so that `recover_folder` repairs the state that a killed run leaves.
+
+    Parameters
+    ----------
+    folder : Path
+    files : mapping
+        Content by name below the folder.
+    ours : mapping
+        What the old folder may hold: the files that its manifest states.
+
+    Raises
+    ------
+    ArtifactError
+        If the old folder holds anything else, the disk is full or the folder cannot be written; the old folder is then
+        unchanged.
+    """
+    recover_folder(folder)
+    work = _work_folder(folder)
+    new, old = work / _NEW, work / _OLD
+    with _disk_errors(folder), uninterrupted():  # a second; threads that write would go on after an interrupt
+        before = written_files(folder, ours)
+        _begin(work, {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before})
+        try:
+            new.mkdir()
             for name in files:
-                (partial / name).parent.mkdir(parents=True, exist_ok=True)
+                (new / name).parent.mkdir(parents=True, exist_ok=True)
             with ThreadPoolExecutor(_WRITERS) as pool:
-                for _ in pool.map(lambda name: _write(partial / name, files[name]), files):
+                for _ in pool.map(lambda name: _write(new / name, files[name]), files):
                     pass  # an error of a file is raised here
-        except BaseException:
-            shutil.rmtree(partial, ignore_errors=True)
-            raise
-        if folder.exists():
-            folder.rename(old)
-        partial.rename(folder)
-        shutil.rmtree(old, ignore_errors=True)
+            if folder.exists():
+                folder.rename(old)
+            new.rename(folder)
+        finally:
+            recover_folder(folder)
+
+
+def recover_folder(folder: Path) -> None:
+    """Undo a killed `replace_folder`: give the old folder its name back, and remove what the journal lists.
+
+    Raises
+    ------
+    ArtifactError
+        If the hidden folder has no journal, or holds anything else.
+    """
+    work = _work_folder(folder)
+    if not os.path.lexists(work):
+        return
+    new, old = work / _NEW, work / _OLD
+    for empty in (new, old, work):  # a killed command may have left no more
+        with suppress(OSError):
+            empty.rmdir()
+    if not os.path.lexists(work):
+        return
+    names = written_files(work, *_read_journal(work))
+    if old.exists() and not folder.exists():
+        old.rename(folder)
+    for name in sorted(names, key=_JOURNAL.__eq__):  # the journal last
+        (work / name).unlink(missing_ok=True)
+    remove_empty(work)
 
 
 def missing_folders(files: Iterable[Path]) -> list[Path]:
@@ -91,29 +151,36 @@ def missing_folders(files: Iterable[Path]) -> list[Path]:
     return sorted({folder for file in files for folder in file.parents if not folder.exists()})
 
 
-def take_back(files: Iterable[Path], folders: Iterable[Path]) -> list[Path]:
-    """Remove files, and then folders, the last one first, that hold nothing else; return what stays."""
-    for file in files:
-        with suppress(OSError):  # a file that was never written, and one that cannot be removed
-            file.unlink()
-    made = list(folders)
-    for folder in reversed(made):
-        with suppress(OSError):  # not empty
-            folder.rmdir()
-    return [path for path in (*files, *made) if path.exists()]
+def _work_folder(folder: Path) -> Path:
+    return folder.with_name(f".{folder.name}.partial")
 
 
-def recover_folder(folder: Path) -> None:
-    """Undo a killed `replace_folder`: delete the partial folder, and give a renamed old folder its name back."""
-    shutil.rmtree(_hidden_sibling(folder, "partial"), ignore_errors=True)
-    old = _hidden_sibling(folder, "old")
-    if old.exists() and not folder.exists():
-        old.rename(folder)
-    shutil.rmtree(old, ignore_errors=True)
+def _begin(work: Path, journal: dict[str, Any]) -> None:
+    """Make the hidden folder with its journal."""
+    work.mkdir(parents=True)
+    try:
+        _write(work / _JOURNAL, json.dumps(journal).encode())
+    except BaseException:
+        (work / _JOURNAL).unlink(missing_ok=True)
+        work.rmdir()
+        raise
 
 
-def _hidden_sibling(folder: Path, state: str) -> Path:
-    return folder.with_name(f".{folder.name}.{state}")
+def _read_journal(work: Path) -> tuple[dict[str, str | None], dict[str, int]]:
+    """Return what the hidden folder may hold, and the sizes of files that may be cut short."""
+    ours: dict[str, str | None] = {_JOURNAL: None}
+    sizes: dict[str, int] = {}
+    try:
+        journal = json.loads(read_text_file(work / _JOURNAL))
+        for name, (digest, size) in journal[_NEW].items():
+            ours[f"{_NEW}/{name}"], sizes[f"{_NEW}/{name}"] = str(digest), int(size)
+        ours |= {f"{_OLD}/{name}": str(digest) for name, digest in journal[_OLD].items()}
+    except (OSError, ArtifactError, ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+        raise ArtifactError(
+            f"{work}: this name is needed to write files, and what is there has no {_JOURNAL} of this project; move it "
+            "away and run again"
+        ) from error
+    return ours, sizes
 
 
 def _write(path: Path, data: bytes) -> None:

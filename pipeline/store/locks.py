@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -10,6 +11,9 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from pipeline.errors import ArtifactError
+from pipeline.store.hashing import read_text_file
+
+_LOCK = re.compile(rb"(\d{1,19}\n)?")  # what a lock file holds: its process
 
 
 @contextmanager
@@ -21,8 +25,10 @@ def hold_lock(path: Path, busy: str | None) -> Iterator[None]:
     Raises
     ------
     ArtifactError
-        If another process holds the lock: `busy`, with that process's number.
+        If another process holds the lock: `busy`, with that process's number. If there is a file of this name that is
+        no lock.
     """
+    _require_lock(path)
     made = _make_folders(path.parent)
     # A file system without locks would get a file that outlives its process, so it is an error here.
     lock = FileLock(path, blocking=busy is None, fallback_to_soft=False, on_acquired=_state_process)
@@ -43,6 +49,13 @@ def hold_lock(path: Path, busy: str | None) -> Iterator[None]:
         for folder in reversed(made):
             with suppress(OSError):  # another process uses it
                 folder.rmdir()
+
+
+def _require_lock(path: Path) -> None:
+    """Refuse a file that holds anything but a process number: it would be emptied and removed."""
+    with suppress(FileNotFoundError):
+        if path.is_symlink() or (path.lstat().st_size and not _LOCK.fullmatch(read_text_file(path))):
+            raise ArtifactError(f"{path}: this name is needed for a lock, and what is there is none; move it away")
 
 
 def _state_process(descriptor: int) -> None:

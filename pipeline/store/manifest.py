@@ -15,6 +15,10 @@ from pipeline.errors import ArtifactError
 from pipeline.store.files import describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
+# Files of stages that no manifest names: a target of its own writes the first, the second holds timings.
+UNLISTED = {"validation/mutants.json", "validation/timings.json"}
+# The report's, made anew each time: load times are on the page.
+REPORT_FILES: dict[str, str | None] = dict.fromkeys(("report.html", "mine.svg", "mine.png"))
 _REPORT = "pipeline/report/page.py"
 _Section = TypeVar("_Section")
 

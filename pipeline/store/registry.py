@@ -108,9 +108,11 @@ def _add_line(path: Path, entry: Entry, registry: Path) -> None:
             f"{path}: registered with sha256 {registered.sha256}, the file has {entry.sha256}; remove that line first"
         )
     if registered is None:
-        with registry.open("a") as stream:
-            line = [entry.name, entry.sha256, str(entry.bytes), entry.origin, entry.licence]
-            stream.write("\t".join(line) + "\n")
+        earlier = registry.read_bytes() if registry.is_file() else b""
+        if earlier and not earlier.endswith(b"\n"):
+            earlier += b"\n"
+        line = [entry.name, entry.sha256, str(entry.bytes), entry.origin, entry.licence]
+        write_atomically(registry, earlier + ("\t".join(line) + "\n").encode())
 
 
 def _lock_of(registry: Path) -> Path:

@@ -12,12 +12,10 @@ from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
 from pipeline.places import COMPOSED
 from pipeline.store.hashing import absence_of, read_text_file, sha256_file
-from pipeline.store.manifest import Manifest, code_sha256, read_manifest
+from pipeline.store.manifest import UNLISTED, Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input
 
 _DEFAULT = COMPOSED.parent  # the folder of the default world
-# Files that no manifest names: a target of its own writes the first, the second holds timings.
-_UNLISTED = {"validation/mutants.json", "validation/timings.json"}
 
 
 def verify_chain(root: Path, folder: Path = _DEFAULT, composed: Path = COMPOSED) -> int:
@@ -108,7 +106,7 @@ def _verify_outputs(manifest: Manifest, root: Path, folder: Path) -> dict[str, s
         if not path.is_file():
             raise ArtifactError(f"{name}: {absence_of(path)}, but {manifest.stage} wrote it")
         _expect(name, sha256_file(path), digest, f"the manifest of {manifest.stage}")
-    unlisted = {*_UNLISTED, f"{manifest.stage}/manifest.json"}
+    unlisted = {*UNLISTED, f"{manifest.stage}/manifest.json"}
     expected = {*manifest.outputs, *((folder / name).as_posix() for name in unlisted)}
     for path in sorted(p for p in (root / folder / manifest.stage).rglob("*") if p.is_file()):
         name = path.relative_to(root).as_posix()

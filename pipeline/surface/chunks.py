@@ -156,4 +156,5 @@ def _places_on_surface(rough: RoughSurface, vertices: np.ndarray) -> np.ndarray:
 
 
 def _unshaded(mesh: SurfaceMesh) -> ShadedMesh:
-    return ShadedMesh(np.arange(len(mesh.vertices)), np.zeros((0, 3)), mesh.faces)
+    count = len(mesh.vertices)
+    return ShadedMesh(np.arange(count), np.zeros((0, 3)), mesh.faces, np.zeros(count, bool))

@@ -32,6 +32,7 @@ from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
+from pipeline.survey.vector.map_axes import coordinate_system
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
@@ -39,9 +40,9 @@ from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vec
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
-_DXF = ".dxf"
-_METRIC = ("m", "cm", "mm")
+_DXF, _METRIC = ".dxf", ("m", "cm", "mm")
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
+_DECLINATION, _GRADES = "in place of computed ones, deg", "rise over run of legs, in the order of their stations"
 _PIECE = "a station of the piece that is built; null: the longest"
 _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece"}  # stated of walls and centrelines
 
@@ -75,8 +76,7 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         return detect_cloud(path, stated)
     require_read(path, kind_of(path), stated)
     arguments = {"path": str(path), "stated": stated.values(), "rules": floor_rules().model_dump()}
-    solver_s, scratch_bytes = solver_limits(path)
-    payload = run_limited("detect", arguments, str(path), solver_s, scratch_bytes=scratch_bytes)
+    payload = run_limited("detect", arguments, str(path), **solver_limits(path))
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
 
@@ -85,8 +85,8 @@ def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None 
     """Detect how a file should be read in this process; `detect_survey` has limits."""
     with reading_by(FloorRules.model_validate(rules or {})):
         found = _detect(Path(path), StatedOptions.model_validate(stated))
-    files = [str(file) for file in found.files]
-    values = {name: value for name, value in vars(found).items() if name != "picture"} | {"files": files}
+    values = {name: value for name, value in vars(found).items() if name != "picture"}
+    values["files"] = [str(file) for file in found.files]
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
@@ -128,10 +128,9 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
     }
     values["piece"], remarks["piece"] = stated.piece, _PIECE
-    if stated.declination_deg is not None:
-        values["declination_deg"], remarks["declination_deg"] = stated.declination_deg, "in place of computed ones"
-    if grades is not None:
-        values["grade"], remarks["grade"] = grades, "rise over run of legs, in the order of their stations"
+    for name, value, remark in (("declination_deg", stated.declination_deg, _DECLINATION), ("grade", grades, _GRADES)):
+        if value is not None:
+            values[name], remarks[name] = value, remark
     files = [Path(file) for file in vector_files(params)]
     return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
 
@@ -140,9 +139,11 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
     tried: dict[Unit | None, VectorReading] = {}
     remarks_of: dict[Unit | None, list[Remark]] = {}
-    units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
-    problem: InputError | None = None
     content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
+    units: list[Unit | None] = [stated.unit] if stated.unit else [None, *get_args(Unit)]
+    if not stated.unit and content.crs is not None and not coordinate_system(path, content.crs).is_geographic:
+        units = [None]  # the system states the unit
+    problem: InputError | None = None
     has_levels = bool(stated.elevations_m or stated.level_by)
     if not stated.layers and not has_levels:
         require_plan(path, content)

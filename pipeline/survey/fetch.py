@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
 import urllib.parse
 from pathlib import Path
 
-import pooch
 import requests
 
-from pipeline.errors import InputError, MineError
+from minexplore.bundle import BundleError
+from minexplore.download import Transfer, keep_file
+from minexplore.limits import UnreadableError, read_plain_file
+from pipeline.errors import InputError, MineError, describe_os_error
 from pipeline.store.registry import Entry, read_registry, verify_input
 
 
@@ -34,34 +37,41 @@ def fetch_raw(entries: dict[str, Entry], folder: Path, mirror: str | None = None
     Raises
     ------
     InputError
-        If a file cannot be downloaded or differs from the registered one. A wrong file is not kept.
+        If a file cannot be downloaded, comes too slowly, or differs from the registered one. A wrong file is not kept.
     """
     paths = []
-    for name, entry in sorted(entries.items()):
-        if not entry.origin.startswith("https://"):
-            continue
-        target = folder / name
-        source = entry.origin if mirror is None else f"{mirror.rstrip('/')}/{urllib.parse.quote(target.name)}"
-        local = Path(urllib.parse.unquote(source))
-        try:
-            if "://" not in source:
-                pooch.hashes.hash_matches(str(local), f"sha256:{entry.sha256}", strict=True, source=str(local))
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(local.read_bytes())
+    with requests.Session() as session:
+        for name, entry in sorted(entries.items()):
+            if not entry.origin.startswith("https://"):
+                continue
+            target = folder / name
+            source = entry.origin if mirror is None else f"{mirror.rstrip('/')}/{urllib.parse.quote(target.name)}"
+            if "://" in source:
+                _download(session, source, target, entry)
             else:
-                pooch.retrieve(
-                    source,
-                    f"sha256:{entry.sha256}",
-                    fname=target.name,
-                    path=target.parent,
-                    downloader=pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=60),
-                )
-        except ValueError as error:
-            raise InputError(f"{source}: not the registered file ({entry.bytes} bytes): {error}") from error
-        except (OSError, requests.RequestException) as error:
-            raise InputError(f"{source}: cannot be fetched ({error})") from error
-        paths.append(target)
+                _copy(Path(mirror or "", target.name), target, entry)
+            paths.append(target)
     return paths
+
+
+def _download(session: requests.Session, source: str, target: Path, entry: Entry) -> None:
+    try:
+        keep_file(session, source, target, entry.sha256, entry.bytes, Transfer(), "the registered file")
+    except BundleError as error:
+        raise InputError(str(error)) from error
+
+
+def _copy(source: Path, target: Path, entry: Entry) -> None:
+    try:
+        data = read_plain_file(source, entry.bytes)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if hashlib.sha256(data).hexdigest() != entry.sha256:
+            raise InputError(f"{source}: not the registered file: want sha256 {entry.sha256[:12]}")
+        target.write_bytes(data)
+    except UnreadableError as error:
+        raise InputError(f"{source}: not the registered file: {error}") from error
+    except OSError as error:
+        raise InputError(describe_os_error(error)) from error
 
 
 def main() -> int:
@@ -79,5 +89,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    pooch.get_logger().setLevel("WARNING")
     sys.exit(main())

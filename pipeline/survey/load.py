@@ -136,9 +136,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
-    solver_s, scratch_bytes = solver_limits(Path(subject))
     fresh = params.poses is not None
-    payload = run_limited("survey", arguments, subject, solver_s, fresh=fresh, scratch_bytes=scratch_bytes)
+    payload = run_limited("survey", arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
     whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))

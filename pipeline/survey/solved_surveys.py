@@ -12,6 +12,7 @@ from pipeline.guard.reading_process import one_line
 from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
 from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.solved.lox import LOX, read_lox
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
@@ -21,7 +22,7 @@ from pipeline.survey.stations.table import read_station_survey
 from pipeline.survey.survex.cavern import require_cavern, require_version, solve
 from pipeline.survey.survex.project_copy import project_copy
 from pipeline.survey.therion.convert import to_survex as therion_to_survex
-from pipeline.survey.therion.lines import therion_lines
+from pipeline.survey.therion.project import is_project, project_lines
 from pipeline.survey.walls.project import copy_of
 from pipeline.survey.walls.sections import with_sections
 
@@ -36,9 +37,10 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
     Parameters
     ----------
     path : Path
-        `.3d`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is solved
-        by Survex; `.th` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's form and solved; a
-        copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table with elevations.
+        `.3d`, `.lox`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is
+        solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's
+        form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table
+        with elevations.
 
     declination_deg : float, optional
         In place of every declination that Survex computes.
@@ -65,14 +67,16 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
     suffix = path.suffix.lower()
     if suffix == ".3d":
         return read_3d(path)
+    if suffix == LOX:
+        return read_lox(path)
     if suffix == ".csv":
         return read_station_survey(path)
     if is_node_list(path):
         return read_node_links(path)
-    if suffix not in _SUFFIXES:
+    if suffix not in _SUFFIXES and not is_project(path):
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
-    if suffix == ".th":
+    if suffix == ".th" or is_project(path):
         return solve(path, therion_to_survex(path), declination_deg)
     if suffix in _COMPASS:
         return solve(path, compass_to_survex(path), declination_deg)
@@ -93,9 +97,9 @@ def survey_files(path: Path) -> list[Path]:
         If a named file is missing or lies outside the folder of the first.
     """
     suffix = path.suffix.lower()
-    if suffix == ".th":
+    if suffix == ".th" or is_project(path):
         files: list[Path] = []
-        for _ in therion_lines(path, files):
+        for _ in project_lines(path, files):
             pass
         return list(dict.fromkeys(files))
     if is_node_list(path):

@@ -4,35 +4,35 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from pathlib import Path
 
 import numpy as np
-import rasterio
+import pyproj
 import shapely
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
-from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.stated import FileKind
 from pipeline.survey.formats import shape_reader, suffixes_of
+from pipeline.survey.height_raster import RASTER_DRIVERS, Surface, prj_beside, read_raster
 from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.passages.stray_heights import STRAY_M
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.geodata import companions
-from pipeline.survey.vector.shapes import REACH_M, Shapes, coordinate_system, require_size
+from pipeline.survey.vector.local_plan import require_lengths
+from pipeline.survey.vector.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
+from pipeline.survey.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
 
-RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}
 HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *suffixes_of(FileKind.VECTOR))
 _APART_M = 1.0  # of the points that a surface is sampled at
 _SAME_M, _WALL_STEP_M = 0.01, 2.0
 _MOST = 50_000
 _DARK = 128
+_ONE_UNIT = 1e-5  # a US survey foot is 2e-6 longer than a foot
 
 Points = np.ndarray  # (k, 3), x and y in the file's coordinates, then m in the mine frame
 
@@ -45,7 +45,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     path : Path
         CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or GeoJSON
         with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
-        each the height at its insertion point. Elevations have the unit of the coordinates; of a CSV they are metres.
+        each the height at its insertion point. Elevations have the unit that the file states for them, else that of
+        the coordinates; of a CSV they are metres.
     georeference : Georeference
     plan : (rows, cols, 3) uint8
         Workings are dark; a surface counts there.
@@ -66,13 +67,10 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
         raise InputError(f"{path}: the survey's coordinates are projected; state its heights as a CSV in metres")
     has_lines = False
     if suffix in RASTER_DRIVERS:
-        points, crs = _read_raster(path)
+        surface = read_raster(path)
     else:
-        points, crs, has_lines = _read_drawing(path, _APART_M / georeference.metres_per_unit)
-    _require_same_system(path, crs, georeference.crs)
-    points = points.copy()
-    points[:, :2] -= georeference.origin
-    points *= georeference.metres_per_unit
+        surface, has_lines = _read_drawing(path, _APART_M / georeference.metres_per_unit)
+    points = _in_metres(path, surface, georeference)
     shown = _is_in(frame, points[:, :2]) if has_lines else _is_dark(plan, frame, points[:, :2])
     inside, where = points[shown], "on the plan" if has_lines else "in the workings"
     if not len(inside):
@@ -87,7 +85,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
 
 def height_files(path: Path) -> list[str]:
     """Return a file of heights and its companions."""
-    return [file.as_posix() for file in (path, *companions(path))]
+    prj = prj_beside(path)
+    return [file.as_posix() for file in (path, *companions(path), *([] if prj is None else [prj]))]
 
 
 def wall_heights(
@@ -176,45 +175,50 @@ def _is_dark(plan: Image, frame: Frame, places_m: np.ndarray) -> np.ndarray:
     return dark
 
 
-def _require_same_system(path: Path, crs: str | None, of_survey: str | None) -> None:
-    if crs is None or of_survey is None:
+def _in_metres(path: Path, surface: Surface, georeference: Georeference) -> Points:
+    """Return the points of a surface in the mine frame, m, each axis by its own unit.
+
+    Raises
+    ------
+    InputError
+        If its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
+    """
+    plan_m, axes = georeference.metres_per_unit, MapAxes()
+    if surface.crs is not None:
+        system = coordinate_system(path, surface.crs)
+        _require_same_system(path, system, georeference.crs)
+        axes = axes_of(system)
+        plan_m = axes.metres if georeference.crs is None else plan_m
+        if georeference.crs is None:
+            require_lengths(path, system, surface.points[0], "heights")
+    up_m = axes.up_scale(plan_m)
+    if surface.up_m is None or axes.states_heights:
+        warn_of_heights(path, axes, plan_m)
+    if surface.up_m is not None:
+        if axes.states_heights and not math.isclose(abs(up_m), surface.up_m, rel_tol=_ONE_UNIT):
+            warn_user(
+                f"{path.name}: its band states {surface.up_m:g} m a unit of height, its coordinate system "
+                f"{abs(up_m):g} m ({axes.up_unit}); the band's is used"
+            )
+        up_m = math.copysign(surface.up_m, up_m)
+    plan = axes.plan_of(surface.points[:, :2]) * plan_m
+    origin_m = np.array(georeference.origin) * georeference.metres_per_unit
+    return np.column_stack([plan - origin_m, surface.points[:, 2] * up_m])
+
+
+def _require_same_system(path: Path, system: pyproj.CRS, of_survey: str | None) -> None:
+    """Refuse a plan in another system than the survey's; heights over a geoid are no other system."""
+    if of_survey is None:
         return
-    one, two = coordinate_system(path, crs), coordinate_system(path, of_survey)
+    one, two = horizontal(system), horizontal(coordinate_system(path, of_survey))
     if not one.equals(two, ignore_axis_order=True):
-        raise InputError(f"{path}: its coordinate system is {one.name}, the survey's is {two.name}")
+        raise InputError(
+            f"{path}: its coordinate system is {one.name}, the survey's is {two.name}; transform it to the survey's "
+            "by `gdalwarp -t_srs` (a raster) or `ogr2ogr -t_srs`"
+        )
 
 
-def _read_raster(path: Path) -> tuple[Points, str | None]:
-    """Return the middles of a raster's cells that have a value."""
-    most = reader_limits()
-    if path.stat().st_size > most.file_bytes:
-        raise InputError(f"{path}: {path.stat().st_size} bytes, the limit is {most.file_bytes} (file_bytes in {FILE})")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with (
-                rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"),  # files beside it are not read
-                rasterio.open(path, driver=RASTER_DRIVERS[path.suffix.lower()]) as raster,
-            ):
-                if raster.width * raster.height > most.megapixels * 1e6:
-                    raise InputError(
-                        f"{path}: {raster.width} x {raster.height} cells, the limit is {most.megapixels:g} million "
-                        f"(megapixels in {FILE})"
-                    )
-                if raster.dtypes[0].startswith("complex"):
-                    raise InputError(f"{path}: band 1 has values of {raster.dtypes[0]}; heights are real numbers")
-                if raster.transform.is_identity:
-                    raise InputError(f"{path}: has no georeference")
-                values, place = raster.read(1, masked=True), raster.transform
-                crs = raster.crs.to_wkt() if raster.crs is not None else None
-    except (RasterioError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not a raster of heights; it is broken, cut off or of another format") from error
-    row, col = np.nonzero(~np.ma.getmaskarray(values) & np.isfinite(values.data))
-    east, north = place @ (col + 0.5, row + 0.5)
-    return np.column_stack([east, north, values.data[row, col].astype(float)]), crs
-
-
-def _read_drawing(path: Path, step: float) -> tuple[Points, str | None, bool]:
+def _read_drawing(path: Path, step: float) -> tuple[Surface, bool]:
     """Return the points of a drawing that have an elevation: points, labels, and points a step apart along lines.
 
     The last value is whether there are lines.
@@ -236,4 +240,4 @@ def _read_drawing(path: Path, step: float) -> tuple[Points, str | None, bool]:
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         raise InputError(f"{path}: no point, line or label with an elevation")
-    return points, content.crs, bool(lines)
+    return Surface(points, content.crs), bool(lines)

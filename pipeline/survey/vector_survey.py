@@ -42,8 +42,9 @@ from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
+from pipeline.survey.vector.layer_ways import refusal_of_layers
 from pipeline.survey.vector.level_fields import warn_of_overlaps
-from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, workings_of
+from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import (
     WholeSurvey,
@@ -150,6 +151,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
             return _read_centrelines(params, content)
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
+    content = with_heights(path, content, params.unit)
     shapes, georeference = locate(path, content, params.unit, params.origin)
     found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
     if found.levels is not None:
@@ -163,7 +165,10 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
         warn_user(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
     heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None)
-    workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
+    try:
+        workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
+    except InputError as error:
+        raise refusal_of_layers(path, content, shapes, params.snap_m, error) from error
     warn_of_overlaps(path, content, shapes, workings)
     return _Workings(workings, georeference, heights)
 
@@ -187,6 +192,7 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
+    content = with_heights(path, content, params.unit)
     elevations = elevations_of(path, content, params)
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None

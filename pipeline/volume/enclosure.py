@@ -1,109 +1,105 @@
-"""What the shell is worth: rock in the free space and free surface without rock behind it, by exact booleans."""
+"""What the shell is worth, place by place: rock in the free space, and free surface without rock of 2 cm behind it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
-from operator import sub
+from typing import Any
 
-import manifold3d
 import numpy as np
 
 from pipeline.volume.rock.cleared import parts_not_cleared
-from pipeline.volume.rock.faces import ON_PLANE_M, PartFaces, faces_on_facets
+from pipeline.volume.rock.depth import Depth, deepest
+from pipeline.volume.rock.faces import PartFaces, faces_on_facets
+from pipeline.volume.rock.gaps import Gap, widest_gap
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shared import shared_m3
-from pipeline.volume.rock.tiles import Tile, drawn_tiles
+from pipeline.volume.rock.tiles import Tile
 from pipeline.volume.separation import Facets
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 
-_BOXES = 4  # in which booleans measure all parts: each takes 0.2 s, and planes have measured the whole
-_LEFT_M2 = 1e-6  # of a box, which rounding leaves
+_MM = 1e3
+_LEAST_M3 = 1e-12  # of a part in the free space, a thousandth of a cubic millimetre: less is rounding
 
 
 @dataclass(frozen=True)
 class Enclosure:
-    """Volume of parts in the free space (m3), and surface without a part behind it (m2)."""
+    """How far rock reaches into the free space, and how wide a circle is before which it is missing or thin.
 
-    intrusion_m3: float
-    missing_m2: float
+    Attributes
+    ----------
+    intrusion : Depth
+        The largest distance from the surface of the free space that a part has in it.
+    gap, thin : Gap
+        The widest circle on the surface without a part behind it, and without one that reaches 2 cm into the rock.
+    unbacked : (n, 3) float64, m
+        The middles of parts that lie behind no facet.
+    surface_m2 : float
+    thinnest_m : float
+    full_share : float
+        Of the surface behind which the rock is 0.3 m thick.
+    """
+
+    intrusion: Depth
+    gap: Gap
+    thin: Gap
+    unbacked: np.ndarray
     surface_m2: float
-    measured_m2: float
     thinnest_m: float
-    thin_m2: float  # behind which the rock is thinner than 2 cm
-    full_share: float  # of the surface behind which it is 0.3 m
+    full_share: float
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Return the figures by name, and of those that have a place, in the frame of the volume, where it is."""
+        worst = {
+            "intrusion": (self.intrusion.depth_m, self.intrusion.place_m),
+            "gap": (self.gap.width_m, self.gap.place_m),
+            "thin": (self.thin.width_m, self.thin.place_m),
+        }
+        return {
+            **{f"{name}_mm": round(_MM * size, 3) for name, (size, _) in worst.items()},
+            **{f"{name}_at": describe_place(place) for name, (size, place) in worst.items() if size > 0},
+            "unbacked": len(self.unbacked),
+            **({"unbacked_at": describe_place(self.unbacked[0])} if len(self.unbacked) else {}),
+            "surface_m2": round(self.surface_m2, 3),
+            "thinnest_mm": round(_MM * self.thinnest_m, 6),
+            "full_share": round(self.full_share, 6),
+        }
 
 
-def measure_enclosure(
-    volume: Volume, parts: list[ShellPart], most_boxes: int, rng: np.random.Generator, faces: PartFaces | None = None
-) -> Enclosure:
+def describe_place(place_m: np.ndarray) -> str:
+    """Return a place (3,) m in words, to the centimetre."""
+    return "({:.2f}, {:.2f}, {:.2f}) m".format(*place_m)
+
+
+def measure_enclosure(volume: Volume, parts: list[ShellPart], faces: PartFaces | None = None) -> Enclosure:
     """Measure the shell against the free space.
 
-    What is free is measured of each part of which planes do not show that no facet reaches into it, or whose middle is
-    in the free space. What of a facet has no part behind it is measured in its plane. In some boxes that are drawn,
-    `most_boxes` at most, booleans measure both of all parts; the larger area counts. `faces` are those of
-    `faces_on_facets`, if they are known.
+    Booleans measure each part of which planes do not show that no facet reaches into it, or whose middle is in the free
+    space. What of a facet has no part behind it is found in its plane. `faces` are those of `faces_on_facets`, if they
+    are known.
     """
-    normal = volume.normals
-    size = np.linalg.norm(normal, axis=1)
-    front = np.array([max(part.facets, key=size.__getitem__) for part in parts], int)
-    outward = -normal[front] / np.maximum(size[front], 1e-30)[:, None]
+    facets, size = Facets(volume.vertices, volume.faces), np.linalg.norm(volume.normals, axis=1)
     corners = PartCorners.of([part.corners for part in parts])
-    missing = float((faces or faces_on_facets(volume, corners)).uncovered_m2(size / 2).sum())
+    faces = faces or faces_on_facets(volume, corners)
+    front = np.array([max(part.facets, key=size.__getitem__) for part in parts], int)
+    depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
     middles = np.add.reduceat(corners.corners, corners.first[:-1]) / np.diff(corners.first)[:, None]
     inside = Inside(volume)
-    doubtful = set(parts_not_cleared(volume, corners, outward).tolist())
+    doubtful = set(parts_not_cleared(volume, corners, -facets.normals[front]).tolist())
     doubtful |= set(np.flatnonzero(inside.distance_m(middles) > 0).tolist())
-    by_booleans = 0.0
-    for tile in drawn_tiles(volume.solid, min(most_boxes, _BOXES), rng):
-        found = _measure_box(tile, volume.solid.original_id(), corners, outward)
-        doubtful |= set(found.near)
-        by_booleans += found.missing_m2
-    facets, bodies = Facets(volume.vertices, volume.faces), [corners[k] for k in sorted(doubtful)]
-    depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
+    bodies = [corners[k] for k in sorted(doubtful)]
+    # Part by part: the union of parts that touch each other once gave 2.5 m3 of rock where there is none.
+    shared = shared_m3(facets, bodies, inside.are_free)
+    intruding = [body for body, free_m3 in zip(bodies, shared.tolist(), strict=True) if free_m3 > _LEAST_M3]
+    gap = widest_gap(facets, faces)
     return Enclosure(
-        # Part by part: the union of parts that touch each other once gave 2.5 m3 of rock where there is none.
-        float(shared_m3(facets, bodies, inside.are_free).sum()),
-        max(missing, by_booleans),
-        float(size.sum() / 2),
+        deepest(intruding, Tile.of(volume.solid), inside, facets.corners),
+        gap,
+        widest_gap(facets, faces, THIN_M) if (faces.depth_m < THIN_M).any() else gap,
+        np.delete(middles, faces.part, axis=0),
         float(size.sum() / 2),
         float(depth[area > SLIVER_M2].min()),
-        float(area[depth < THIN_M].sum()),
         float(area[depth > 0.299].sum() / area.sum()),
     )
-
-
-@dataclass(frozen=True)
-class _Box:
-    """The parts that reach into a box, and the surface in it that none of them covers, m2."""
-
-    near: list[int]
-    missing_m2: float
-
-
-def _measure_box(tile: Tile, source: int, parts: PartCorners, outward: np.ndarray) -> _Box:
-    """Subtract all parts from the free space in a box, and measure the area of facets that is left.
-
-    Each part is first moved towards the free space, by as much as it may lie behind the plane of its facet. If all
-    parts are subtracted at once, rounding may leave a facet that one of them covers. So if area is left, the parts are
-    subtracted one after another as well, and the smaller area counts: a facet without a part is left both times.
-    """
-    low, high = parts.boxes()
-    near = np.flatnonzero(((low < tile.high + ON_PLANE_M) & (high > tile.low - ON_PLANE_M)).all(axis=1)).tolist()
-    moved = [manifold3d.Manifold.hull_points(parts[k] + ON_PLANE_M * outward[k]) for k in near]
-    left = manifold3d.Manifold.batch_boolean([tile.solid, *moved], manifold3d.OpType.Subtract)
-    missing = _area_of(left, source)
-    if missing > _LEFT_M2:
-        missing = min(missing, _area_of(reduce(sub, moved, tile.solid), source))
-    return _Box(near, missing)
-
-
-def _area_of(solid: manifold3d.Manifold, source: int) -> float:
-    """Return the area of a solid's facets that come from one source."""
-    mesh = solid.to_mesh64()
-    runs = np.diff(np.asarray(mesh.run_index).astype(int)) // 3
-    ours = np.repeat(np.asarray(mesh.run_original_id, np.int64) == source, runs)
-    a, b, c = np.moveaxis(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts, np.int64)[ours]], 1, 0)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

@@ -122,7 +122,8 @@ class Facets:
         """Index the facets (f, 3) of vertices (v, 3) m."""
         self.corners = vertices[faces]
         a, b, c = np.moveaxis(self.corners, 1, 0)
-        self.normals = _units(np.cross(b - a, c - a))
+        normals = np.cross(b - a, c - a)
+        self.normals, self.areas_m2 = _units(normals), np.linalg.norm(normals, axis=1) / 2
         self.owner = np.arange(len(faces))
         self._low, self._high = boxes_of(self.corners)
         self._tree = shapely.STRtree(shapely.box(*self._low[:, :2].T, *self._high[:, :2].T))

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import compress
 
 import manifold3d
 import numpy as np
 
 from pipeline.volume.keyed import near_facets, of_facets
+from pipeline.volume.rock.depth import deepest
+from pipeline.volume.rock.faces import ON_PLANE_M
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
 from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
-from pipeline.volume.separation import ConvexBodies, Facets
+from pipeline.volume.rock.tiles import Tile
+from pipeline.volume.separation import ROUNDING_M, ConvexBodies, Facets
 from pipeline.volume.union import Volume
 
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding
@@ -23,20 +28,21 @@ _LEAST_M = 1e-6  # a part that is thinner has no volume
 THIN_M = 0.0199  # what a body may sink in, 2 cm, less the rounding of parts that are as thick
 SLIVER_M2 = 1e-6  # behind a smaller facet the rock may be as thin as it is
 _THINNEST = (("moved", 0.02), ("cut", 0.02), ("pyramid", 0.04), ("plate", 0.02))  # have least in the free space
+HARDLY_M = 0.001  # what a part may reach into the free space where no shape is in the rock: half of what is certified
+_LAST = ("plate", 0.001)  # is no farther in it, whatever is behind the facet
 _REACH_M = 0.1  # more than a corner of these is from its facet
 _SHAPES_OF_MANY = 2  # rather a part for each facet than a thin one for all
 
 
 @dataclass(frozen=True)
 class ShellPart:
-    """One convex part: its corners (k, 3) m, the facets that it lies behind, its shape, and what of it is free, m3."""
+    """One convex part: its corners (k, 3) m, the facets that it lies behind, and its shape."""
 
     corners: np.ndarray
     facets: list[int]
     shape: str
     depth_m: float  # of its farthest corner behind the facet
     area_m2: float
-    intrusion_m3: float
 
 
 def build_shell(volume: Volume) -> list[ShellPart]:
@@ -44,8 +50,10 @@ def build_shell(volume: Volume) -> list[ShellPart]:
 
     The first shape counts that has nothing in the free space: the polygon moved 0.3 m into the rock along the ways of
     its corners, or less; the same cut along the bisectors of the rock's edges; a pyramid; a plate along the normal. If
-    all have, it is the one with the least. A part is in the rock if a plane separates it from each facet but its own;
-    where one hardly touches, the volume that it shares decides. That holds for a mesh that does not cross itself.
+    all have, the shapes of 2 cm are cut at the planes of the facets that reach into them, and the deepest counts that
+    is at most 1 mm in the free space; else a plate of 1 mm. A part is in the rock if a plane separates it from each
+    facet but its own and its middle is in the rock; where one hardly touches, the volume that it shares decides.
+    Facets that are narrower than 10 um have no part: the plane of such a facet is not known.
     """
     shell = _Shell(volume)
     surfaces = polygons_of(volume)
@@ -54,10 +62,15 @@ def build_shell(volume: Volume) -> list[ShellPart]:
         left = shell.fit(left, kind, depth_m)
     facets = [k for polygons in left for number in polygons.numbers.tolist() for k in shell.facets_of(number)]
     facets += [k for _, (k, *more) in surfaces if not more]
+    facets = [k for k, is_wide in zip(facets, _are_wide(volume, facets), strict=True) if is_wide]
     left = shell.begin(RockSurfaces.of_facets(volume, facets))
     for kind, depth_m in SHAPES:
         left = shell.fit(left, kind, depth_m)
-    parts = shell.parts + [part for polygons in left for part in shell.least(polygons)]
+    parts, free = shell.apart()
+    facets = [k for part in free for k in part.facets]
+    facets += [k for polygons in left for k in polygons.numbers.tolist()]
+    for polygons in shell.begin(RockSurfaces.of_facets(volume, facets)):
+        parts += shell.least(polygons)
     return sorted(parts, key=lambda part: part.facets[0])
 
 
@@ -94,7 +107,6 @@ class _Shell:
         """Index the free space."""
         self.parts: list[ShellPart] = []
         self._facets, self._volume = Facets(volume.vertices, volume.faces), volume
-        self._space: Inside | None = None
         self._rays = RaysIntoRock(volume.vertices, volume.faces)
 
     def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
@@ -127,6 +139,7 @@ class _Shell:
             shared[some] = shared_m3(self._facets, list(bodies.corners[some]), are_free)
         least = np.where(is_sliver, _LEAST_M, THIN_M)
         good = (inside < _SHALLOW_M) & (depth >= least) & (shared <= _ALLOWED_M * tried.areas_m2)
+        good &= _hold_fronts(bodies, tried)
         count = bodies.counts()
         for n in np.flatnonzero(good).tolist():
             self.parts.append(
@@ -136,35 +149,57 @@ class _Shell:
                     f"{kind} {depth_m:g}",
                     float(depth[n]),
                     float(tried.areas_m2[n]),
-                    float(shared[n]),
                 )
             )
         fits[numbers[~good]] = False
         return fits
 
+    def apart(self) -> tuple[list[ShellPart], list[ShellPart]]:
+        """Return the parts whose middles are in the rock, and the others: planes do not show these."""
+        middles = np.array([part.corners.mean(axis=0) for part in self.parts]).reshape(-1, 3)
+        free = self._are_free(middles).tolist() if len(middles) else []
+        kept = [part for part, is_free in zip(self.parts, free, strict=True) if not is_free]
+        return kept, list(compress(self.parts, free))
+
     def least(self, polygons: Polygons) -> list[ShellPart]:
-        """Return the part of the shape that has least in the free space of each, of those of 2 cm if there are any."""
-        best: dict[int, ShellPart] = {}
-        least = np.where(polygons.areas_m2 > SLIVER_M2, THIN_M, 0.0).tolist()
-        for kind, depth_m in _THINNEST:
+        """Return for each polygon the deepest part that is hardly in the free space."""
+        found: list[list[ShellPart]] = [[] for _ in range(len(polygons))]
+        for kind, depth_m in (*_THINNEST, _LAST):
             bodies = shaped(polygons, kind, depth_m)
-            corners = [body[:count] for body, count in zip(bodies.corners, bodies.counts().tolist(), strict=True)]
-            some = np.flatnonzero([_has_volume(body) for body in corners]).tolist()
-            shared = shared_m3(self._facets, [corners[n] for n in some], self._are_free).tolist()
-            for n, free_m3 in zip(some, shared, strict=True):
-                depth = float(((corners[n] - polygons.corners[n, 0]) @ polygons.normals[n]).max())
-                area, facets = float(polygons.areas_m2[n]), self.facets_of(int(polygons.numbers[n]))
-                part = ShellPart(corners[n], facets, f"{kind} {depth_m:g}", depth, area, free_m3)
-                if depth >= _LEAST_M and (n not in best or _is_better(part, best[n], least[n])):
-                    best[n] = part
-        return [best.get(n) or self._flat(polygons, n) for n in range(len(polygons))]
+            contacts = self._facets.crossing(bodies)
+            for n, count in enumerate(bodies.counts().tolist()):
+                reaching = contacts.facet[contacts.body == n]
+                corners = self._cut(bodies.corners[n, :count], polygons.corners[n], reaching)
+                depth = float(((corners - polygons.corners[n, 0]) @ polygons.normals[n]).max(initial=0.0))
+                if depth < _LEAST_M or not _has_volume(corners):
+                    continue
+                facets, area = self.facets_of(int(polygons.numbers[n])), float(polygons.areas_m2[n])
+                found[n].append(ShellPart(corners, facets, f"{kind} {depth_m:g}", depth, area))
+        return [self._deepest(some) or self._flat(polygons, n) for n, some in enumerate(found)]
+
+    def _cut(self, corners: np.ndarray, front: np.ndarray, facets: np.ndarray) -> np.ndarray:
+        """Return what of a part is in the rock by the planes of some facets; those that cut its front are left out."""
+        body = manifold3d.Manifold.hull_points(corners)
+        for facet in facets.tolist():
+            way = self._facets.normals[facet]  # into the rock
+            level = float(way @ self._facets.corners[facet, 0])
+            if (front @ way).min() > level - ROUNDING_M:
+                body = body.trim_by_plane(way.tolist(), level)
+        return np.asarray(body.to_mesh64().vert_properties)[:, :3]
+
+    def _deepest(self, parts: list[ShellPart]) -> ShellPart | None:
+        """Return the part that is deepest behind its facet, of those that are hardly in the free space."""
+        for part in sorted(parts, key=lambda part: -part.depth_m):
+            if deepest([part.corners], self._tile, self._space, self._facets.corners).depth_m <= HARDLY_M:
+                return part
+        return None
 
     def _flat(self, polygons: Polygons, number: int) -> ShellPart:
         """Return a part of no depth behind a facet without an area."""
         corners = polygons.corners[number]
-        corners = np.concatenate([corners, corners + _THINNEST[0][1] * polygons.normals[number]])
+        corners = np.concatenate([corners, corners + _LAST[1] * polygons.normals[number]])
         facets = self.facets_of(int(polygons.numbers[number]))
-        return ShellPart(corners, facets, "none", 0.0, float(polygons.areas_m2[number]), 0.0)
+        return ShellPart(corners, facets, "none", 0.0, float(polygons.areas_m2[number]))
 
     def reached(self, polygons: Polygons) -> dict[int, list[int]]:
         """Return for each surface of one facet the facets that its part of 2 cm reaches."""
@@ -174,9 +209,17 @@ class _Shell:
             found[number].append(facet)
         return found
 
+    @cached_property
+    def _space(self) -> Inside:
+        """Return what answers questions about a whole volume."""
+        return Inside(self._volume)
+
+    @cached_property
+    def _tile(self) -> Tile:
+        return Tile.of(self._volume.solid)
+
     def _are_free(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in the free space of a whole volume."""
-        self._space = self._space or Inside(self._volume)
         return self._space.are_free(places)
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
@@ -192,9 +235,21 @@ def _has_volume(corners: np.ndarray) -> bool:
     return not solid.is_empty() and solid.volume() > 0
 
 
-def _is_better(one: ShellPart, other: ShellPart, least_m: float) -> bool:
-    """Return whether a part has less in the free space than another; one that is less deep than `least_m` is worse."""
-    return (one.depth_m < least_m, one.intrusion_m3) < (other.depth_m < least_m, other.intrusion_m3)
+def _are_wide(volume: Volume, facets: list[int]) -> list[bool]:
+    """Return which facets (n,) are not narrow, as their height over the longest edge is."""
+    corners = volume.vertices[volume.faces[facets]]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    found: list[bool] = (np.linalg.norm(volume.normals[facets], axis=1) > ON_PLANE_M * longest).tolist()
+    return found
+
+
+def _hold_fronts(bodies: ConvexBodies, polygons: Polygons) -> np.ndarray:
+    """Return which bodies (n,) have their polygon's corners: those of slivers may be cut away from it."""
+    found = np.ones(len(bodies), bool)
+    for k in range(polygons.corners.shape[1]):
+        apart = np.abs(bodies.corners - polygons.corners[:, k : k + 1]).max(axis=2)
+        found &= apart.min(axis=1) < ON_PLANE_M
+    return found
 
 
 def _none(places: np.ndarray) -> np.ndarray:

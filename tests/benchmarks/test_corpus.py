@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import shutil
 from datetime import date
 
@@ -11,9 +12,10 @@ import numpy as np
 import pytest
 
 import minexplore
-from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, evidence_of, generated, with_heights
+from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, copy_evidence, evidence_of, generated, with_heights
 from benchmarks.corpus.metadata import read_entry, write_metadata
 from minexplore.splits import STYLES
+from pipeline.errors import ArtifactError
 from pipeline.store.hashing import sha256_bytes
 from tests.crates import cached_context, crate_issues
 from tests.mines import BuiltMine
@@ -82,6 +84,55 @@ def test_a_picture_of_one_pixel_is_no_evidence(tmp_path):
     found = list(evidence_of(tmp_path))
     assert "contours/contours.png" in found
     assert "validation/views.png" not in found
+
+
+@pytest.mark.parametrize("name", ["README.md", "corpus.json", "worlds.csv", "croissant.json", "ro-crate-metadata.json"])
+def test_a_file_of_the_user_with_a_name_of_the_corpus_is_kept_and_named(corpus, tmp_path, name):
+    folder = shutil.copytree(corpus[0], tmp_path / "corpus")
+    write_metadata(folder, corpus[1], date(2026, 11, 27))  # our own are replaced
+    (folder / name).write_text("mine")
+    with pytest.raises(ArtifactError, match=rf"{name}: is not as written\.json lists it; move it away"):
+        write_metadata(folder, corpus[1], date(2026, 11, 26))
+    assert (folder / name).read_text() == "mine"
+
+
+def test_a_description_that_was_written_in_part_is_written_again(corpus, tmp_path, monkeypatch):
+    folder = shutil.copytree(corpus[0], tmp_path / "corpus")
+    whole = {path.name: path.read_bytes() for path in folder.glob("*.*")}
+    real, calls = os.fsync, []
+
+    def stop(descriptor):
+        calls.append(descriptor)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        real(descriptor)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", stop)
+        with pytest.raises(KeyboardInterrupt):
+            write_metadata(folder, corpus[1], date(2026, 11, 27))
+    write_metadata(folder, corpus[1], date(2026, 11, 26))
+    again = {path.name: path.read_bytes() for path in folder.glob("*.*")}
+    del again["written.json"], whole["written.json"]
+    assert again == whole
+
+
+def test_a_folder_at_the_place_of_a_world_is_kept_and_an_unfinished_world_is_not_copied(tmp_path, tee: BuiltMine):
+    built, target = tmp_path / "built", tmp_path / "corpus" / "worlds" / "tee"
+    shutil.copytree(tee.bundle, built / "realism" / "world")
+    with pytest.raises(ArtifactError, match=r"built: unfinished; `.*` ends it"):
+        copy_evidence(built, target)
+    validation = built / "validation"
+    validation.mkdir()
+    digest = sha256_bytes((built / "realism/world/world.json").read_bytes())
+    manifest = {"stage": "validation", "inputs": {"artifacts/realism/world/world.json": digest}}
+    (validation / "manifest.json").write_text(json.dumps(manifest))
+    target.mkdir(parents=True)
+    (target / "thesis.txt").write_text("mine")
+    with pytest.raises(ArtifactError, match="tee: is no whole world of a corpus; move it away"):
+        copy_evidence(built, target)
+    assert [path.name for path in target.iterdir()] == ["thesis.txt"]
+    assert [path.name for path in target.parent.iterdir()] == ["tee"]
 
 
 def test_the_members_are_the_surveyed_mines_twenty_of_each_style_and_twenty_with_heights():

@@ -10,6 +10,6 @@ def test_a_mine_of_one_kilometre_is_built_and_the_table_has_its_length_and_the_s
     assert row["length_m"] == pytest.approx(1000, rel=0.4)
     assert row["length_m"] == network_of_size("mine", 1, tmp_path).lengths_m.sum()
     assert row["parts"] > 0.5 * row["facets"] / 4
-    assert row["intrusion_um"] < 1e-3
+    assert row["intrusion_mm"] < 0.01
     assert all(row[step] > 0 for step in STEPS)
     assert f"| mine | {row['length_m']:,.0f} |" in table_of([row])

@@ -88,7 +88,7 @@ def test_the_proof_accepts_a_light_world_and_its_certificate_has_the_geometric_c
     certificate = validator.certificate
     assert certificate.holds, certificate.clauses
     assert certificate.contacts == 0
-    assert {"intrusion_m2", "missing_m2", "clearance_error_m", "same_graph"} <= set(certificate.clauses)
+    assert {"intrusion_mm", "missing_mm", "clearance_error_m", "same_graph"} <= set(certificate.clauses)
     assert not {"contacts", "escapes", "deepest_m"} & set(certificate.clauses)
 
 

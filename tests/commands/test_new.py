@@ -297,7 +297,7 @@ _LITTLE_MEMORY = """
 import resource, sys
 from pathlib import Path
 def limit(event, arguments):
-    if event == "open" and str(arguments[0]).endswith("/.compile3d.partial/manifest.json"):
+    if event == "open" and str(arguments[0]).endswith("/.compile3d.partial/new/manifest.json"):
         most = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() + 1_000_000
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
 sys.addaudithook(limit)

@@ -103,8 +103,8 @@ def test_the_certificates_clauses_find_a_lost_part_and_a_box_across_a_drift(worl
     rock, roof = at_label(parts, "rock"), at_label(parts, "roof")
     corners = box_corners(np.array([0.3, 4.0, 1.5])) + np.array([32.0, 2.0, 1.5])
     across = placed_part("rock_9999", "rock", "", 1.0, corners, is_box=True)
-    assert {"missing_m2"} <= failing(parts[:rock] + parts[rock + 1 :])
-    assert {"intrusion_m2", "only_plan_m2"} <= failing([*parts, across])
+    assert {"missing_mm"} <= failing(parts[:rock] + parts[rock + 1 :])
+    assert {"intrusion_mm", "only_plan_m2"} <= failing([*parts, across])
     assert {"roof_open_m2"} <= failing(changed(parts, roof, centre_m=parts[roof].centre_m + np.array([0.0, 0.0, 0.1])))
 
 

@@ -51,7 +51,8 @@ def test_the_command_writes_a_proved_export_and_replaces_an_earlier_one(small_wo
     assert stated["world"]["licence"] == "CC-BY-4.0"
     assert json.loads((out / "world.json").read_text()) == record
     assert {name: sha256((out / name).read_bytes()).hexdigest() for name in stated["files"]} == stated["files"]
-    assert {path.name for path in out.iterdir()} == {*stated["files"], "world.json", EXPORT_RECORD}
+    assert {path.name for path in out.iterdir()} == {*stated["files"], EXPORT_RECORD}
+    assert "world.json" in stated["files"]
 
 
 def test_an_export_that_loses_a_part_is_refused_and_leaves_nothing(small_world, world, tmp_path, monkeypatch):
@@ -61,7 +62,7 @@ def test_an_export_that_loses_a_part_is_refused_and_leaves_nothing(small_world, 
         return whole.write(replace(scene, parts=scene.parts[1:]))
 
     monkeypatch.setitem(FORMATS, "gltf", replace(whole, write=write))
-    with pytest.raises(LimitError, match=r"nothing is written: .*touched/rock: \d+ pieces .*certificate: missing_m2"):
+    with pytest.raises(LimitError, match=r"nothing is written: .*touched/rock: \d+ pieces .*certificate: missing_mm"):
         export_world(small_world, "gltf", tmp_path / "out", "none", world.params)
     assert list(tmp_path.iterdir()) == []
 
@@ -82,6 +83,18 @@ def test_a_place_that_holds_something_else_is_refused_and_kept(small_world, worl
     with pytest.raises(InputError, match="--out"):
         export_world(small_world, "gltf", out, "none", world.params)
     assert sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "record", ["{}", "[]", "mine", '{"format": "minexplore-export/1", "files": {"thesis.txt": ""}}']
+)
+def test_files_beside_any_record_of_an_export_are_kept_and_one_is_named(small_world, world, tmp_path, record):
+    (tmp_path / EXPORT_RECORD).write_text(record)
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match=rf"--out {tmp_path}: \S+: .*; move it away and run again"):
+        export_world(small_world, "gltf", tmp_path, "none", world.params)
+    assert (tmp_path / "thesis.txt").read_text() == "mine"
+    assert (tmp_path / EXPORT_RECORD).read_text() == record
 
 
 @pytest.mark.parametrize("licence", ["", "MIT\nmtllib /etc/passwd", "a\x1b[2J", "x" * 201])

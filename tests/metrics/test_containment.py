@@ -3,7 +3,7 @@ import pytest
 import shapely
 
 from pipeline.geometry.rock.collision import exact_prisms
-from pipeline.metrics.containment import cover_walls, open_area_m2
+from pipeline.metrics.containment import cover_walls, depth_m, open_area_m2
 from pipeline.metrics.reach import compare_reach, reached_cells
 from pipeline.types import Frame
 
@@ -22,7 +22,8 @@ def cover(of):
 
 def test_exact_prisms_have_no_missing_rock_and_no_intrusion():
     found = cover(parts())
-    assert (found.intrusion_m2, found.missing_m2, found.widest_gap_m) == pytest.approx((0, 0, 0), abs=1e-9)
+    assert (found.intrusion_m2, found.missing_m2) == pytest.approx((0, 0), abs=1e-9)
+    assert (found.intrusion_mm, found.missing_mm, found.gap_mm) == (0, 0, 0)
 
 
 def test_a_removed_prism_is_measured_as_missing_area_and_as_a_gap_in_the_wall():
@@ -30,7 +31,20 @@ def test_a_removed_prism_is_measured_as_missing_area_and_as_a_gap_in_the_wall():
     removed = shapely.convex_hull(shapely.multipoints(rest.pop(0)[:, :2]))
     found = cover(rest)
     assert found.missing_m2 == pytest.approx(removed.area, rel=1e-6)
-    assert found.widest_gap_m == pytest.approx(FREE.boundary.intersection(removed.buffer(1e-9)).length, abs=0.02)
+    assert found.gap_mm == pytest.approx(1e3 * FREE.boundary.intersection(removed.buffer(1e-9)).length, abs=20)
+    circle = shapely.maximum_inscribed_circle(removed, 1e-4).length
+    assert found.missing_mm == pytest.approx(2e3 * circle, abs=0.5)
+
+
+@pytest.mark.parametrize("size_m", [0.01, 0.1, 5.0])
+def test_the_depth_of_rock_in_the_workings_is_its_largest_distance_from_a_wall(size_m):
+    block = shapely.box(8, 0, 8 + size_m, size_m)
+    assert depth_m(block, FREE) == pytest.approx(min(size_m, 2.5), abs=1e-4)  # half of the drift's width at most
+
+
+def test_a_thin_wall_across_a_drift_is_as_deep_as_half_the_drift():
+    wall = np.array([[x, y, z] for x in (10.0, 10.0003) for y in (0.0, 5.0) for z in (0.0, 3.0)])
+    assert cover([*parts(), wall]).intrusion_mm == pytest.approx(2500, abs=0.2)
 
 
 def test_a_lifted_prism_and_a_leaning_prism_are_detected():

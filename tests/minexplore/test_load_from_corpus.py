@@ -4,6 +4,7 @@ import functools
 import hashlib
 import http.server
 import json
+import os
 import shutil
 import threading
 from pathlib import Path
@@ -121,6 +122,28 @@ def test_a_record_that_lists_a_file_outside_the_bundle_fetches_nothing(served, f
     with pytest.raises(BundleError, match="no file of a world has this name"):
         minexplore.load(f"corpus:{NAME}", served[0])
     assert not list(tmp_path.rglob("stolen"))
+
+
+def test_all_files_of_a_world_together_are_no_larger_than_a_world_may_be(served, folder, monkeypatch):
+    record = (folder / "worlds" / NAME / "world" / RECORD).stat().st_size
+    monkeypatch.setattr(corpus, "MOST_BUNDLE_BYTES", record + 1000)
+    with pytest.raises(BundleError, match="more than 1000 bytes"):
+        minexplore.load(f"corpus:{NAME}", served[0])
+
+
+def test_an_index_of_too_many_values_is_refused_before_it_is_read(folder):
+    (folder / "corpus.json").write_text("[" + "0," * 1_000_000 + "0]")
+    with pytest.raises(BundleError, match=r"more than 200,000 values"):
+        open_corpus(folder)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device"])
+def test_what_is_no_plain_file_is_no_index(folder, kind):
+    place = folder / "corpus.json"
+    place.unlink()
+    {"pipe": os.mkfifo, "folder": os.mkdir, "device": lambda path: path.symlink_to("/dev/zero")}[kind](place)
+    with pytest.raises((FileNotFoundError, BundleError)):
+        open_corpus(folder)
 
 
 def test_a_file_that_does_not_end_is_cut_off(served, folder, monkeypatch):

@@ -1,5 +1,6 @@
 """Worlds of one's own, in a copy of the package beside an `artifacts` folder as a source checkout has it."""
 
+import hashlib
 import json
 import shutil
 import subprocess
@@ -18,7 +19,16 @@ def checkout(tee: BuiltMine, tmp_path_factory):
     folder = tmp_path_factory.mktemp("checkout")
     shutil.copytree(ROOT / "minexplore", folder / "minexplore", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(tee.bundle, folder / "artifacts" / "worlds" / "my-mine" / "realism" / "world")
+    end_build(folder / "artifacts" / "worlds" / "my-mine")
     return folder
+
+
+def end_build(root):
+    """Write the manifest of stage 6 as far as it says which world it read."""
+    digest = hashlib.sha256((root / "realism/world/world.json").read_bytes()).hexdigest()
+    manifest = {"stage": "validation", "inputs": {f"artifacts/worlds/{root.name}/realism/world/world.json": digest}}
+    (root / "validation").mkdir()
+    (root / "validation" / "manifest.json").write_text(json.dumps(manifest))
 
 
 def run(folder, *arguments):
@@ -59,7 +69,7 @@ def test_a_mine_of_a_family_that_was_built_is_timed_by_its_id_and_the_family_its
     folder = tmp_path / "copy"
     shutil.copytree(checkout, folder)
     mines = folder / "artifacts" / "families" / "light" / "test"
-    shutil.copytree(folder / "artifacts/worlds/my-mine/realism", mines / "0003" / "realism")
+    shutil.copytree(folder / "artifacts/worlds/my-mine", mines / "0003")
     done = run(folder, "time", "MineXplore/Family-test-0003-v0", "--robots", "2", "--steps", "2")
     assert done.returncode == 0, done.stderr
     refused = run(folder, "time", "MineXplore/Family-v0")
@@ -80,7 +90,7 @@ def test_an_own_world_that_was_changed_is_named_and_hides_no_other(checkout, tmp
     shutil.copytree(checkout, folder)
     (folder / "artifacts" / "worlds" / "my-mine" / "realism" / "world" / "mine.xml").write_text("<mujoco/>")
     done = run(folder, "list")
-    assert done.returncode == 0
+    assert done.returncode == 0, done.stderr
     assert "mine.xml: sha256" in done.stdout
     assert "MineXplore/World-v0" in done.stdout
     played = run(folder, "time", MINE)
@@ -93,3 +103,67 @@ def test_the_page_names_the_built_in_environments_only(checkout):
     done = run(checkout, "page")
     assert MINE not in done.stdout
     assert "MineXplore/World-v0" in done.stdout
+
+
+NEW = "python -m pipeline new my-mine --from 'a plan.png' preset=light"
+MAKE = f"""
+import gymnasium, minexplore
+ways = lambda: gymnasium.make({MINE!r}), lambda: gymnasium.make_vec({MINE!r}, 2), lambda: minexplore.load("my-mine")
+for make in ways:
+    try:
+        make()
+    except minexplore.world.BundleError as error:
+        print(error)
+"""
+
+
+def never_validated(root):
+    shutil.rmtree(root / "validation")
+
+
+def built_again(root):
+    record = root / "realism" / "world" / "world.json"
+    record.write_bytes(record.read_bytes() + b" ")
+
+
+def cut_short(root):
+    manifest = root / "validation" / "manifest.json"
+    manifest.write_bytes(manifest.read_bytes()[:-20])
+
+
+def of_another_stage(root):
+    manifest = root / "validation" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"validation"', '"realism"'))
+
+
+@pytest.mark.parametrize("state", [never_validated, built_again, cut_short, of_another_stage])
+def test_a_world_whose_last_stage_has_not_ended_is_unfinished_and_the_command_is_named(checkout, tmp_path, state):
+    folder = tmp_path / "copy"
+    shutil.copytree(checkout, folder)
+    root = folder / "artifacts" / "worlds" / "my-mine"
+    (root / "params.yaml").write_text(f"# Composed from conf/; do not edit.\n# Continue with: {NEW}\nsurvey: {{}}\n")
+    state(root)
+    done = run(folder, "list")
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith(MINE)]
+    assert "unfinished" in line
+    assert f"`{NEW}` ends it" in line
+    made = subprocess.run([sys.executable, "-c", MAKE], capture_output=True, text=True, cwd=folder, check=False)
+    assert made.returncode == 0, made.stderr
+    assert len(made.stdout.splitlines()) == 3
+    assert all(
+        f"unfinished: its last stage has not ended; `{NEW}` ends it" in line for line in made.stdout.splitlines()
+    )
+    played = run(folder, "time", MINE)
+    assert played.returncode == 2
+    assert f"`{NEW}` ends it" in played.stderr
+    assert played.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("params", ["", "# Continue with: \x1b[2J\n", "# Continue with: " + "x" * 600, "\udcff"])
+def test_an_unfinished_world_of_an_older_build_names_the_usual_command(checkout, tmp_path, params):
+    folder = tmp_path / "copy"
+    shutil.copytree(checkout, folder)
+    root = folder / "artifacts" / "worlds" / "my-mine"
+    (root / "params.yaml").write_bytes(params.encode(errors="surrogateescape"))
+    never_validated(root)
+    assert "`python -m pipeline new my-mine --from FILE` ends it" in run(folder, "list").stdout

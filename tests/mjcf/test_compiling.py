@@ -45,7 +45,7 @@ def test_the_certificate_of_a_long_straight_drift_holds_and_its_model_is_the_bui
     world, params = open_bundle(mine.bundle), config.validation
     settings = params.certificate.model_copy(update={"contacts": 0})
     found = measure_containment(mine.bundle, world, mine.free_space, settings, (0.25, 2.0))
-    assert found["intrusion_um"] <= params.certificate.limits["intrusion_um"].max
+    assert found["intrusion_mm"] <= params.certificate.limits["intrusion_mm"].max
     require_same_model(mine.bundle, world.record, mine.free_space.polygon, True, params.collision_tile_m)
 
 

@@ -81,8 +81,8 @@ def test_a_wall_across_a_drift_fails_the_expected_clauses(tee, config, tmp_path)
     certificate = certify(world.record.world_sha256, found, params.limits)
     assert not certificate.holds
     failed = {name for name, clause in certificate.clauses.items() if not clause.holds}
-    assert {"intrusion_m2", "clearance_error_m", "only_plan_m2", "same_graph"} <= failed
-    assert "widest_gap_m" not in failed
+    assert {"intrusion_mm", "clearance_error_m", "only_plan_m2", "same_graph"} <= failed
+    assert "gap_mm" not in failed
     assert found["intrusion_m2"] == pytest.approx(0.5 * 5, rel=0.02)
 
 

@@ -97,7 +97,7 @@ def test_stated_units_are_converted_and_wrong_units_are_named(units, factor, dri
         ("time x y z intensity\n", "no rows"),
         ("time x y z intensity\n1 2 3\n", r":2: 3 columns, at least 4"),
         ("time x y z intensity\n1 2 3 four 5\n", r":2: 'four' is not a number"),
-        ("time x y z intensity\n1 2 3 4 5\n1 nan 3 4 5\n", r":3: nan is not finite"),
+        ("time x y z intensity\n1 inf 3 4 5\n1 nan 3 4 5\n", "none of its 2 points was measured: 2 are NaN"),
         ("1 2 3 4 5\n1 2 3 4 5\n", r":1: a row of numbers, expected the header line"),
         ("time x y z intensity\n1 2 3 4 5\n", "1 usable points of 1"),
     ],

@@ -138,7 +138,7 @@ def test_shares_and_16_bits_become_bytes(values, found):
 
 def test_a_word_in_a_colour_is_refused_by_its_line(tmp_path):
     path = write(tmp_path / "a.xyz")
-    path.write_text(path.read_text().replace("\n", "\nx 1 1 0 0 0\n", 1))
+    path.write_text(path.read_text().replace("\n", "\nx 1 1 1 0 0\n", 1))
     with pytest.raises(Exception, match=r"a\.xyz:2: 'x' is not a number"):
         list(read_blocks(path, 1.0, Wanted(colours=True)))
     assert len(np.concatenate([block.points for block in read_blocks(path, 1.0)])) == 201

@@ -68,7 +68,7 @@ def test_a_table_of_stations_is_no_table_of_points(tmp_path):
         ("x y z\n1 2 3\n1 2\n", r"a\.txt:3: 2 columns, at least 3 are needed"),
         ("1,5 2,5 3,5\n4 5 6\n", r"a\.txt:1: '5 2' is not a number"),
         ("1,5;2,5;3,5\n4;5;6,x\n", r"a\.txt:2: '6.x' is not a number"),
-        ("x,y,z\n1,2,inf\n", r"a\.txt:2: inf is not finite"),
+        ("x,y,z\n1,2,inf\n0,0,0\n", r"a\.txt: none of its 2 points was measured: 1 are NaN, 1 lie at 0 0 0"),
     ],
 )
 def test_a_row_that_is_no_point_is_refused_by_its_line(tmp_path, text, message):
@@ -133,6 +133,21 @@ def test_the_scans_of_an_e57_file_are_joined_in_its_frame(tmp_path):
     (tmp_path / "b.e57").write_bytes((tmp_path / "a.e57").read_bytes()[:2000])
     with pytest.raises(InputError, match=r"b\.e57: cannot be read as E57; it is broken or cut off"):
         read(tmp_path / "b.e57")
+
+
+def test_points_of_an_e57_file_that_are_stated_as_invalid_or_lie_at_the_scanner_are_left_out(tmp_path, capsys):
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed")
+    rows = np.concatenate([POINTS, np.full((7, 3), 99.0), np.zeros((5, 3))])
+    columns = {f"cartesian{axis}": rows[:, k] for k, axis in enumerate("XYZ")}
+    columns["cartesianInvalidState"] = np.repeat([0, 2, 0], [200, 7, 5]).astype(np.int8)
+    quarter = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    file.write_scan_raw(columns, rotation=quarter, translation=np.array([1000.0, 2000, 30]))
+    file.close()
+    assert read(tmp_path / "a.e57") == pytest.approx(POINTS[:, [1, 0, 2]] * [-1, 1, 1] + [1000, 2000, 30])
+    said = capsys.readouterr().err
+    assert "a.e57: 7 points that the file states as invalid are left out" in said
+    assert "a.e57: 5 of 205 points lie at 0 0 0" in said
 
 
 def test_without_its_reader_an_e57_file_names_the_extra(tmp_path, monkeypatch):

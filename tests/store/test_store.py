@@ -13,7 +13,7 @@ import shapely
 from pipeline.errors import ArtifactError, InputError
 from pipeline.report.results import read_metrics
 from pipeline.store.codecs import Meshes, decode, encode
-from pipeline.store.files import recover_folder, replace_folder, write_atomically
+from pipeline.store.files import replace_folder, write_atomically
 from pipeline.store.hashing import _imported_names, import_closure, sha256_bytes, sha256_file, sha256_named
 from pipeline.store.manifest import read_manifest
 from pipeline.store.registry import read_registry, register, verify_input
@@ -81,7 +81,8 @@ def test_nan_is_never_written_to_json(tmp_path):
 
 def test_a_folder_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
     folder = tmp_path / "stage"
-    replace_folder(folder, {"a.txt": b"old", "sub/b.txt": b"old"})
+    replace_folder(folder, {"a.txt": b"old", "sub/b.txt": b"old"}, {})
+    ours = {"a.txt": None, "sub/b.txt": None}
     written = []
     real = os.fsync
 
@@ -93,20 +94,9 @@ def test_a_folder_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(ArtifactError, match="the disk is full"):
-        replace_folder(folder, {"a.txt": b"new", "c.txt": b"new"})
+        replace_folder(folder, {"a.txt": b"new", "c.txt": b"new"}, ours)
     assert {p.name: p.read_bytes() for p in folder.rglob("*.txt")} == {"a.txt": b"old", "b.txt": b"old"}
     assert [p.name for p in tmp_path.iterdir()] == ["stage"]
-
-
-def test_the_state_that_a_killed_run_leaves_is_repaired(tmp_path):
-    folder, old, partial = tmp_path / "stage", tmp_path / ".stage.old", tmp_path / ".stage.partial"
-    old.mkdir()
-    (old / "a.txt").write_text("earlier")
-    partial.mkdir()
-    recover_folder(folder)
-    assert (folder / "a.txt").read_text() == "earlier"
-    assert not old.exists()
-    assert not partial.exists()
 
 
 def test_a_file_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
@@ -124,21 +114,19 @@ def test_a_file_is_written_completely_or_not_at_all(tmp_path, monkeypatch):
 
 
 def test_a_message_states_that_something_earlier_is_kept_only_where_there_is_some(tmp_path):
-    for write, path in ((write_atomically, tmp_path / "a.txt"), (replace_folder, tmp_path / "stage")):
-        new, broken = (b"new", b"new" * 10) if write is write_atomically else ({"b": b"new"}, {"b/c": b"", "b": b""})
-        blocker = path.with_name(f".{path.name}.partial")
-        for earlier in (False, True):
-            if earlier:
-                write(path, new)
-            if write is write_atomically:
-                blocker.mkdir()
-                (blocker / "held").touch()
-            with pytest.raises(ArtifactError, match="cannot be written") as caught:
-                write(path, broken)
-            assert ("the earlier one is kept" in str(caught.value)) == earlier
-            if blocker.is_dir():
-                (blocker / "held").unlink()
-                blocker.rmdir()
+    broken = {"b/c": b"", "b": b""}
+    (tmp_path / "file").write_text("")
+    for write in (
+        lambda: replace_folder(tmp_path / "stage", broken, {}),
+        lambda: write_atomically(tmp_path / "file" / "a.txt", b"new"),
+    ):
+        with pytest.raises(ArtifactError, match="cannot be written") as caught:
+            write()
+        assert "the earlier one is kept" not in str(caught.value)
+    replace_folder(tmp_path / "stage", {"b": b"old"}, {})
+    with pytest.raises(ArtifactError, match=r"cannot be written, .*; the earlier one is kept"):
+        replace_folder(tmp_path / "stage", broken, {"b": None})
+    assert (tmp_path / "stage" / "b").read_bytes() == b"old"
 
 
 def test_a_pipe_in_place_of_a_file_is_not_called_missing(registry_folder):

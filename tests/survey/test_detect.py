@@ -116,7 +116,7 @@ def test_every_detection_is_a_section_that_stage_one_accepts(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("none.png", "no such file"), ("a.docx", "is not a supported format"), ("a", "without a suffix")],
+    [("none.png", "no such file"), ("a.qqq", "is not a supported format"), ("a", "without a suffix")],
 )
 def test_an_unsupported_file_is_refused(tmp_path, name, message):
     if name != "none.png":

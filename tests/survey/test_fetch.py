@@ -47,9 +47,10 @@ def test_an_existing_file_is_not_downloaded_again(server, tmp_path):
 
 def test_a_changed_file_is_refused_and_not_kept(server, tmp_path):
     address, site = server
-    (site / "plan.jpg").write_bytes(b"another plan")
-    with pytest.raises(InputError, match="not the registered file"):
-        fetch_raw(entry(), tmp_path / "data", address)
+    for content, message in ((b"b plan", "not the registered file"), (b"another plan", "more than 6 bytes")):
+        (site / "plan.jpg").write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            fetch_raw(entry(), tmp_path / "data", address)
     assert not (tmp_path / "data" / "raw" / "plan.jpg").exists()
 
 

@@ -5,18 +5,22 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.survey.formats import _CONVERTED, FORMATS, kind_of
+from pipeline.survey.converters import CONVERTED
+from pipeline.survey.formats import FORMATS, kind_of
 
 
 @pytest.mark.parametrize(
     ("suffix", "program"),
     [
-        (".lox", "Therion"),
         (".TOP", "PocketTopo"),
-        (".bt", "gdal_translate"),
-        (".bt", "octree of OctoMap"),
         (".dwg", "dxf"),
-        (".kml", "QGIS"),
+        (".e00", "QGIS"),
+        (".skp", "SketchUp"),
+        (".blend", "Blender"),
+        (".00t", "Vulcan"),
+        (".rcp", "ReCap"),
+        (".fls", "FARO SCENE"),
+        (".rvt", "FreeCAD"),
         (".pgm", "yaml"),
         (".webp", "png"),
     ],
@@ -27,4 +31,4 @@ def test_a_file_that_another_program_converts_is_refused_with_that_program(suffi
 
 
 def test_no_format_that_is_read_needs_another_program():
-    assert not set(_CONVERTED) & set(FORMATS)
+    assert not set(CONVERTED) & set(FORMATS)

@@ -57,7 +57,7 @@ def test_parts_without_a_volume_are_refused_and_the_others_keep_their_order():
     corner = np.eye(4, 3, -1)
     box = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
     flat, thin = box * [1, 1, 0], box * [1, 1, 1e-7]
-    parts = [ShellPart(corners, [k], "", 0.0, 0.0, 0.0) for k, corners in enumerate((box, flat, corner, thin, box + 9))]
+    parts = [ShellPart(corners, [k], "", 0.0, 0.0) for k, corners in enumerate((box, flat, corner, thin, box + 9))]
     good, refused = without_refused(parts)
     assert [part.facets[0] for part in good] == [0, 2, 4]
     assert refused == 2

@@ -54,10 +54,10 @@ def test_a_station_beside_its_passages_middle_has_its_measured_roof_over_it(tmp_
 
 def test_the_shell_of_a_drift_lies_in_the_rock_and_covers_every_facet(box):
     _, volume, parts = box
-    found = measure_enclosure(volume, parts, 1000, np.random.default_rng(0))
-    assert found.measured_m2 == pytest.approx(found.surface_m2, rel=1e-9)
-    assert found.intrusion_m3 < 1e-9
-    assert found.missing_m2 < 1e-3
+    found = measure_enclosure(volume, parts)
+    assert found.intrusion.depth_m < 1e-6
+    assert max(found.gap.width_m, found.thin.width_m) < 1e-4
+    assert len(found.unbacked) == 0
     assert found.thinnest_m == pytest.approx(0.3, abs=1e-3)
     assert sorted(k for part in parts for k in part.facets) == list(range(len(volume.faces)))
 
@@ -66,8 +66,11 @@ def test_a_part_that_is_taken_out_is_missing_and_lets_balls_escape(box):
     _, volume, parts = box
     largest = max(parts, key=lambda part: part.area_m2)
     kept = [part for part in parts if part is not largest]
-    found = measure_enclosure(volume, kept, 1000, np.random.default_rng(0))
-    assert found.missing_m2 == pytest.approx(largest.area_m2, rel=1e-3)
+    found = measure_enclosure(volume, kept)
+    front = volume.vertices[np.unique(volume.faces[largest.facets])]
+    assert 4 - 1e-3 < found.gap.width_m < 8  # a strip of 20 x 4 m, in two facets
+    assert (found.gap.place_m > front.min(axis=0) - 1e-6).all()
+    assert (found.gap.place_m < front.max(axis=0) + 1e-6).all()
     thrown = [throws.throw_balls(volume, some, 2000, True, np.random.default_rng(0)) for some in (parts, kept)]
     assert thrown[0].escapes == 0
     assert thrown[1].escapes > 0
@@ -78,8 +81,8 @@ def test_a_part_that_is_moved_into_the_drift_is_found(box):
     floor = next(part for part in parts if volume.label[part.facets[0]] == FacetLabel.FLOOR)
     raised = dataclasses.replace(floor, corners=floor.corners + np.array([0, 0, 0.1]))
     kept = [part for part in parts if part is not floor]
-    found = measure_enclosure(volume, [raised, *kept], 1000, np.random.default_rng(0))
-    assert found.intrusion_m3 == pytest.approx(0.1 * floor.area_m2, rel=0.05)
+    found = measure_enclosure(volume, [raised, *kept])
+    assert found.intrusion.depth_m == pytest.approx(0.1, abs=1e-4)
 
 
 def test_the_floors_of_a_junction_on_a_slope_meet_without_a_step_and_follow_the_survey(tmp_path):

@@ -40,12 +40,10 @@ FOLDER, PAGE, PICTURE = (
     Path("docs/evidence/parts/volume-gate.md"),
     "volume-gate.jpg",
 )
-_TILES = 2000  # boxes in which booleans measure all parts
 
 
-def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
+def measure(case: GateCase, folder: Path) -> dict[str, Any]:
     """Build a case as one volume and return the figures of its geometry."""
-    rng = np.random.default_rng(seed)
     network = case.network(folder)
     row: dict[str, Any] = {"length_m": float(network.lengths_m.sum()), "legs": len(network.shots)}
     row |= {"flat_legs": int((network.grades <= STEEPEST).sum()), "no_length": network.skipped}
@@ -58,14 +56,10 @@ def measure(case: GateCase, folder: Path, seed: int = 0) -> dict[str, Any]:
     built = build_shell(volume)
     clock.append(sum(os.times()[:4]))
     row |= dict(zip(("union_s", "floors_s", "shell_s"), np.diff(clock).tolist(), strict=True))
-    row |= {
-        "facets": len(volume.faces),
-        "parts": len(built),
-        "intrusion_m3": sum(abs(part.intrusion_m3) for part in built),
-    }
+    row |= {"facets": len(volume.faces), "parts": len(built)}
     row["before"] = dataclasses.asdict(measure_floor(rough, network))
     row["floor"] = dataclasses.asdict(measure_floor(volume, network))
-    row["enclosure"] = dataclasses.asdict(measure_enclosure(volume, built, _TILES, rng))
+    row["enclosure"] = measure_enclosure(volume, built).figures
     parts, row["refused"] = without_refused(built)
     row["refused_m2"] = sum(p.area_m2 for p in built) - sum(p.area_m2 for p in parts)
     row["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
@@ -116,7 +110,7 @@ def _column(ours: dict[str, Any]) -> list[str]:
     floor, before, shut, robots, balls = (ours[k] for k in ("floor", "before", "enclosure", "robots", "balls"))
     length, stands, rate = ours["length_m"], ours["standing"], ours["steps_per_s"]
     build = ours["union_s"] + ours["floors_s"] + ours["shell_s"]
-    thin = f"{shut['thin_m2']:.2g} m2 under 20, {100 * shut['full_share']:.1f} % at 300"
+    thin = f"{shut['thin_mm']:.1f} mm wide under 20, {100 * shut['full_share']:.1f} % at 300"
     follows = f"{1000 * floor['error_m']:.1f}, {1000 * floor['median_m']:.2f}, {100 * floor['over_1cm']:.2f} %"
     return [
         f"{100 * floor['share_built']:.1f} % of {length:,.0f} m",
@@ -126,11 +120,10 @@ def _column(ours: dict[str, Any]) -> list[str]:
         f"{100 * floor['steep_share']:.2f} %",
         f"{robots['escapes']} in {robots['contacts']:,}",
         f"{balls['escapes']} in {balls['contacts']:,}, pushed at {balls['facets']:,} facets",
-        f"{ours['intrusion_m3']:.2g} m3, {1e6 * ours['intrusion_m3'] / shut['surface_m2']:.2g} um; again over "
-        f"{shut['measured_m2']:,.0f} m2: {shut['intrusion_m3']:.2g} m3",
-        f"{shut['missing_m2']:.2g} of {shut['measured_m2']:,.0f} m2",
+        f"{shut['intrusion_mm']:.2f}",
+        f"{shut['gap_mm']:.2f}",
         f"{ours['refused']}, {1e4 * ours['refused_m2']:.2g} cm2",
-        f"{1000 * shut['thinnest_m']:.1f}; {thin}",
+        f"{shut['thinnest_mm']:.1f}; {thin}",
         f"{ours['parts'] / length:.1f} ({ours['parts']:,})",
         f"{ours['union_s']:.1f} + {ours['floors_s']:.1f} + {ours['shell_s']:.1f} = {build:.0f}",
         f"{rate['volume']:,.0f} in {ours['of_m']:,.0f} m; {rate['level']:,.0f}; {rate['volume'] / rate['level']:.2f}",
@@ -146,8 +139,8 @@ ROWS = (
     "floor steeper than 20 deg",
     "robots that escape, in contacts",
     "balls that escape, in contacts",
-    "intrusion, in all and by m2 of surface",
-    "surface without a part behind it",
+    "deepest place of a part in the free space, mm",
+    "widest circle of surface without a part behind it, mm",
     "parts that MuJoCo refuses",
     "thinnest part, mm",
     "parts a metre",

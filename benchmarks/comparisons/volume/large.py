@@ -83,11 +83,11 @@ def measure(name: str) -> Row:
     clock.append(time.perf_counter())
     parts = build_shell(volume)
     clock.append(time.perf_counter())
-    found = measure_enclosure(volume, parts, 4, np.random.default_rng(0))
+    found = measure_enclosure(volume, parts).figures
     clock.append(time.perf_counter())
     row: dict[str, Any] = {"name": name, "length_m": float(network.lengths_m.sum()), "legs": len(network.shots)}
     row |= {"facets": len(volume.faces), "parts": len(parts)}
-    row |= {"intrusion_um": 1e6 * found.intrusion_m3 / found.measured_m2, "missing_m2": found.missing_m2}
+    row |= {name: found[name] for name in ("intrusion_mm", "gap_mm", "thin_mm")}
     row |= dict(zip(STEPS, np.diff(clock).tolist(), strict=True))
     row["processor_s"] = sum(os.times()[:4])
     kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)

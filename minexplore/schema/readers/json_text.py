@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from minexplore.bundle import BundleError
+from minexplore.limits import UnreadableError, require_small_json
 
 MOST_BYTES = 64 << 20
 _MOST_CHARACTERS = 25  # of a number; the longest that Python writes of 64 bits has 24
 _DEEPEST = 16  # a plan of several polygons has 8 levels
 _MOST_SHOWN = 40  # characters of a key or a number in a message
-_BLOCK = 1 << 20  # bytes that are searched at once
-_ESCAPED = re.compile(rb"\\.", re.DOTALL)  # backslashes stand in texts only
-_OPENING, _CLOSING = np.frombuffer(b"[{", np.uint8), np.frombuffer(b"]}", np.uint8)
+_MOST_VALUES = 16_000_000  # twice what 2.5 million corners take
 
 
 @dataclass(frozen=True)
@@ -39,7 +35,7 @@ def describe_json_error(error: Exception) -> str:
     return "not JSON, its values are nested too deep" if isinstance(error, RecursionError) else "not JSON"
 
 
-def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
+def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES, most_values: int = _MOST_VALUES) -> Any:
     """Return the content of a JSON file.
 
     Parameters
@@ -47,17 +43,20 @@ def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
     file : str
         For the message.
     data : bytes
-    most_bytes : int
+    most_bytes, most_values : int
 
     Raises
     ------
     BundleError
-        If it is too large or too deep or no JSON, or a key stands twice, or a number is not finite or longer than 25
-        characters. The message names the file, the field and its value.
+        If it is too large or too deep, of too many values, or no JSON, or a key stands twice, or a number is not
+        finite or longer than 25 characters. The message names the file, the field and its value.
     """
     if len(data) > most_bytes:
         raise BundleError(f"{file}: {len(data)} bytes, at most {most_bytes} are read")
-    _require_shallow(file, data)
+    try:
+        require_small_json(data, most_values, most_values, _DEEPEST)
+    except UnreadableError as error:
+        raise BundleError(f"{file}: not JSON of a world ({error})") from error
     refused: list[_Refused] = []
 
     def refuse(fault: str) -> _Refused:
@@ -92,19 +91,6 @@ def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES) -> Any:
     for where, fault in _faults(content) if refused else ():
         raise BundleError(f"{file}: {where or 'its content'} {fault}")
     return content
-
-
-def _require_shallow(file: str, data: bytes) -> None:
-    """Refuse brackets, outside of texts, that are open within too many others."""
-    depth, is_text = 0, False
-    for at in range(0, len(plain := _ESCAPED.sub(b"", data) if b"\\" in data else data), _BLOCK):
-        marks = np.frombuffer(plain, np.uint8, min(_BLOCK, len(plain) - at), at)
-        texts = np.cumsum(marks == ord('"'), dtype=np.int32) + is_text
-        steps = np.isin(marks, _OPENING).astype(np.int8) - np.isin(marks, _CLOSING)
-        depths = depth + np.cumsum(np.where(texts % 2, 0, steps), dtype=np.int32)
-        if depths.max() > _DEEPEST:
-            raise BundleError(f"{file}: not JSON of a world (values are nested deeper than {_DEEPEST} levels)")
-        depth, is_text = int(depths[-1]), bool(texts[-1] % 2)
 
 
 def _faults(value: Any, where: str = "") -> Iterator[tuple[str, str]]:

@@ -10,7 +10,7 @@ import numpy as np
 from minexplore.bundle import CELLS, PARTS, VOLUME, BundleError
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeArrays, VolumeFacets
 from minexplore.schema.readers.arrays import read_arrays
-from minexplore.schema.sizes import MOST_CORNERS, MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
+from minexplore.schema.sizes import MOST_COLUMNS, MOST_CORNERS, MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
 
 MOST_OF_PART = 4096  # corners
 REACH_M = 1e5  # of any coordinate: 32 bits of a ray then have a centimetre
@@ -31,6 +31,7 @@ _LEAST_M = 1e-6  # MuJoCo refuses a part that is thinner
 _BESIDE_M = 1.0  # parts of 0.3 m reach so far beyond the free space, where its walls turn
 _MOST_FLOORS = 1000  # in one column
 _OFF_FLOOR_M = 1e-3  # spans have six decimals
+_MORE, _SOME = 2, 1000  # times that the floors may have the cells of the spans, and cells besides: of edges
 
 
 def read_volume(files: Mapping[str, bytes]) -> VolumeArrays:
@@ -133,8 +134,14 @@ def _read_spans(data: bytes, facets: VolumeFacets) -> FloorSpans:
     most = np.ceil((high[:2] - origin) / cell)
     _require_range(CELLS, "column", arrays["column"], 0, int(most[0]))
     _require_range(CELLS, "row", arrays["row"], 0, int(most[1]))
-    if most[0] * most[1] > MOST_SPANS:
-        raise BundleError(f"{CELLS}: {most[0]:.0f} x {most[1]:.0f} columns, want at most {MOST_SPANS}")
+    if most[0] * most[1] > MOST_COLUMNS:
+        raise BundleError(f"{CELLS}: {most[0]:.0f} x {most[1]:.0f} columns, want at most {MOST_COLUMNS}")
+    floors_m2 = -float(np.minimum(facets.normals[:, 2], 0).sum()) / 2  # seen from above
+    if floors_m2 / cell**2 > _MORE * len(numbers[0]) + _SOME:
+        raise BundleError(
+            f"{CELLS}: cell_m = {cell} and {len(numbers[0])} spans: the mesh has floors of {floors_m2:.0f} m2, which "
+            f"are {floors_m2 / cell**2:.0f} cells"
+        )
     _require_range(CELLS, "storey", arrays["storey"], -1, len(numbers[0]) - 1)
     floor, headroom = arrays["floor_m"], arrays["headroom_m"]
     bad = ~((floor >= low[2] - _OFF_FLOOR_M) & (headroom > 0) & (floor + headroom <= high[2] + _OFF_FLOOR_M))

@@ -20,11 +20,12 @@ from minexplore.bundle import (
     BundleError,
     storey_map,
 )
-from minexplore.floors.volume_arrays import FloorSpans
+from minexplore.floors.volume_arrays import FloorSpans, VolumeArrays
 from minexplore.schema.readers.json_text import read_json
 from minexplore.schema.readers.png import GREY, check_png, inflate_png
 from minexplore.schema.readers.rules import numbers_in
 from minexplore.schema.sizes import MOST_CELLS
+from minexplore.schema.volume.network import check_network
 from minexplore.schema.volume.rock import require_rock_files
 
 VOLUME_FILES = (CELLS, MODEL, OCTREE, PARTS, RECORD, TOPOLOGY, VOLUME)
@@ -35,10 +36,9 @@ _MAP = re.compile(
     r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
     re.ASCII,
 )
-_MOST_TEXT = 200  # characters of a station's name
 
 
-def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], spans: FloorSpans) -> None:
+def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
     """Refuse files that a volume has not, or maps and a network that it cannot have.
 
     Raises
@@ -47,7 +47,8 @@ def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], sp
         Naming the file, the value and the limit.
     """
     _check_octree(files[OCTREE])
-    check_network(record, read_json(TOPOLOGY, files[TOPOLOGY]))
+    spans = volume.spans
+    check_network(record, read_json(TOPOLOGY, files[TOPOLOGY]), volume.facets)
     for storey in range(record["volume"]["storeys"]):
         name, picture = storey_map(storey)
         if (name in files) != (picture in files):
@@ -101,25 +102,3 @@ def _check_map(storey: int, name: str, data: bytes, spans: FloorSpans) -> None:
         )
     if not (spans.storey == storey).any():
         raise BundleError(f"{name}: a map of storey {storey}, which has no floor")
-
-
-def check_network(record: Mapping[str, Any], network: Any) -> None:
-    """Refuse a network of legs unless each leg has a name and two stations, and the record counts as many.
-
-    Raises
-    ------
-    BundleError
-        Naming the leg.
-    """
-    legs = network.get("legs") if isinstance(network, dict) else None
-    stations = network.get("stations_m") if isinstance(network, dict) else None
-    if not isinstance(legs, list) or not isinstance(stations, dict) or len(legs) != record["drifts"]:
-        raise BundleError(f"{TOPOLOGY}: want stations_m and as many legs as {RECORD} has drifts, {record['drifts']}")
-    for name, place in stations.items():
-        is_place = isinstance(place, list) and len(place) == 3 and all(isinstance(v, int | float) for v in place)
-        if len(name) > _MOST_TEXT or not is_place:
-            raise BundleError(f"{TOPOLOGY}: stations_m[{name[:40]!r}]: want a name of 200 letters at most, and x, y, z")
-    for number, leg in enumerate(legs):
-        ends = [leg.get(end) for end in ("start", "end")] if isinstance(leg, dict) else [None]
-        if not all(isinstance(end, str) and end in stations for end in ends):
-            raise BundleError(f"{TOPOLOGY}: legs[{number}]: want start and end, two of stations_m")

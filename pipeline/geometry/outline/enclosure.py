@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import GeometryError
 from pipeline.geometry.outline.crossings import edges_of
 
+_MOST_SNAP_M = 10.0  # of survey.snap_m: ends farther apart are no gap in a wall
 _NEIGHBOURS = 8
 _SAME_M = 1e-6  # places nearer than this are one: an arc's end, and a place on a slanted line, are right to 1e-12 only
 
@@ -147,7 +148,7 @@ def _describe_gap(walls: list[LineString], snap_m: float) -> str:
     gap = float(distance[i].min())
     if not np.isfinite(gap):
         return ""
-    return (
-        f": the nearest ends left open are {gap:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f}); "
-        f"survey.snap_m = {snap_m:g} joins ends nearer than that, --snap M those nearer than M"
-    )
+    found = f": the nearest ends left open are {gap:.2f} m apart, at ({ends[i][0]:.2f}, {ends[i][1]:.2f})"
+    if gap >= _MOST_SNAP_M:
+        return f"{found}, and at most {_MOST_SNAP_M:g} m are joined"
+    return f"{found}; survey.snap_m = {snap_m:g} joins ends nearer than that, --snap M those nearer than M"

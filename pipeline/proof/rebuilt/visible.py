@@ -18,6 +18,7 @@ from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.same_surface import NearestFace
+from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.proof.rebuilt.smooth import RemadeSmooth
 from pipeline.store.codecs import decode
 from pipeline.types import Mesh, Occupancy
@@ -25,7 +26,6 @@ from pipeline.types import Mesh, Occupancy
 HEIGHTS_M = (0.3, 0.5, 1.0, 1.5)  # where visible and collision walls are compared; the roof's arch begins above
 _TOE_M = 0.5
 _STRETCHED = 3.0  # of an edge's length, that its texture may cover
-_BEHIND = 0.05  # cosine
 _TEXTURED_M = 5e-3  # far from the origin a coordinate has millimetres
 _ACROSS_M = 1.5  # a face belongs to the tile of its centre before it was displaced
 _FOOT_M = 1e-4  # above the floor
@@ -61,7 +61,9 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     _require_kept(folder, np.concatenate(far), grid, f"{_LOW_M[0]} to {_LOW_M[1]} m")
     _require_tiles(folder, rough)
     if rough:
-        _require_closed(folder, list(rough.values()), free, walls, record.height_m)
+        joined = JoinedRock.of(list(rough.values()))
+        _require_closed(folder, joined, free, walls, record.height_m)
+        require_shading(folder, rough, joined)
     seen = np.concatenate([chunk.vertices[chunk.faces] for chunk in rough.values()]) if rough else smooth.triangles
     for height in HEIGHTS_M:
         if height < record.height_m / 2:
@@ -118,7 +120,7 @@ def _require_near(path: Path, mesh: Mesh, smooth: NearestFace, repeat_m: float, 
 
 
 def _require_bounded(path: Path, mesh: Mesh, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
-    """Check that walls stand along the outline and the roof above its foot, and that texture and normals fit faces.
+    """Check that walls stand along the outline and the roof above its foot, and that texture fits faces.
 
     Returns
     -------
@@ -153,12 +155,6 @@ def _require_bounded(path: Path, mesh: Mesh, walls: cKDTree, foot_m: float, repe
             f"{path}: an edge of {side.flat[worst]:.3f} m has {woven.flat[worst]:.3f} m of texture, want at most "
             f"{_STRETCHED * side.flat[worst] + _FROM_WALL_M:.3f} m"
         )
-    if mesh.normals is not None:
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)  # a face without area has no front
-        front = np.einsum("fij,fj->fi", mesh.normals[mesh.faces], normal / length)
-        if not front.min() > -_BEHIND:
-            raise ArtifactError(f"{path}: a normal behind its face ({front.min():.3f}), want one in front")
     return far
 
 
@@ -177,19 +173,13 @@ def face_samples(triangles: np.ndarray, most_m: float) -> np.ndarray:
 
 def _require_closed(
     folder: Path,
-    chunks: list[Mesh],
+    rock: JoinedRock,
     free: Polygon,
     walls: cKDTree,
     height_m: float,
 ) -> None:
     """Check that the chunks together have no flipped and no double face, and end on the floor alone."""
-    # Vertices on the border of two chunks are equal to the last bit.
-    places = np.concatenate([chunk.vertices for chunk in chunks])
-    points = places.astype(np.float32) + np.float32(0.0)  # no negative zeros
-    starts = np.cumsum([0, *(len(chunk.vertices) for chunk in chunks)])
-    numbers = np.concatenate([chunk.faces + start for chunk, start in zip(chunks, starts, strict=False)])
-    _, first, index = np.unique(points.view(np.dtype((np.void, 12))).ravel(), return_index=True, return_inverse=True)
-    corners, faces = points[first], index.ravel()[numbers]
+    corners, faces, places = rock.places, rock.corners, rock.places.astype(np.float64)
     ahead = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     edge = ahead[:, 0] * len(corners) + ahead[:, 1]
     order, back = np.sort(edge), np.sort(ahead[:, 1] * len(corners) + ahead[:, 0])
@@ -198,10 +188,10 @@ def _require_closed(
         at = corners[int(double[0] // len(corners))]
         raise ArtifactError(f"{folder / RECORD}: visible rock: two faces on one side of an edge at {at.tolist()} m")
     alone = _is_in(edge, order[~_is_in(order, back)])  # sorted numbers are searched for in sorted ones: `isin` is slow
-    rim = np.concatenate([numbers[:, [0, 1]], numbers[:, [1, 2]], numbers[:, [2, 0]]])[alone]
+    rim = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])[alone]
     lifted = np.abs(places[rim][:, :, 2]).max(axis=1, initial=0.0) > _FOOT_M
     if lifted.any() or not len(rim):
-        at = points[rim[lifted][0, 0]].tolist() if lifted.any() else None
+        at = corners[rim[lifted][0, 0]].tolist() if lifted.any() else None
         raise ArtifactError(f"{folder / RECORD}: visible rock: a hole at {at} m; its only rim is on the floor")
     _require_foot(folder, places[rim][:, :, :2], free, walls)
     del edge, order, back, alone, rim
@@ -210,9 +200,9 @@ def _require_closed(
     del links
     if pieces != 1:
         raise ArtifactError(f"{folder / RECORD}: visible rock: {pieces} separate surfaces, want 1")
-    (ax, ay), (bx, by) = ((places[numbers[:, k], :2] - places[numbers[:, 0], :2]).T for k in (1, 2))
+    (ax, ay), (bx, by) = ((places[faces[:, k], :2] - places[faces[:, 0], :2]).T for k in (1, 2))
     upward_m2 = (ax * by - ay * bx) / 2  # of each face, seen from above
-    share = -float((places[:, 2][numbers].mean(axis=1) * upward_m2).sum()) / (free.area * height_m)
+    share = -float((places[:, 2][faces].mean(axis=1) * upward_m2).sum()) / (free.area * height_m)
     if not _VOLUME[0] <= share <= _VOLUME[1]:
         raise ArtifactError(
             f"{folder / RECORD}: visible rock: encloses {share:.3f} of the workings' volume, want {_VOLUME[0]} to "

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 _AT_ONCE = 65536  # faces in memory at a time
 _TILTS = 16  # rounds at most; of 48,000 vertices of the default world they tilt 38,000, and more rounds hardly any more
 _FRONT = 0.02  # cosine of the widest angle between a normal and its faces' that counts as in front
+SMOOTH_DEG = 180.0  # no two faces meet at a sharper angle
 _NONE, _UP = 0.5, (0.0, 0.0, 1.0)  # length of a normal that is none: all faces at its vertex have no area
 
 
@@ -19,15 +20,16 @@ class ShadedMesh:
     """A mesh whose vertices carry a normal; a vertex on a crease stands once for each side of it.
 
     `source` (k,) is the number of each vertex in the mesh that it was made of, `normals` (k, 3) are unit vectors and
-    `faces` (m, 3) are the same faces in the same order and winding.
+    `faces` (m, 3) are the same faces in the same order and winding. `tilted` (k,) are normals that are no mean.
     """
 
     source: np.ndarray
     normals: np.ndarray
     faces: np.ndarray
+    tilted: np.ndarray
 
 
-def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = 180.0) -> ShadedMesh:
+def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = SMOOTH_DEG) -> ShadedMesh:
     """Return the mesh with a normal at every vertex, less than a right angle from those of its faces.
 
     Face normals are weighted by the face's angle at the vertex, which makes the mean independent of how a surface is
@@ -50,18 +52,20 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = 180.
     parts = [_normals_and_angles(vertices[faces[at : at + _AT_ONCE]]) for at in range(0, len(faces), _AT_ONCE)]
     normal, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
     source, corner = np.arange(len(vertices)), faces.astype(np.int64)
-    if crease_deg < 180:
+    if crease_deg < SMOOTH_DEG:
         source, corner = _split(corner, _fans(corner, normal, crease_deg))
     flat, weighted = corner.ravel(), ((angle * normal[:, k, None]).ravel() for k in range(3))
     mean = _unit(np.column_stack([np.bincount(flat, of_axis, len(source)) for of_axis in weighted]))
+    former_mean = mean.copy()
     alone = _tilt(mean, corner, normal)[corner]  # the corners at vertices that no one normal serves
+    tilted = (mean != former_mean).any(axis=1)
     if alone.any():
         group = np.where(alone, len(source) + np.arange(corner.size).reshape(-1, 3), corner)
         former, corner = _split(corner, group)
-        source, mean = source[former], mean[former]
+        source, mean, tilted = source[former], mean[former], tilted[former]
         mean[corner[alone]] = normal[np.nonzero(alone)[0]]
     mean[np.linalg.norm(mean, axis=1) < _NONE] = _UP
-    return ShadedMesh(source, mean, corner.astype(np.int32))
+    return ShadedMesh(source, mean, corner.astype(np.int32), tilted)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

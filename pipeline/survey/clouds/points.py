@@ -12,8 +12,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload
+from pipeline.scans.checks.precision import require_fine, steps_seen
+from pipeline.scans.checks.strays import require_together
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.scans.point_blocks import PointBlock, Wanted
+from pipeline.survey.clouds.scan_axes import ScanAxes, axes_of_scan
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.vector.shapes import METRES, REACH_M
 
@@ -29,12 +32,14 @@ Origin = tuple[float, float, float]
 class ScanFile:
     """How a scan's file is read: metres a unit, the axis that points up, its origin if known, the voxels' size, m.
 
+    Without stated metres a unit, the file's own is used: the one that it states, else metres.
+
     A `look` needs no more than 2 million voxels, which are larger if the scan is. `timed` points have their times and
     those with `colours` these, if the file states them.
     """
 
     path: str
-    unit_m: float
+    unit_m: float | None
     up: str
     origin: Origin | None
     thin_m: float
@@ -45,10 +50,11 @@ class ScanFile:
 
 @dataclass(frozen=True)
 class ScanPoints:
-    """The thinned points of a scan, m from an origin in the file's coordinates."""
+    """The thinned points of a scan, m from an origin in the file's coordinates, and the axes of these."""
 
     cloud: ThinnedCloud
     origin: Origin
+    axes: ScanAxes
 
 
 def read_points(file: ScanFile) -> ScanPoints:
@@ -64,13 +70,14 @@ def read_points(file: ScanFile) -> ScanPoints:
     total = int(payload.values["total"])
     cloud = ThinnedCloud(arrays["points"], arrays["count"], total, arrays["rgb"], arrays["time"])
     x, y, z = payload.values["origin"]
-    return ScanPoints(cloud, (x, y, z))
+    axes = ScanAxes(**payload.values["axes"])
+    return ScanPoints(cloud, (x, y, z), axes)
 
 
 def read_here(file: dict[str, Any]) -> Payload:
     """Read a scan in this process; `read_points` has limits."""
     found = _read(ScanFile(**file))
-    values = {"total": found.cloud.total, "origin": list(found.origin)}
+    values = {"total": found.cloud.total, "origin": list(found.origin), "axes": vars(found.axes)}
     cloud = found.cloud
     return Payload(values, {"points": cloud.points_m, "count": cloud.count, "rgb": cloud.rgb, "time": cloud.time_s})
 
@@ -78,15 +85,18 @@ def read_here(file: dict[str, Any]) -> Payload:
 def _read(file: ScanFile) -> ScanPoints:
     path = Path(file.path)
     wanted = Wanted(file.colours, file.timed)
-    blocks = read_blocks(path, _MESH_POINTS * (file.unit_m / file.thin_m) ** 2, wanted)
-    first = next(blocks, None)
-    if first is None or not len(first):
+    blocks = read_blocks(path, _MESH_POINTS * ((file.unit_m or 1.0) / file.thin_m) ** 2, wanted)
+    first = next((block for block in blocks if len(block)), None)
+    if first is None:
         raise InputError(f"{path}: has no points")
-    up = turned(first.points, file.up)
-    origin = np.array(file.origin if file.origin is not None else origin_of(up, file.unit_m))
+    axes = axes_of_scan(path, first, file.unit_m)
+    require_fine(path, steps_seen(first.points) * axes.unit_m)
+    require_together(path, first.points, REACH_M / axes.unit_m, "points", "cut them off, or --unit states its unit")
+    up = turned(axes.of(first.points), file.up)
+    origin = np.array(file.origin if file.origin is not None else origin_of(up, axes.unit_m))
     in_metres = (
-        replace(block, points=(turned(block.points, file.up) - origin) * file.unit_m)
-        for block in itertools.chain([first], blocks)
+        replace(block, points=(turned(axes.of(block.points), file.up) - origin) * axes.unit_m)
+        for block in _of_one_system(path, itertools.chain([first], blocks), first)
     )
     try:
         most = _LOOKED_AT if file.look else MOST_VOXELS
@@ -94,7 +104,17 @@ def _read(file: ScanFile) -> ScanPoints:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     x, y, z = origin.tolist()
-    return ScanPoints(cloud, (x, y, z))
+    return ScanPoints(cloud, (x, y, z), axes)
+
+
+def _of_one_system(path: Path, blocks: Iterator[PointBlock], first: PointBlock) -> Iterator[PointBlock]:
+    for block in blocks:
+        if block.system != first.system:
+            raise InputError(
+                f"{path}: its clouds state different coordinate systems or units; give them one by one, or convert "
+                "them to one system"
+            )
+        yield block
 
 
 def turned(points: np.ndarray, up: str) -> np.ndarray:

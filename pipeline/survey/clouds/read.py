@@ -12,7 +12,7 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError, first_few
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.survey.clouds.points import Origin, ScanFile, read_points, turned
+from pipeline.survey.clouds.points import ScanFile, ScanPoints, read_points, turned
 from pipeline.survey.clouds.thinned import ThinnedCloud
 from pipeline.survey.clouds.trajectory import Trajectory, read_trajectory
 from pipeline.survey.clouds.volume import NOWHERE, ScannedVolume, volume_of_cloud
@@ -34,16 +34,14 @@ class ScanReading:
     volume: ScannedVolume
 
 
-def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -> tuple[ThinnedCloud, Origin]:
-    """Read the points of a scan, m from the origin that is returned, thinned to voxels of `thin_m`.
+def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -> ScanPoints:
+    """Read the points of a scan, thinned to voxels of `thin_m`.
 
     A `look` at a large scan has larger ones. With a trajectory the points have their times, where the file states them.
     """
     timed, colours = params.trajectory is not None and not look, params.colours and not look
-    metres, up = METRES[params.unit or "m"], params.up or "z"
-    file = ScanFile(params.file, metres, up, params.origin, thin_m, look, timed, colours)
-    found = read_points(file)
-    return found.cloud, found.origin
+    metres, up = None if params.unit is None else METRES[params.unit], params.up or "z"
+    return read_points(ScanFile(params.file, metres, up, params.origin, thin_m, look, timed, colours))
 
 
 def read_scan(params: CloudSurveyParams) -> ScanReading:
@@ -54,12 +52,13 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
     InputError
         If the file cannot be read, or its points enclose no space. The message names the file and the option.
     """
-    cloud, origin = thinned_scan(params, params.voxel_m / 2)
-    metres = METRES[params.unit or "m"]
+    scan = thinned_scan(params, params.voxel_m / 2)
+    cloud, origin, metres = scan.cloud, scan.origin, scan.axes.unit_m
     way, seen_from = NOWHERE, NOWHERE
     if params.trajectory is not None:
         read = read_trajectory(Path(params.trajectory))
-        trajectory = Trajectory(read.time_s, (turned(read.places, params.up or "z") - origin) * metres)
+        places = turned(scan.axes.of(read.places), params.up or "z")
+        trajectory = Trajectory(read.time_s, (places - origin) * metres)
         way, seen_from = trajectory.places, _places_of(cloud, trajectory, params)
     try:
         found = volume_of_cloud(cloud, params.voxel_m, params.simplify_m, MOST_FACETS, way, seen_from)
@@ -78,7 +77,7 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         found.bounding.rgb,
         found.rays_m - lift,
     )
-    place = Georeference(params.unit or "m", metres, (origin[0], origin[1]))
+    place = Georeference(params.unit or scan.axes.unit, metres, (origin[0], origin[1]), scan.axes.crs)
     manifold = manifold3d.Manifold(manifold3d.Mesh64(found.vertices, found.faces.astype(np.uint64)))
     return ScanReading(solid, view_from_above(manifold), place, found)
 

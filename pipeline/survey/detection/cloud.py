@@ -58,10 +58,13 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
 
     options = stated.model_dump(include={"unit", "up", "close_m", "simplify_m", "voxel_m"}, exclude_none=True)
     params = CloudSurveyParams.model_validate({"kind": "cloud", "name": "detect", "file": "data/x", **options})
-    cloud, origin = thinned_scan(params.model_copy(update={"file": path.as_posix()}), _FINEST_M / 2, look=True)
+    scan = thinned_scan(params.model_copy(update={"file": path.as_posix()}), _FINEST_M / 2, look=True)
+    cloud, origin = scan.cloud, scan.origin
     spacing = spacing_of(cloud.points_m)
     voxel_m = stated.voxel_m or resolution(cloud.points_m, spacing)
-    warn_of_guesses(path, facets_of_scan(cloud), unit=stated.unit is None, up=stated.up is None)
+    warn_of_guesses(
+        path, facets_of_scan(cloud), unit=stated.unit is None and not scan.axes.is_stated, up=stated.up is None
+    )
     if stated.voxel_m is None:
         warn_user(f"{path.name}: points are {spacing:.2f} m apart; its surface is found to {voxel_m:g} m; --voxel M")
     values = {

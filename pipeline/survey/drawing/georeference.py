@@ -7,6 +7,7 @@ import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pyproj
 import rasterio
 from rasterio.crs import CRS
@@ -18,7 +19,7 @@ from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.plain_number import plain_number
 from pipeline.survey.drawing.picture_header import read_header
 from pipeline.survey.vector.ground import ground_scale, is_true_to_scale
-from pipeline.survey.vector.shapes import coordinate_system
+from pipeline.survey.vector.map_axes import axes_of, coordinate_system, warn_of_turn
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _FARTHEST = 1e9  # of a coordinate in the map's units; map coordinates in feet reach 1e8
@@ -92,7 +93,11 @@ def read_placement(image: Path) -> Placement:
         raise InputError(
             f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first, or state --px-per-m"
         )
-    six = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
+    six: tuple[float, ...] = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
+    if crs is not None:
+        axes = axes_of(coordinate_system(image, crs.to_wkt()))
+        six = tuple(axes.plan_of(np.array(six).reshape(3, 2)).ravel().tolist())
+        warn_of_turn(image, axes)
     unit, metres = crs.linear_units_factor if crs is not None and crs.is_projected else ("m", 1.0)
     placement = _placement(image, six, float(metres), str(unit), crs.to_string() if crs is not None else None)
     if crs is None or not crs.is_projected:

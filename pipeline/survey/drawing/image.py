@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.drawing.picture_header import (
+    PictureHeader,
     read_first_frame,
     read_header,
     require_picture_size,
@@ -21,6 +22,7 @@ from pipeline.types import Image
 
 _NUMBERS_AS_TEXT = (b"P1", b"P2", b"P3")  # PNM files whose pixels are decimal numbers
 _DEPTHS = (255, 1023, 4095, 16383, 65535)  # white in pictures of 16 bits, which may hold fewer
+_WHITES = (255, 65535)  # of 8 and of 16 bits
 _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory beside the picture
 
 
@@ -57,22 +59,7 @@ def read_pixels(path: Path, max_megapixels: float, is_plan: bool = False) -> Ima
     InputError
         If the file is empty, unreadable or too large.
     """
-    size = path.stat().st_size
-    if not size:
-        raise InputError(f"{path}: empty file")
-    if size > reader_limits().file_bytes:
-        raise InputError(f"{path}: {size:,} bytes, the limit is {reader_limits().file_bytes:,} (file_bytes in {FILE})")
-    header = read_header(path)
-    require_picture_size(path, header, max_megapixels)
-    picture = read_first_frame(path) if header.format == "GIF" else _decode(path)
-    require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
-    _require_known_depth(path, picture)
-    if header.format != "TIFF":  # OpenCV turns a TIFF upright
-        picture = turn_upright(picture, header.orientation)
-    if header.pages > 1:
-        warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
-    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
-        raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
+    picture = decode_pixels(path, max_megapixels)
     read = _to_bgr(picture, is_plan)
     if (
         is_plan
@@ -84,7 +71,34 @@ def read_pixels(path: Path, max_megapixels: float, is_plan: bool = False) -> Ima
     return read
 
 
-def _decode(path: Path) -> np.ndarray:
+def decode_pixels(path: Path, max_megapixels: float) -> np.ndarray:
+    """Decode an image file as `read_pixels`, with its own channels, opacity among them, and its own depth.
+
+    Returns
+    -------
+    (rows, cols) or (rows, cols, 3 or 4) uint8, uint16 or shares of white
+        Grey, or blue, green, red and opacity.
+    """
+    size = path.stat().st_size
+    if not size:
+        raise InputError(f"{path}: empty file")
+    if size > reader_limits().file_bytes:
+        raise InputError(f"{path}: {size:,} bytes, the limit is {reader_limits().file_bytes:,} (file_bytes in {FILE})")
+    header = read_header(path)
+    require_picture_size(path, header, max_megapixels)
+    picture = read_first_frame(path) if header.format == "GIF" else _decode(path, header)
+    require_size(path, picture.shape[1], picture.shape[0], max_megapixels)
+    _require_known_depth(path, picture)
+    if header.format != "TIFF":  # OpenCV turns a TIFF upright
+        picture = turn_upright(picture, header.orientation)
+    if header.pages > 1:
+        warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
+    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
+        raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
+    return picture
+
+
+def _decode(path: Path, header: PictureHeader) -> np.ndarray:
     data = np.fromfile(path, dtype=np.uint8)
     if bytes(data[:2]) in _NUMBERS_AS_TEXT:
         data = np.append(data, np.uint8(ord("\n")))  # OpenCV reads no last number without a blank behind it
@@ -94,7 +108,17 @@ def _decode(path: Path) -> np.ndarray:
         raise InputError(f"{path}: its pixels cannot be decoded; save it as PNG") from error
     if picture is None:
         raise InputError(f"{path}: its pixels cannot be decoded; is it cut off ({data.size} bytes)?")
-    return picture
+    is_scaled = header.white < 256 and bytes(data[:2]) in _NUMBERS_AS_TEXT
+    return picture if is_scaled or header.white in _WHITES else _of_16_bits(picture, header.white)
+
+
+def _of_16_bits(picture: np.ndarray, white: int) -> np.ndarray:
+    """Return the pixels of a PNM file whose white OpenCV does not know, with the white of 16 bits."""
+    result = np.empty(picture.shape, np.uint16)
+    for row in range(0, len(picture), _STRIP_ROWS):
+        strip = picture[row : row + _STRIP_ROWS].astype(np.uint32)
+        result[row : row + _STRIP_ROWS] = np.minimum((strip * _WHITES[1] + white // 2) // white, _WHITES[1])
+    return result
 
 
 def _require_known_depth(path: Path, picture: np.ndarray) -> None:

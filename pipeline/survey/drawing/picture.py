@@ -21,6 +21,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.image import read_image, require_workings_drawn
 from pipeline.survey.drawing.light import BETTER_LIGHT, even_light
+from pipeline.survey.drawing.page_unit import points_per_unit
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.survey.drawing.reduction import reduce_picture, size_read
 from pipeline.types import Image
@@ -57,8 +58,10 @@ def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
     with _open_page(path, page) as (pdf_page, pages):
         if pages > 1:
             warn_user(f"{path.name}: page {page} of {pages} is read; --page states another")
-        _require_page_size(path, page, pdf_page.get_size(), dpi, max_megapixels)
-        return np.ascontiguousarray(pdf_page.render(scale=dpi / 72).to_numpy()[..., :3])
+        unit = points_per_unit(path, pdf_page.pdf, page)
+        width, height = pdf_page.get_size()
+        _require_page_size(path, page, (unit * width, unit * height), dpi, max_megapixels)
+        return np.ascontiguousarray(pdf_page.render(scale=unit * dpi / 72).to_numpy()[..., :3])
 
 
 def _require_page_size(path: Path, page: int, size: tuple[float, float], dpi: float, max_megapixels: float) -> None:
@@ -80,7 +83,8 @@ def fitting_dpi(path: Path, page: int) -> float:
         If the file is no PDF, has no such page, or the page is too large at the least resolution.
     """
     with _open_page(path, page) as (pdf_page, _):
-        size = pdf_page.get_size()
+        unit = points_per_unit(path, pdf_page.pdf, page)
+        size = unit * pdf_page.get_width(), unit * pdf_page.get_height()
     width, height = (side / 72 for side in size)
     fits = math.sqrt(_FITTING_PX / max(width * height, 1e-9))
     if fits >= USUAL_DPI:

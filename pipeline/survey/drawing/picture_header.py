@@ -30,14 +30,15 @@ _SUBFILE, _TILE_WIDTH, _TILE_HEIGHT = 254, 322, 323  # tags of a TIFF
 _NO_PAGE = 0b101  # a smaller copy of a picture (an overview), or a mask
 _DPI = (30.0, 10_000.0)  # of scans; a picture of a camera or a screen may state 1
 _MOST_PAGES = 1000
-_WHITE = (255, 65535)  # of 8 and of 16 bits
+_WHITE = 255  # of 8 bits
 
 
 @dataclass(frozen=True)
 class PictureHeader:
     """Size of a picture, an upper limit of the bytes of a decoded pixel, its orientation by Exif, pages and format.
 
-    `dpi` is the resolution of the scan, None if the file states none, or two that differ.
+    `dpi` is the resolution of the scan, None if the file states none, or two that differ. `white` is the largest value
+    of a PNM file, 255 of others.
     """
 
     width: int
@@ -47,6 +48,7 @@ class PictureHeader:
     pages: int
     format: str
     dpi: float | None = None
+    white: int = _WHITE
 
 
 def read_header(path: Path) -> PictureHeader:
@@ -75,9 +77,7 @@ def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
         found = int(tags.get(Base.Orientation) or exif.get(Base.Orientation) or 1)
         orientation = found if 1 <= found <= 8 else 1
     coding = picture.tile[0][3] if picture.tile else ""
-    white = coding[1] if picture.format == "PPM" and isinstance(coding, tuple) else _WHITE[0]
-    if white not in _WHITE:  # OpenCV does not scale it, it would be dark
-        raise InputError(f"{path}: its largest value (maxval) is {white}, want 255 or 65535; save it with 8 bits")
+    white = coding[1] if picture.format == "PPM" and isinstance(coding, tuple) else _WHITE
     depth = 4 if picture.mode in ("I", "F") else 2 if "16" in str(coding) else 1
     channels = 1 if len(picture.getbands()) == 1 and picture.mode != "P" else 4
     return PictureHeader(
@@ -89,6 +89,7 @@ def _header_of(path: Path, picture: ImageFile.ImageFile) -> PictureHeader:
         pages=_count_pages(picture) if picture.format in _PAGED else 1,
         format=picture.format or "",
         dpi=_dpi_of(picture),
+        white=white,
     )
 
 
@@ -112,7 +113,7 @@ def _count_pages(picture: ImageFile.ImageFile) -> int:
 
 
 def read_first_frame(path: Path) -> np.ndarray:
-    """Return the first frame of a GIF as (rows, cols, 4) uint8: blue, green, red, opacity.
+    """Return the first frame of a GIF as (rows, cols, 3 or 4) uint8: blue, green, red, and opacity if it states one.
 
     Raises
     ------
@@ -121,7 +122,10 @@ def read_first_frame(path: Path) -> np.ndarray:
     """
     try:
         with warnings.catch_warnings(action="ignore"), Pillow.open(path, formats=("GIF",)) as picture:
-            return np.asarray(picture.convert("RGBA"))[..., [2, 1, 0, 3]]
+            is_opaque = "transparency" not in picture.info
+            return np.asarray(picture.convert("RGB" if is_opaque else "RGBA"))[
+                ..., [2, 1, 0] if is_opaque else [2, 1, 0, 3]
+            ]
     except MemoryError:
         raise
     except Exception as error:  # Pillow passes on every exception of its parsers

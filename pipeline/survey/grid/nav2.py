@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Literal
 
-import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -15,7 +13,8 @@ from pipeline.errors import InputError, ParamsError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.reading.plain_yaml import load_plain_yaml
-from pipeline.survey.drawing.image import read_pixels
+from pipeline.survey.drawing.image import decode_pixels
+from pipeline.survey.grid.occupancy import CellRules, Mode, occupancy_of
 from pipeline.types import Mask
 
 _UNKNOWN_GREY = 205  # what map_saver writes for unknown cells
@@ -28,6 +27,13 @@ _EXPECTED = {
     "free_thresh": "a share from 0 to 1, such as 0.196",
     "mode": "trinary, scale or raw",
 }
+_OCCUPIED = 100
+_OF_OPACITY = {
+    "trinary": "in the mode trinary opacity counts as a fourth colour",
+    "scale": "in the mode scale they are unknown",
+    "raw": "the mode raw does not look at opacity",
+}
+_LESS_FREE = {False: "0.196", True: "0.147"}  # free_thresh: opacity makes the grey of unknown cells lighter
 _LONGEST_BYTES = 255  # of a file's name on Linux
 
 
@@ -42,7 +48,7 @@ class _MapFile(BaseModel):
     negate: bool = False
     occupied_thresh: float = Field(default=0.65, ge=0, le=1)
     free_thresh: float = Field(default=0.25, ge=0, le=1)
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
+    mode: Mode = "trinary"
 
 
 @dataclass(frozen=True)
@@ -69,24 +75,47 @@ def read_nav2_map(path: Path) -> Nav2Map:
 
     References
     ----------
-    Nav2 map_server, "Map yaml format". A cell's occupancy is (255 - grey) / 255, or grey / 255 if negated.
+    Nav2 map_server, "Map yaml format"
     """
     header = _read_map_file(path)
     picture = _picture_of(path, header)
-    grey = cv2.cvtColor(read_pixels(picture, reader_limits().map_megapixels), cv2.COLOR_BGR2GRAY)
+    pixels = _of_whole_numbers(decode_pixels(picture, reader_limits().map_megapixels))
+    rules = CellRules(header.mode, header.negate, header.free_thresh, header.occupied_thresh)
+    cells = occupancy_of(pixels, rules)
+    _warn_of_opacity(path, header, pixels)
+    _warn_of_unknown(path, header, pixels, cells)
     x, y, yaw = header.origin
-    if header.mode == "raw":
-        value = grey[::-1]
-        return Nav2Map(value == 0, (value > 0) & (value <= 100), (x, y), yaw, header.resolution)
-    share = np.arange(256) / 255.0 if header.negate else 1.0 - np.arange(256) / 255.0
-    is_free, is_occupied = share < header.free_thresh, share > header.occupied_thresh
-    unknown = int((grey == _UNKNOWN_GREY).sum()) if is_free[_UNKNOWN_GREY] else 0
+    is_occupied = cells > 0 if header.mode == "raw" else cells == _OCCUPIED
+    return Nav2Map((cells == 0)[::-1], is_occupied[::-1], (x, y), yaw, header.resolution)
+
+
+def _of_whole_numbers(pixels: np.ndarray) -> np.ndarray:
+    """Return pixels that are shares of white as numbers of 16 bits; what is no number is black."""
+    if pixels.dtype.kind != "f":
+        return pixels
+    return np.rint(np.nan_to_num(pixels, nan=0.0) * 65535).astype(np.uint16)
+
+
+def _warn_of_opacity(path: Path, header: _MapFile, pixels: np.ndarray) -> None:
+    """Warn of cells that are not opaque, and of what the map's mode makes of them."""
+    if pixels.ndim == 2 or pixels.shape[2] < 4:
+        return
+    clear = int((pixels[..., 3] < np.iinfo(pixels.dtype).max).sum())
+    if clear:
+        warn_user(f"{path.name}: {clear} cells are not opaque: {_OF_OPACITY[header.mode]}, by map_server's rule")
+
+
+def _warn_of_unknown(path: Path, header: _MapFile, pixels: np.ndarray, cells: np.ndarray) -> None:
+    """Warn of free cells that have the grey of unknown ones."""
+    if header.mode == "raw" or pixels.dtype != np.uint8:
+        return
+    is_grey = pixels == _UNKNOWN_GREY if pixels.ndim == 2 else (pixels[..., :3] == _UNKNOWN_GREY).all(axis=2)
+    unknown = int((is_grey & (cells == 0)).sum())
     if unknown:
         warn_user(
             f"{path.name}: {unknown} cells of grey {_UNKNOWN_GREY}, often unknown ones, are free by free_thresh = "
-            f"{header.free_thresh:g}; 0.196 leaves them out"
+            f"{header.free_thresh:g}; {_LESS_FREE[pixels.shape[2:] == (4,)]} leaves them out"
         )
-    return Nav2Map(is_free[grey[::-1]], is_occupied[grey[::-1]], (x, y), yaw, header.resolution)
 
 
 def nav2_picture(path: Path) -> Path:

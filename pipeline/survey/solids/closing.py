@@ -8,6 +8,7 @@ import manifold3d
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.scans.meshes.polygons import cut_by_ears
 from pipeline.survey.solids.pieces import edges_of, joined_by_edges, part_pieces
 
 _LEAST_M2 = 1e-12  # twice a triangle's area
@@ -123,7 +124,7 @@ def _filled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[H
     made, holes = [faces], []
     for loop in _boundary(faces, len(vertices)):
         corners = vertices[loop]
-        made.append(loop[_triangulated(corners)])
+        made.append(loop[cut_by_ears(corners)])
         edge = float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).sum())
         x, y, z = corners.mean(axis=0).tolist()
         holes.append(Hole((x, y, z), edge))
@@ -158,20 +159,6 @@ def _take(following: dict[int, list[int]], corner: int) -> int:
     if not following[corner]:
         del following[corner]
     return found
-
-
-def _triangulated(corners: np.ndarray) -> np.ndarray:
-    """Return triangles (k - 2, 3) of a ring (k, 3), counter-clockwise about it as it is seen along its normal."""
-    middle = corners - corners.mean(axis=0)
-    normal = np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
-    size = float(np.linalg.norm(normal))
-    k = len(corners)
-    if k == 3 or size < _LEAST_M2:
-        return np.column_stack([np.zeros(k - 2, int), np.arange(1, k - 1), np.arange(2, k)])
-    aside = np.linalg.svd(normal[None] / size)[2][1:]
-    if np.cross(*aside) @ normal < 0:
-        aside = aside[::-1]
-    return np.asarray(manifold3d.triangulate([middle @ aside.T]), np.int64).reshape(-1, 3)
 
 
 def _signed_m3(vertices: np.ndarray, faces: np.ndarray) -> float:

@@ -16,6 +16,8 @@ from pipeline.errors import InputError, first_few
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
+from pipeline.scans.checks.precision import require_fine, steps_seen
+from pipeline.scans.checks.strays import require_together
 from pipeline.survey.solids.closing import ClosedPieces, close_pieces
 from pipeline.survey.solids.decimate import decimated
 from pipeline.survey.solids.files import read_triangles
@@ -67,6 +69,10 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     up = params.up or read.up
     vertices = read.vertices[:, [0, 2, 1]] * [1, -1, 1] if up == "y" else read.vertices
     unit = params.unit or read.unit or "m"
+    cure = "delete what they belong to, or --unit states its unit"
+    require_together(path, read.vertices, REACH_M / METRES[unit], "corners", cure)
+    is_sure = bool(read.steps.any())
+    require_fine(path, (read.steps if is_sure else steps_seen(read.vertices)) * METRES[unit], is_sure)
     origin = np.array(params.origin or _origin(vertices, METRES[unit]))
     vertices = (vertices - origin) * METRES[unit]
     if np.abs(vertices).max() > REACH_M:

@@ -6,7 +6,7 @@ from pipeline.survey.stated.statement import Statement
 
 _ADJUSTMENT = "tests/survey/survex/test_adjustment.py::"
 _TIES = "tests/survey/passages/test_ties.py::"
-_THERION, _STATED = "tests/survey/solved/test_therion.py::", "tests/survey/therion/test_statements.py::"
+_THERION, _STATED = "tests/survey/solved/test_therion.py::", "tests/survey/therion/test_therion_statements.py::"
 _PASSAGES, _SOLVED = "tests/survey/passages/test_passages.py::", "tests/survey/solved/test_solved.py::"
 _COMPASS, _WALLS = "tests/survey/compass/test_compass.py::", "tests/survey/walls/test_walls_project.py::"
 _PLACES = f"{_STATED}test_a_statement_puts_stations_where_therion_does"

@@ -13,6 +13,7 @@ from pipeline.guard.csv_text import read_csv_text, separator_of
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.survey.stations.column_names import our_names, require_no_shots
 from pipeline.survey.vector.shapes import REACH_M
 
 COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
@@ -26,7 +27,8 @@ _FOOT_M = 0.3048
 def read_rows(path: Path, walls_needed: bool = False) -> list[tuple[int, dict[str, str]]]:
     """Return the rows of a table, each with its line, as texts by the names of their columns in metres.
 
-    Columns of walls that the table lacks are empty, unless they are needed.
+    Columns of walls that the table lacks are empty, unless they are needed. Columns that total stations name otherwise
+    are read, and listed.
 
     Raises
     ------
@@ -37,7 +39,9 @@ def read_rows(path: Path, walls_needed: bool = False) -> list[tuple[int, dict[st
     head, separator = text.partition("\n")[0], separator_of(text)
     reader = csv.DictReader(io.StringIO(text), strict=True, delimiter=separator, skipinitialspace=True)
     try:
-        names = [name.strip().lower() for name in reader.fieldnames or []]
+        require_no_shots(path, text)
+        needed = COLUMNS if walls_needed else COLUMNS[:4]
+        names = our_names(path, [name.strip() for name in reader.fieldnames or []], needed)
         feet = [name for name in names if name.endswith("_ft") and _of_metres(name) in _NUMBERS]
         reader.fieldnames = [_of_metres(name) if name in feet else name for name in names]
         missing = [column for column in COLUMNS if column not in reader.fieldnames]

@@ -15,8 +15,9 @@ from pipeline.survey.therion.declinations import Declination, declination_of
 from pipeline.survey.therion.fixes import Fixes
 from pipeline.survey.therion.grades import Grades, grades_of
 from pipeline.survey.therion.imported import Imports, add_imported, declared_surveys
-from pipeline.survey.therion.lines import TherionLine, therion_lines
+from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.place import Place, System, cs_for_survex, place_of
+from pipeline.survey.therion.project import project_lines
 from pipeline.survey.therion.quantities import Quantities, deviations
 from pipeline.survey.therion.shots import ReadingOrder, Shots
 from pipeline.survey.therion.words import SKIPPED_BLOCKS, require_name
@@ -50,7 +51,7 @@ def to_survex(path: Path) -> SurvexText:
     Parameters
     ----------
     path : Path
-        The main `.th` file.
+        The main `.th` file, or the `thconfig` of the project.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def to_survex(path: Path) -> SurvexText:
     Therion 6.1.6 is the witness of what the book leaves open.
     """
     made = SurvexText()
-    lines = list(therion_lines(path, []))
+    lines = list(project_lines(path, []))
     dates = dates_of(lines)
     place = place_of(lines, dates)
     imports = Imports(made, path.parent.resolve(), place is not None, declared_surveys(lines))

@@ -53,7 +53,7 @@ def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> It
         word = line.words[0]
         if word == "import":
             files.append(named_file(line, folder))
-        if word not in _INPUTS:
+        if word not in _INPUTS or line.words == ("source",):  # alone, it begins lines of a survey up to endsource
             yield line
             continue
         if len(line.words) > 1 and line.words[1].lower().endswith(_DRAWINGS):

@@ -20,7 +20,7 @@ from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.stray_heights import require_elevations
-from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
+from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.vector.level_fields import level_advice
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
 from pipeline.types import Georeference
@@ -66,21 +66,23 @@ def read_centrelines(
         If the file holds polygons or no lines, an elevation is missing or beyond 10 km, or a limit is exceeded; the
         message names the place.
     """
-    lines, georeference = _lines(path, content, unit, origin, elevations_m or {})
+    lines, flags, georeference = _lines(path, content, unit, origin, elevations_m or {})
     if is_checked:
         require_elevations(path, np.concatenate(lines), "lines")
-    lines = _joined(path, _crossed(path, lines, [] if elevations_m else content.fields), snap_m)
+    lines = _crossed(path, lines, [] if elevations_m else content.fields)
+    lines, kept = _joined(path, lines, snap_m)
     require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
     places = np.concatenate(lines)
     starts = np.cumsum([0, *map(len, lines)])
     pairs = np.array([(k, k + 1) for a, b in pairwise(starts.tolist()) for k in range(a, b - 1)], np.int64)
+    leg_flags = np.repeat(np.array([flags[k] for k in kept], np.uint8), [len(line) - 1 for line in lines])
     names = tuple(f"{number}.{k}" for number, line in enumerate(lines, 1) for k in range(1, len(line) + 1))
     return SolvedSurvey(
         names,
         places,
         np.full(len(places), StationFlag.UNDERGROUND, np.uint8),
         pairs.reshape(-1, 2),
-        np.zeros(len(pairs), np.uint8),
+        leg_flags,
         np.full(len(pairs), LegStyle.CARTESIAN, np.uint8),
         title=path.stem,
     ), georeference
@@ -92,9 +94,9 @@ def _lines(
     unit: str | None,
     origin: tuple[float, float] | None,
     elevations_m: dict[str, float],
-) -> tuple[list[Line], Georeference]:
-    """Return the lines in metres of the mine frame, with their elevations."""
-    parts, layers = _parts(path, content, elevations_m)
+) -> tuple[list[Line], list[LegFlag], Georeference]:
+    """Return the lines in metres of the mine frame, with their elevations, and the flags of their legs."""
+    parts, layers, flags = _parts(path, content, elevations_m)
     moved, georeference = locate(path, replace(content, shapes=parts), unit, origin)
     lines = []
     for line, part, layer in zip(moved, parts, layers, strict=True):
@@ -114,11 +116,13 @@ def _lines(
         raise InputError(
             f"{path}: an elevation of {far:g} m, at most {REACH_M:g} m; --unit states the unit of the file"
         )
-    return lines, georeference
+    return lines, flags, georeference
 
 
-def _parts(path: Path, content: Shapes, elevations_m: dict[str, float]) -> tuple[list[BaseGeometry], list[str]]:
-    """Return the single lines of a file with their layers; with stated elevations, those that have one."""
+def _parts(
+    path: Path, content: Shapes, elevations_m: dict[str, float]
+) -> tuple[list[BaseGeometry], list[str], list[LegFlag]]:
+    """Return the single lines of a file with their layers and flags; with stated elevations, those that have one."""
     parts, of = shapely.get_parts(content.shapes, return_index=True)
     dimension = shapely.get_dimensions(parts)
     drawn = ~shapely.is_empty(parts)
@@ -140,7 +144,9 @@ def _parts(path: Path, content: Shapes, elevations_m: dict[str, float]) -> tuple
             f"{path.name}: {len(numbers) - len(kept)} lines of {len(left_out)} layers without an elevation are left "
             f"out: {names}; --elevation LAYER=M states one"
         )
-    return [parts[k] for k in kept], [of_shape[of[k]] for k in kept]
+    twice = content.is_duplicate or [False] * len(content.shapes)
+    flags = [LegFlag.DUPLICATE if twice[of[k]] else LegFlag(0) for k in kept]
+    return [parts[k] for k in kept], [of_shape[of[k]] for k in kept], flags
 
 
 def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
@@ -173,8 +179,11 @@ def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
     return made
 
 
-def _joined(path: Path, lines: list[Line], snap_m: float) -> list[Line]:
-    """Return the lines with ends moved to the points that they join, and with points where others join them."""
+def _joined(path: Path, lines: list[Line], snap_m: float) -> tuple[list[Line], list[int]]:
+    """Return the lines with ends moved to the points that they join, and with points where others join them.
+
+    The last value are the numbers of the lines that are left.
+    """
     segments = _Segments(lines)
     same: UnionFind = UnionFind()  # points, as line and number
     added: dict[tuple[int, int], list[tuple[float, tuple[int, int]]]] = defaultdict(list)
@@ -201,7 +210,7 @@ def _joined(path: Path, lines: list[Line], snap_m: float) -> list[Line]:
         of, at = same[point]
         return np.asarray(lines[of][at])
 
-    made = []
+    made, numbers = [], []
     for number, line in enumerate(lines):
         points = []
         for index in range(len(line)):
@@ -209,7 +218,8 @@ def _joined(path: Path, lines: list[Line], snap_m: float) -> list[Line]:
         kept = [points[0], *(b for a, b in pairwise(points) if (a != b).any())]
         if len(kept) > 1:
             made.append(np.array(kept))
-    return made
+            numbers.append(number)
+    return made, numbers
 
 
 class _Segments:

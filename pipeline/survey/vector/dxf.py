@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import shapely
 from ezdxf import disassemble
 from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
@@ -29,11 +30,13 @@ from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
+from pipeline.scans.checks.strays import require_together
 from pipeline.survey.vector.dxf_blocks import absent_drawings, count_kinds, mend_blocks, shown
+from pipeline.survey.vector.dxf_polylines import drop_frame_points, unit_of
 from pipeline.survey.vector.other_kinds import XREF
-from pipeline.survey.vector.shapes import LARGEST, Shapes, require_size
+from pipeline.survey.vector.shapes import LARGEST, METRES, REACH_M, Shapes, require_size
 
-_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}  # $INSUNITS
+_SMALLEST = "mm"  # unit of drawings
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
@@ -61,7 +64,8 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     Returns
     -------
     Shapes
-        Lines in drawing units. The unit is `$INSUNITS` if it is in, ft, mm, cm or m, else None.
+        Lines in drawing units. The unit is `$INSUNITS` if it is in, ft, mm, cm or m, else None. Of curves that were
+        fitted to a polyline the points of the curve are read, not those of its frame.
 
     Raises
     ------
@@ -86,7 +90,10 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     unknown, lines = sorted(set(layers or []) - existing), found.lines
     if unknown and not lines:
         raise InputError(f"{path}: no layer {', '.join(unknown)}; there are {', '.join(sorted(existing))}")
-    unit = _UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
+    unit = unit_of(path, drawing)
+    points = shapely.get_coordinates([line for line, _ in lines])
+    cure = "erase what lies there, or choose layers by --layer NAME"
+    require_together(path, points, REACH_M / METRES[unit or _SMALLEST], "points", cure)
     return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines], others=found.others)
 
 
@@ -193,6 +200,7 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
     """Return the lines with their layers, and what else is there."""
     most = reader_limits().dxf_entities
     annotations = mend_blocks(path, drawing)
+    drop_frame_points(drawing)
     entities = list(islice(disassemble.recursive_decompose(drawing.modelspace()), most + 1))
     if len(entities) > most:
         raise InputError(f"{path}: more than {most} entities with blocks resolved (dxf_entities in {FILE})")

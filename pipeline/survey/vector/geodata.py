@@ -18,6 +18,7 @@ from pipeline.survey.vector.geodata_kinds import CURVE, MEASURED, multipatches, 
 from pipeline.survey.vector.level_fields import require_field, text_of
 from pipeline.survey.vector.other_kinds import MULTIPATCH, NO_GEOMETRY
 from pipeline.survey.vector.shapes import Shapes, require_size
+from pipeline.survey.vector.shot_flags import FLAGS, flags_of, without_flagged
 
 # GDAL chooses a driver by the content, and some drivers open other files that the content names. So check the content.
 _MAGIC = {".gpkg": b"SQLite format 3\x00", ".shp": b"\x00\x00\x27\x0a"}
@@ -33,6 +34,7 @@ class _Found:
     systems: set[str | None] = field(default_factory=set)
     kinds: Counter[str] = field(default_factory=Counter)
     fields: list[str] = field(default_factory=list)
+    flags: list[frozenset[str]] = field(default_factory=list)
     points: int = 0
 
 
@@ -79,7 +81,8 @@ def read_geodata(path: Path, layers: list[str] | None, level_by: str | None = No
         require_field(path, level_by, found.fields)
     warn_of_kinds(path, found.kinds)
     others = {kind: count for kind, count in found.kinds.items() if kind not in (CURVE, MEASURED)}
-    return Shapes(found.shapes, None, next(iter(found.systems), None), found.layer_of, others, found.fields)
+    shapes = Shapes(found.shapes, None, next(iter(found.systems), None), found.layer_of, others, found.fields)
+    return without_flagged(path, shapes, found.flags)
 
 
 def _read_errors() -> tuple[type[Exception], ...]:
@@ -115,7 +118,7 @@ def _read_layers(path: Path, source: Path | bytes, layers: list[str] | None, lev
         names = pyogrio.raw.read(source, layer=layer, max_features=1)[0]["fields"]  # read_info counts without a limit
         found.fields += [str(name) for name in names if str(name) not in found.fields]
         most = reader_limits().shapes + 1 - len(found.shapes)
-        columns = [level_by] if level_by in names else []
+        columns = [name for name in dict.fromkeys([level_by, *FLAGS]) if name in names]
         meta, _, wkb, values = pyogrio.raw.read(source, layer=layer, columns=columns, max_features=most)
         if wkb is None:
             continue
@@ -130,8 +133,9 @@ def _read_layers(path: Path, source: Path | bytes, layers: list[str] | None, lev
         found.points += int(shapely.get_num_coordinates(kept).sum())
         require_size(path, found.points)
         found.shapes += kept
-        levels = [text_of(value) for value in values[0][there].tolist()] if columns else [layer] * len(kept)
-        found.layer_of += levels
+        rows = {name: column[there].tolist() for name, column in zip(meta["fields"], values, strict=True)}
+        found.layer_of += [text_of(value) for value in rows[level_by]] if level_by in rows else [layer] * len(kept)
+        found.flags += flags_of(rows, len(kept))
         found.systems.add(meta.get("crs"))
     return found
 

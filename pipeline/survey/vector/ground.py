@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pyproj
 
 _STEP_M = 100.0
@@ -29,9 +32,12 @@ def ground_scale(system: pyproj.CRS, east: float, north: float) -> tuple[float, 
         If the place is outside the projection.
     """
     step = _STEP_M / float(system.axis_info[0].unit_conversion_factor)
-    to_degrees = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
+    geodetic = system.geodetic_crs or pyproj.CRS("EPSG:4326")
+    to_degrees = pyproj.Transformer.from_crs(system, geodetic, always_xy=True)
     geod = system.get_geod() or pyproj.Geod(ellps="WGS84")
-    lon, lat = to_degrees.transform([east, east + step, east], [north, north, north + step], errcheck=True)
+    found = to_degrees.transform([east, east + step, east], [north, north, north + step], errcheck=True)
+    degrees = math.degrees(geodetic.axis_info[0].unit_conversion_factor)  # French maps have grads
+    lon, lat = np.array(found) * degrees
     _, _, along = geod.inv([lon[0]] * 2, [lat[0]] * 2, lon[1:], lat[1:])
     return _STEP_M / float(along[0]), _STEP_M / float(along[1])
 

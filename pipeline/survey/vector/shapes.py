@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, field, replace
 from itertools import compress
 from pathlib import Path
 
 import numpy as np
-import pyproj
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -19,15 +17,19 @@ from pipeline.geometry.outline.crossings import count_crossings
 from pipeline.geometry.outline.enclosure import as_polygons, enclose_workings
 from pipeline.guard.plain_file import require_at_most
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.survey.vector.ground import covers, ground_scale, is_true_to_scale
+from pipeline.survey.vector.local_plan import is_projected, project, turned
+from pipeline.survey.vector.map_axes import (
+    axes_of,
+    coordinate_system,
+    require_plane,
+    warn_of_heights,
+    warn_of_turn,
+)
 from pipeline.types import Georeference
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree
 LARGEST = 1e12  # a coordinate in a file: a mine in mm at map coordinates needs 1e10
-_WIDEST_DEG = 0.5  # of a mine in degrees: 55 km, five times what may be read
-# PROJ opens the files that such a definition names. Web Mercator is often written with `+nadgrids=@null`, no grid.
-_PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|parameterfile", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class Shapes:
     """Polygons and lines of a file, in its own coordinates. `unit` and `crs` are None if the file names none.
 
     `layer_of` has the layer of each shape, and is empty if the format has no layers. `others` counts what the file
-    holds beside shapes, by its kind. `fields` are the names of the shapes' properties.
+    holds beside shapes, by its kind. `fields` are the names of the shapes' properties. `is_duplicate` is whether a
+    survey's shot was measured before, and is empty if no shape is flagged so.
     """
 
     shapes: list[BaseGeometry]
@@ -44,12 +47,14 @@ class Shapes:
     layer_of: list[str] = field(default_factory=list)
     others: dict[str, int] = field(default_factory=dict)
     fields: list[str] = field(default_factory=list)
+    is_duplicate: list[bool] = field(default_factory=list)
 
     def only(self, kept: list[bool]) -> Shapes:
-        """Return the shapes that are to be kept, with their layers."""
+        """Return the shapes that are to be kept, with their layers and flags."""
         if all(kept):
             return self
-        return replace(self, shapes=list(compress(self.shapes, kept)), layer_of=list(compress(self.layer_of, kept)))
+        shapes, layers = list(compress(self.shapes, kept)), list(compress(self.layer_of, kept))
+        return replace(self, shapes=shapes, layer_of=layers, is_duplicate=list(compress(self.is_duplicate, kept)))
 
 
 def require_size(path: Path, points: int) -> None:
@@ -87,11 +92,13 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
     require_at_most(path, len(parts), "shapes", "shapes")
     require_size(path, int(shapely.get_num_coordinates(parts).sum()))
     kept = ~shapely.is_empty(parts)
-    shapes, layers = list(parts[kept]), [content.layer_of[k] for k in of[kept]] if content.layer_of else []
+    shapes, rows = list(parts[kept]), of[kept].tolist()
+    layers = [content.layer_of[k] for k in rows] if content.layer_of else []
+    flags = [content.is_duplicate[k] for k in rows] if content.is_duplicate else []
     require_plain_coordinates(path, shapes, [f"shape {k + 1}" for k in of[kept].tolist()])
     if count_crossings([shapely.force_2d(shape) for shape in shapes], limits.crossings) > limits.crossings:
         raise InputError(f"{path}: its lines cross more than {limits.crossings} times, the limit (crossings in {FILE})")
-    return replace(content, shapes=shapes, layer_of=layers)
+    return replace(content, shapes=shapes, layer_of=layers, is_duplicate=flags)
 
 
 def require_plain_coordinates(path: Path, shapes: list[BaseGeometry], names: list[str]) -> None:
@@ -125,7 +132,8 @@ def locate(
 
     Degrees are projected by a transverse Mercator about the middle of the shapes. So are coordinates of a system in
     which lengths differ from those on the ground, such as Web Mercator. Coordinates beyond 10 km are moved to
-    an origin at the south-west corner, rounded to 10 m, unless `origin` is given.
+    an origin at the south-west corner, rounded to 10 m, unless `origin` is given. Axes that point south or west are
+    turned: the origin is one of the turned coordinates.
 
     Returns
     -------
@@ -148,14 +156,17 @@ def locate(
         crs = None  # a local grid in a format whose coordinate system is always in degrees
     unit_name = unit or content.unit or "m"
     metres = METRES[unit_name]
-    if crs is not None and unit is None:
+    if crs is not None:
         system = coordinate_system(path, crs)
-        if system.is_geographic or not _is_on_ground(shapes, system):
-            shapes, projection = _project(path, shapes, system)
+        require_plane(path, system, shapely.get_coordinates(content.shapes[:1], include_z=True)[0])
+        axes = axes_of(system)
+        if unit is None and is_projected(shapes, system):
+            shapes, projection = project(path, shapes, system)
             unit_name, metres = "m", 1.0
-        elif system.axis_info:
-            metres = float(system.axis_info[0].unit_conversion_factor)
-            unit_name = str(system.axis_info[0].unit_name)
+        else:
+            shapes = turned(shapes, system)
+            unit_name, metres = (axes.unit, axes.metres) if unit is None else (unit_name, metres)
+            warn_of_turn(path, axes)
     mine_origin = origin or _origin(shapely.total_bounds(shapes).tolist(), metres)
     moved = [shapely.transform(shape, lambda p: (p - mine_origin) * metres) for shape in shapes]
     west, south, east, north = shapely.total_bounds(moved).tolist()
@@ -167,65 +178,36 @@ def locate(
     return moved, Georeference(unit_name, metres, mine_origin, crs, projection)
 
 
-def coordinate_system(path: Path, text: str) -> pyproj.CRS:
-    """Return the coordinate system that a file names.
+def with_heights(path: Path, content: Shapes, unit: str | None) -> Shapes:
+    """Return shapes whose elevations count upwards, in the unit of the plan that `locate` makes of them.
 
-    Raises
-    ------
-    InputError
-        If it is unknown, or its definition names files, which PROJ would open.
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        As a reader returns them. Elevations of a system that states no unit of heights have that of its plan; they are
+        metres if the plan is in degrees.
+    unit : str or None
+        As of `locate`; it is that of elevations too.
     """
-    if _PROJ_FILES.search(text):
-        raise InputError(f"{path}: its coordinate system {text[:80]!r} names files; they are not read")
-    try:
-        return pyproj.CRS.from_user_input(text)
-    except (pyproj.exceptions.CRSError, UnicodeEncodeError) as error:
-        raise InputError(f"{path}: its coordinate system {text[:80]!r} is unknown") from error
-
-
-def _is_on_ground(shapes: list[BaseGeometry], system: pyproj.CRS) -> bool:
-    """Return whether a projected system's lengths are those on the ground where the shapes are.
-
-    Coordinates outside the system's area are those of a local grid, whatever the file says: then they are.
-    """
-    if not system.is_projected:
-        return True
-    west, south, east, north = shapely.total_bounds(shapes).tolist()
-    middle = (west + east) / 2, (south + north) / 2
-    try:
-        return not covers(system, *middle) or is_true_to_scale(ground_scale(system, *middle))
-    except pyproj.exceptions.ProjError:
-        return True
-
-
-def _project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tuple[list[BaseGeometry], str]:
-    if not system.is_geographic:
-        try:
-            to_degrees = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
-            shapes = [shapely.transform(s, lambda p: np.column_stack(to_degrees.transform(*p.T))) for s in shapes]
-        except pyproj.exceptions.ProjError as error:
-            raise InputError(
-                f"{path}: its coordinates cannot be projected; --unit m reads them as a local grid"
-            ) from error
-        system = system.geodetic_crs or system
-    west, south, east, north = shapely.total_bounds(shapes).tolist()
-    if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
-        raise InputError(
-            f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) are not degrees, but its "
-            "coordinate system is (GeoJSON is always longitude and latitude); state survey.unit=m for a local grid"
-        )
-    if max(east - west, north - south) > _WIDEST_DEG:
-        raise InputError(
-            f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) would be degrees by its "
-            f"coordinate system, and a mine is not {max(east - west, north - south):g} deg wide; --unit m reads a "
-            "local grid"
-        )
-    projection = f"+proj=tmerc +lat_0={(south + north) / 2:.6f} +lon_0={(west + east) / 2:.6f} +ellps=WGS84 +units=m"
-    try:
-        to_local = pyproj.Transformer.from_crs(system, pyproj.CRS.from_proj4(projection), always_xy=True)
-    except pyproj.exceptions.ProjError as error:
-        raise InputError(f"{path}: its coordinate system cannot be projected; --unit m reads a local grid") from error
-    return [shapely.transform(s, lambda p: np.column_stack(to_local.transform(*p.T))) for s in shapes], projection
+    if content.crs is None or not any(shape.has_z for shape in content.shapes):
+        return content
+    system = coordinate_system(path, content.crs)
+    if system.is_geographic and unit is not None:
+        return content
+    axes, flat = axes_of(system), [shapely.force_2d(shape) for shape in content.shapes]
+    metres = 1.0 if unit is None and is_projected(flat, system) else axes.metres
+    if unit is None:
+        warn_of_heights(path, axes, metres)
+        scale = axes.up_scale(metres) / metres
+    else:
+        scale = math.copysign(1.0, axes.up_scale(1.0))
+    if scale == 1.0:
+        return content
+    lifted = [
+        shapely.transform(s, lambda p: p * [1, 1, scale], include_z=True) if s.has_z else s for s in content.shapes
+    ]
+    return replace(content, shapes=lifted)
 
 
 def _origin(bounds: list[float], metres: float) -> tuple[float, float]:

@@ -18,7 +18,7 @@ _INSIDE = 1e-6  # of a part's face, beyond its edges
 _WHOLE = 1e-9  # of a facet's area that rounding may leave
 _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
 _ON_EDGE_M = 1e-10  # a facet's corner that is so little outside a part's face is on its edge: rounding is 1e-13
-_GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
+GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
 _LEAST_SHARE = 4000  # parts or facets, of one process
 
@@ -34,8 +34,6 @@ class PartFaces:
         Of the part's face; 0 where it is on the plane of another facet, which this one is near.
     depth_m : (n,) float64
         Of the part's farthest corner behind the plane.
-    holds_middle : (n,) bool
-        Whether the facet's middle is on the face.
     shared : (n,) shapely.Polygon
         What the face covers of the facet, in the facet's plane and along its normal; nothing where another face covers
         all of that facet.
@@ -45,7 +43,6 @@ class PartFaces:
     facet: np.ndarray
     area_m2: np.ndarray
     depth_m: np.ndarray
-    holds_middle: np.ndarray
     shared: np.ndarray
 
     def largest(self, count: int) -> np.ndarray:
@@ -62,17 +59,25 @@ class PartFaces:
             *(np.concatenate([a, b]) for a, b in zip(vars(self).values(), vars(more).values(), strict=True))
         )
 
+    def some(self, chosen: np.ndarray) -> PartFaces:
+        """Return the pairs that are chosen."""
+        return PartFaces(*(column[chosen] for column in vars(self).values()))
+
+    def covering(self, facets: np.ndarray) -> list[np.ndarray]:
+        """Return what the faces cover of each of some facets (n,), as polygons in its plane."""
+        order = np.argsort(self.facet, kind="stable")
+        first, end = (np.searchsorted(self.facet[order], facets, side) for side in ("left", "right"))
+        return [self.shared[order[a:b]] for a, b in zip(first.tolist(), end.tolist(), strict=True)]
+
     def uncovered_m2(self, areas_m2: np.ndarray) -> np.ndarray:
         """Return what (f,) m2 of each facet no part's face covers; `areas_m2` (f,) are those of the facets."""
         most = np.zeros(len(areas_m2))
         np.maximum.at(most, self.facet, shapely.area(self.shared))
         left = np.flatnonzero((most > 0) & (most < (1 - _WHOLE) * areas_m2))
-        order = np.argsort(self.facet, kind="stable")
-        first, end = (np.searchsorted(self.facet[order], left, side) for side in ("left", "right"))
+        shared = self.covering(left)
 
         def covered(start: int, stop: int) -> list[float]:
-            rows = map(slice, first[start:stop].tolist(), end[start:stop].tolist())
-            return [shapely.union_all(self.shared[order[some]], grid_size=_GRID_M).area for some in rows]
+            return [shapely.union_all(some, grid_size=GRID_M).area for some in shared[start:stop]]
 
         most[left] = list(chain.from_iterable(in_shares(covered, len(left), _LEAST_SHARE)))
         return np.maximum(0.0, areas_m2 - most)
@@ -134,29 +139,28 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
         rows = np.sort(order[first[start] : first[end]])
         return rows, *_faces_of(facets, parts, part[rows], plane[rows], facet[rows])
 
-    area, depth, holds_middle = np.zeros(len(part)), np.zeros(len(part)), np.zeros(len(part), bool)
+    area, depth = np.zeros(len(part)), np.zeros(len(part))
     shared = np.full(len(part), shapely.Polygon(), object)
     for rows, *columns, filled, polygons in in_shares(some, len(first) - 1, _LEAST_SHARE):
-        area[rows], depth[rows], holds_middle[rows] = columns
+        area[rows], depth[rows] = columns
         shared[rows[filled]] = shapely.from_wkb(polygons)
-    return PartFaces(part, facet, area, depth, holds_middle, shared)
+    return PartFaces(part, facet, area, depth, shared)
 
 
 def _faces_of(
     facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Return the last columns of `PartFaces`; of the polygons those that are not empty: their numbers, and as WKB."""
-    across, middles = _across(facets.normals[facet]), facets.corners[facet].mean(axis=1)
+    ways, middles = across(facets.normals[facet]), facets.corners[facet].mean(axis=1)
     rows, starts = parts.rows(part)
     pair = np.repeat(np.arange(len(part)), np.diff(np.append(starts, len(rows))))
     depth = _depths(facets, parts, part, plane)
     on = np.abs(depth) < ON_PLANE_M
-    flat = np.einsum("nk,njk->nj", (parts.corners[rows] - middles[pair])[on], across[pair[on]])
+    flat = np.einsum("nk,njk->nj", (parts.corners[rows] - middles[pair])[on], ways[pair[on]])
     face = shapely.convex_hull(shapely.multipoints(flat, indices=pair[on]))
-    corners = np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], across)
-    holds_middle = shapely.distance(face, shapely.Point(0, 0)) < _INSIDE
+    corners = np.einsum("nck,njk->ncj", facets.corners[facet] - middles[:, None], ways)
     shared = np.full(len(part), shapely.Polygon(), object)
-    whole = holds_middle.copy()
+    whole = shapely.distance(face, shapely.Point(0, 0)) < _INSIDE
     for corner in range(3):
         near = np.flatnonzero(whole)
         whole[near] = shapely.dwithin(face[near], shapely.points(corners[near, corner]), _ON_EDGE_M)
@@ -165,7 +169,7 @@ def _faces_of(
     shared[left] = polygons_shared(face[left], shapely.polygons(corners[left]))
     filled = np.flatnonzero(~shapely.is_empty(shared))
     deepest = np.maximum.reduceat(depth, starts)
-    return shapely.area(face), deepest, holds_middle, filled, shapely.to_wkb(shared[filled])
+    return shapely.area(face), deepest, filled, shapely.to_wkb(shared[filled])
 
 
 def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -173,7 +177,7 @@ def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:
     shared: np.ndarray = shapely.intersection(some, others)
     lost = np.flatnonzero(shapely.area(shared) <= 0)
     lost = lost[shapely.intersects(some[lost], others[lost])]  # or they only touch
-    shared[lost] = shapely.intersection(some[lost], others[lost], grid_size=_GRID_M)
+    shared[lost] = shapely.intersection(some[lost], others[lost], grid_size=GRID_M)
     return shared
 
 
@@ -185,8 +189,8 @@ def _depths(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndar
     return found
 
 
-def _across(normals: np.ndarray) -> np.ndarray:
-    """Return two unit vectors (n, 2, 3) across each unit normal."""
+def across(normals: np.ndarray) -> np.ndarray:
+    """Return two unit vectors (n, 2, 3) across each unit normal: those of a facet's plane, from its middle."""
     first = np.cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
     first /= np.maximum(np.sqrt((first**2).sum(axis=1, keepdims=True)), 1e-30)
     return np.stack([first, np.cross(normals, first)], axis=1)

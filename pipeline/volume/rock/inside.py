@@ -30,6 +30,11 @@ class Inside:
         found: np.ndarray = -answer.numpy()
         return found
 
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far (n,) m the surface is, negative in rock as in `distance_m`, and its nearest facet (n,)."""
+        found = self._scene.compute_closest_points(places.astype(np.float32), nthreads=1)
+        return self.distance_m(places), found["primitive_ids"].numpy().astype(np.int64)
+
     def are_farther(self, places: np.ndarray, than_m: float) -> np.ndarray:
         """Return which places (n, 3) m in the free space are farther from rock than a distance, m, of 0 or more.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import manifold3d
@@ -20,6 +21,12 @@ class Tile:
     high: np.ndarray
     halves: list[Tile] | None = None
 
+    @classmethod
+    def of(cls, solid: manifold3d.Manifold) -> Tile:
+        """Return the box of a solid."""
+        bounds = np.array(solid.bounding_box())
+        return cls(solid, bounds[:3], bounds[3:])
+
     def cut(self) -> list[Tile]:
         """Return the halves across the longest side; none of a node that is small enough."""
         if self.halves is None:
@@ -27,21 +34,15 @@ class Tile:
             if self.solid.num_tri() > _TILE_FACETS and (self.high - self.low).max() >= _LEAST_M:
                 axis = int(np.argmax(self.high - self.low))
                 cuts = self.solid.split_by_plane(np.eye(3)[axis], (self.low + self.high)[axis] / 2)
-                self.halves = [_node(half) for half in cuts if not half.is_empty()]
+                self.halves = [Tile.of(half) for half in cuts if not half.is_empty()]
         return self.halves
 
-
-def drawn_tiles(solid: manifold3d.Manifold, count: int, rng: np.random.Generator) -> list[Tile]:
-    """Return at most `count` different boxes of a free space, drawn by halves; it is cut only on the way to them."""
-    root, found = _node(solid), dict[int, Tile]()
-    for _ in range(count):
-        node = root
-        while halves := node.cut():
-            node = halves[int(rng.integers(len(halves)))]
-        found[id(node)] = node
-    return list(found.values())
-
-
-def _node(solid: manifold3d.Manifold) -> Tile:
-    bounds = np.array(solid.bounding_box())
-    return Tile(solid, bounds[:3], bounds[3:])
+    def about(self, low: np.ndarray, high: np.ndarray) -> Iterator[Tile]:
+        """Yield the boxes that are not cut again and meet the box from `low` to `high` (3,) m."""
+        if (self.low > high).any() or (self.high < low).any():
+            return
+        halves = self.cut()
+        if not halves:
+            yield self
+        for half in halves:
+            yield from half.about(low, high)

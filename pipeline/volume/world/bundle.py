@@ -77,7 +77,7 @@ def bundle_volume(
     box = world_box(volume)
     west, south, east, north = box
     zones = tile_zones(params.zones, box)
-    parts = cut_floors(decode(compiled / PARTS, Parts), [zone.east_m for zone in zones[:-1]])
+    parts = cut_floors(decode(compiled / PARTS, Parts), [zone.east_m for zone in zones[:-1]], volume)
     scene = VolumeScene(
         name=survey.name,
         parts=parts,

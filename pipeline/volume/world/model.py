@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -69,6 +70,13 @@ def part_names(parts: Parts, zones: Sequence[ZoneStrip]) -> list[str]:
 
 def model_xml(scene: VolumeScene) -> bytes:
     """Return `mine.xml`. It is written as text: MuJoCo's specs take minutes for 100,000 meshes."""
+    root = model_tree(scene, _part_elements(scene))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root) + b"\n"
+
+
+def model_tree(scene: VolumeScene, parts: Iterable[tuple[Element, Element]]) -> Element:
+    """Return the root of `mine.xml` with the meshes and geoms of some parts."""
     look = LOOKS[scene.look]
     root = ElementTree.Element("mujoco", model=scene.name)
     centre = np.array(scene.anchor_m) + scene.offset_m + np.array([0.0, 0.0, 0.5])
@@ -93,7 +101,7 @@ def model_xml(scene: VolumeScene) -> bytes:
         ElementTree.SubElement(asset, "material", ground, specular="0", shininess="0")
     world = ElementTree.SubElement(root, "worldbody")
     mine = ElementTree.SubElement(world, "body", name=MINE_BODY, pos=_text(scene.offset_m))
-    for mesh, geom in _parts(scene):
+    for mesh, geom in parts:
         asset.append(mesh)
         mine.append(geom)
     for number, light in enumerate(scene.lights):
@@ -111,12 +119,11 @@ def model_xml(scene: VolumeScene) -> bytes:
     for camera in _cameras(scene):
         mine.append(camera)
     show_rock(root, scene.rock, scene.look)
-    ElementTree.indent(root)
-    return ElementTree.tostring(root) + b"\n"
+    return root
 
 
-def _parts(scene: VolumeScene) -> Iterator[tuple[ElementTree.Element, ElementTree.Element]]:
-    """Return mesh and geom of each part. A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits."""
+def _part_elements(scene: VolumeScene) -> Iterator[tuple[Element, Element]]:
+    """Yield mesh and geom of each part. A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits."""
     parts, zones = scene.parts, zone_numbers(scene.parts, scene.zones)
     for number, name in enumerate(part_names(parts, scene.zones)):
         corners = parts[number]
@@ -136,14 +143,14 @@ def _parts(scene: VolumeScene) -> Iterator[tuple[ElementTree.Element, ElementTre
             }
         else:
             geom |= {"class": ROCK_CLASS, "group": str(_GROUPS[label].value)}
-        yield ElementTree.Element("mesh", mesh), ElementTree.Element("geom", geom)
+        yield Element("mesh", mesh), Element("geom", geom)
 
 
-def _cameras(scene: VolumeScene) -> Iterator[ElementTree.Element]:
+def _cameras(scene: VolumeScene) -> Iterator[Element]:
     """Return a camera that looks along the drift from where robots start, and one over the whole mine."""
     x, y, z = scene.anchor_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
-    yield ElementTree.Element(
+    yield Element(
         "camera", name=ENTRANCE_CAMERA, pos=_text((x, y, z + 1.2)), xyaxes=_text((s, -c, 0, 0, 0, 1)), fovy="70"
     )
     west, south, east, north = scene.world_m
@@ -152,7 +159,7 @@ def _cameras(scene: VolumeScene) -> Iterator[ElementTree.Element]:
     centre = np.array([(west + east) / 2, (south + north) / 2, z])
     place = centre + reach * np.array([0.0, -math.cos(pitch), math.sin(pitch)])
     up = (0.0, math.sin(pitch), math.cos(pitch))
-    yield ElementTree.Element(
+    yield Element(
         "camera", name=OVERVIEW_CAMERA, pos=_text(place.round(2)), xyaxes=_text((1, 0, 0, *up)), fovy=f"{fovy:g}"
     )
 

@@ -10,7 +10,10 @@ import shapely
 from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeFacets
+from pipeline.volume.rock.faces import faces_on_facets
+from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.shell import ShellPart
+from pipeline.volume.world.content import closed_volume
 
 _LEAST_M = 1e-6  # least extent of a part: MuJoCo refuses a sliver without a volume
 TWINS_M = 1e-6
@@ -40,18 +43,26 @@ def labelled_parts(parts: list[ShellPart], volume: VolumeFacets, offset_m: np.nd
     return collect_labelled([part.corners + offset_m for part in parts], label)
 
 
-def cut_floors(parts: Parts, borders_m: Sequence[float]) -> Parts:
-    """Return parts of which those under floors are cut in two at each easting, where the floor's friction changes."""
+def cut_floors(parts: Parts, borders_m: Sequence[float], volume: VolumeFacets) -> Parts:
+    """Return parts of which those under floors are cut in two at each easting, where the floor's friction changes.
+
+    A half that is behind no facet of the volume, as its part leans, is left out.
+    """
     corners: list[np.ndarray] = []
     label: list[int] = []
+    halves: list[int] = []
     for number, kind in enumerate(parts.label.tolist()):
         pieces = [parts[number]]
         for border in borders_m if kind == FacetLabel.FLOOR else ():
             pieces = [half for piece in pieces for half in _halves(piece, border)]
         kept = list(compress(pieces, _have_volume(pieces).tolist())) if len(pieces) > 1 else pieces
+        halves += range(len(corners), len(corners) + len(kept)) if len(pieces) > 1 else ()
         corners += kept
         label += [kind] * len(kept)
-    return collect_labelled(corners, label)
+    faces = faces_on_facets(closed_volume(volume), PartCorners.of([corners[k] for k in halves]))
+    backs = np.ones(len(corners), bool)
+    backs[np.delete(halves, faces.part)] = False
+    return collect_labelled(list(compress(corners, backs)), list(compress(label, backs)))
 
 
 def collect_labelled(corners: list[np.ndarray], label: Sequence[int]) -> Parts:

@@ -194,9 +194,14 @@ def _joints(cells: FloorSpans, pairs: np.ndarray, floors: np.ndarray, storey_of:
 
 def nearest_leg(volume: Volume, surveyed: SurveyedLegs) -> np.ndarray:
     """Return for each facet (f,) the number of the shot between two stations that its middle is nearest to."""
+    return np.asarray(cKDTree(middles_of(surveyed)).query(volume.vertices[volume.faces].mean(axis=1))[1])
+
+
+def middles_of(surveyed: SurveyedLegs) -> np.ndarray:
+    """Return the middle (s, 3) m of each shot between two stations."""
     starts = np.concatenate([np.arange(a, b - 1) for a, b in pairwise(surveyed.first.tolist())])
-    middles = (surveyed.positions_m[starts] + surveyed.positions_m[starts + 1]) / 2
-    return np.asarray(cKDTree(middles).query(volume.vertices[volume.faces].mean(axis=1))[1])
+    found: np.ndarray = (surveyed.positions_m[starts] + surveyed.positions_m[starts + 1]) / 2
+    return found
 
 
 def mine_volume(volume: Volume, leg: np.ndarray) -> VolumeFacets:

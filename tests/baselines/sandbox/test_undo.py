@@ -111,6 +111,16 @@ def measured(): return call(298, (ctypes.c_uint8 * 112)(), 0, -1, -1, 0)
 def shared_memory(): return call(29, 0, 1 << 30, 0o1600)
 def queued_messages(): return call(68, 0, 0o1600)
 def opened_by_handle(): return call(304, -100, (ctypes.c_uint8 * 16)(), 0)
+def ran_program():
+    try:
+        os.execv("/absent", ["absent"])
+    except FileNotFoundError:
+        return True
+def watched(): return call(294, 0)
+def watched_all(): return call(300, 0x200, 0)
+def took_requests(): return call(206, 1, ctypes.byref(ctypes.c_ulong()))
+def took_timers(): return all(call(222, 1, None, ctypes.byref(ctypes.c_int())) for _ in range(1000))
+def read_kernel_messages(): return call(103, 10, 0, 0)
 def made_device(): return os.mknod("/tmp/device", 0o60600, os.makedev(254, 0)) is None
 def wrote_kernel_setting(): return bool(os.open("/proc/sys/kernel/core_pattern", os.O_RDWR))
 def wrote_sysrq(): return bool(os.open("/proc/sysrq-trigger", os.O_WRONLY))
@@ -245,6 +255,7 @@ def test_the_attempts_succeed_where_nothing_confines_them(undoing):
     """Those that need no rights gain something outside a sandbox: they are no attempts that cannot succeed."""
     names = ["read_outside", "listed_outside", "forked", "started_thread", "opened_sockets", "sees_variables"]
     names += ["filled_memory_file", "outlives_parent", "found_processes"]
+    names += ["ran_program", "watched", "watched_all", "took_requests", "took_timers"]
     code = f"import os; os.environ['THE_SECRET'] = ''; import undo; print([undo.gain(n) for n in {names}])"
     done = subprocess.run([sys.executable, "-c", code], cwd=undoing, capture_output=True, text=True, check=True)
     assert done.stdout.split("[")[-1].strip(" ]\n").split(", ") == ["1.0"] * len(names)

@@ -223,7 +223,15 @@ def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(smal
     with pytest.raises(ValueError, match=r"out = '.*': cannot be written \(Is a directory\)"):
         command.record(Namespace(**given | {"out": tmp_path}), lambda observation, beams: observation[:2])
     with pytest.raises(ValueError, match="pose = 'odometry': a quadrotor has no wheels; want true"):
-        command.record(Namespace(**given | {"pose": "odometry"}), lambda observation, beams: observation[:2])
+        command.record(
+            Namespace(**given | {"pose": "odometry", "out": tmp_path / "b.mcap"}),
+            lambda observation, beams: observation[:2],
+        )
+    flown = (tmp_path / "flight.mcap").read_bytes()
+    with pytest.raises(ValueError, match=r"out = '.*flight\.mcap': there is a file; move it away"):
+        command.record(Namespace(**given), lambda observation, beams: observation[:2])
+    assert (tmp_path / "flight.mcap").read_bytes() == flown
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.mcap"]
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,13 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
 from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import nav2_map, occupancy_grid
 from pipeline.survey.grid.nav2 import nav2_picture, read_nav2_map
 from tests.mines import TEE
+from tests.project import shared_file
 
 
 def write(folder, text, grey=None):
@@ -75,14 +77,82 @@ def test_a_map_that_cannot_be_used_is_refused(tmp_path, text, message):
         read_nav2_map(write(tmp_path, text))
 
 
-@pytest.mark.parametrize("largest", [1, 100, 1000, 65534])
-def test_a_picture_whose_white_is_not_that_of_8_or_16_bits_is_refused(tmp_path, largest):
-    kind = ">u2" if largest > 255 else "u1"
-    grey = np.full((20, 30), largest).astype(kind)
-    (tmp_path / "map.pgm").write_bytes(f"P5\n# a comment\n30 20\n{largest}\n".encode() + grey.tobytes())
+@pytest.mark.parametrize("kind", ["P2", "P5"])
+@pytest.mark.parametrize("largest", [1, 100, 200, 1000, 65534])
+def test_a_pgm_has_the_white_that_its_header_states(tmp_path, kind, largest):
+    values = np.array([[largest, round(0.5 * largest) if largest > 1 else 1, 0]])
+    binary = values.astype(">u2" if largest > 255 else "u1").tobytes()
+    body = binary if kind == "P5" else " ".join(map(str, values[0])).encode()
+    (tmp_path / "map.pgm").write_bytes(f"{kind}\n# a comment\n3 1\n{largest}\n".encode() + body)
     (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
-    with pytest.raises(InputError, match=rf"map\.pgm: its largest value \(maxval\) is {largest}, want 255 or 65535"):
-        read_nav2_map(tmp_path / "map.yaml")
+    nav2 = read_nav2_map(tmp_path / "map.yaml")
+    assert nav2.free.tolist() == [[True, largest == 1, False]]
+    assert nav2.occupied.tolist() == [[False, False, True]]
+
+
+def written_by_pillow(folder, pixels, text, name="map.png"):
+    Pillow.fromarray(np.array(pixels)).save(folder / name)
+    return write(folder, f"image: {name}\nresolution: 0.1\norigin: [1, 2, 0.5]\n{text}")
+
+
+OPAQUE_AND_CLEAR = np.array([[[254, 254, 254, 255], [254, 254, 254, 0], [0, 0, 0, 255], [0, 0, 0, 0]]], np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("mode", "free", "occupied"),
+    [
+        # of a fourth colour: shares of 0.00, 0.25, 0.75 and 1.00
+        ("trinary", [1, 0, 0, 0], [0, 0, 1, 1]),
+        ("scale", [1, 0, 0, 0], [0, 0, 1, 0]),
+        # 254 is beyond 100, 0 is free
+        ("raw", [0, 0, 1, 1], [0, 0, 0, 0]),
+    ],
+)
+def test_opacity_is_read_by_the_maps_mode_as_map_server_does(tmp_path, capsys, mode, free, occupied):
+    path = written_by_pillow(tmp_path, OPAQUE_AND_CLEAR, f"mode: {mode}\nfree_thresh: 0.196\n")
+    nav2 = read_nav2_map(path)
+    assert nav2.free.astype(int).tolist() == [free]
+    assert nav2.occupied.astype(int).tolist() == [occupied]
+    assert (nav2.origin_m, nav2.yaw_rad, nav2.cell_m) == ((1.0, 2.0), 0.5, 0.1)
+    assert "map.yaml: 2 cells are not opaque: " in capsys.readouterr().err
+
+
+def test_a_map_of_grey_and_opacity_and_a_palette_with_a_clear_colour_are_unknown_where_clear(tmp_path):
+    grey = Pillow.fromarray(np.array([[254, 254, 0]], np.uint8))
+    grey.putalpha(Pillow.fromarray(np.array([[255, 100, 255]], np.uint8)))
+    indexed = Pillow.fromarray(np.array([[0, 1, 2]], np.uint8))
+    indexed = indexed.convert("P")
+    indexed.putpalette([254] * 6 + [0] * 3)
+    for picture, how in ((grey, {}), (indexed, {"transparency": 1})):
+        for name in ("map.png", "map.gif") if how else ("map.png",):
+            picture.save(tmp_path / name, **how)
+            nav2 = read_nav2_map(write(tmp_path, f"image: {name}\nresolution: 0.1\norigin: [0, 0, 0]\nmode: scale\n"))
+            assert nav2.free.tolist() == [[True, False, False]]
+            assert nav2.occupied.tolist() == [[False, False, True]]
+
+
+def test_shades_are_means_of_the_colours_and_cells_between_the_thresholds_are_uncertain_in_the_mode_scale(tmp_path):
+    yellow, red = [255, 255, 0], [255, 0, 0]  # shares of a third and of two thirds
+    path = written_by_pillow(tmp_path, np.array([[yellow, red]], np.uint8), "mode: scale\nfree_thresh: 0.3\n")
+    nav2 = read_nav2_map(path)
+    assert not nav2.free.any()
+    assert nav2.occupied.tolist() == [[False, True]]
+
+
+def test_the_grey_of_unknown_cells_in_a_map_with_opacity_is_named_where_it_is_free(tmp_path, capsys):
+    pixels = np.array([[[205, 205, 205, 255]]], np.uint8)
+    path = written_by_pillow(tmp_path, pixels, "free_thresh: 0.196\n")
+    assert read_nav2_map(path).free.all()
+    said = capsys.readouterr().err
+    assert "1 cells of grey 205, often unknown ones, are free by free_thresh = 0.196; 0.147 leaves them out" in said
+    assert not read_nav2_map(written_by_pillow(tmp_path, pixels, "free_thresh: 0.147\n")).free.any()
+
+
+@pytest.mark.parametrize("name", ["map-alpha.yaml", "map-ascii100.yaml"])
+def test_maps_that_others_made_have_the_area_that_is_theirs(name):
+    nav2 = read_nav2_map(shared_file(name))
+    # The room is 304 m2; its outline is half a cell smaller or larger.
+    assert nav2.free.sum() * nav2.cell_m**2 == pytest.approx(304, abs=0.5)
 
 
 def test_a_pgm_of_16_bits_and_a_bitmap_are_read(tmp_path):

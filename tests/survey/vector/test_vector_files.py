@@ -23,7 +23,8 @@ from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.dxf import read_dxf
 from pipeline.survey.vector.geodata import companions, read_geodata
 from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.shapes import Shapes, coordinate_system, locate, workings_of
+from pipeline.survey.vector.map_axes import coordinate_system
+from pipeline.survey.vector.shapes import Shapes, locate, workings_of
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.mines import RING, TEE
 

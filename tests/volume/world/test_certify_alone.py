@@ -31,7 +31,7 @@ def test_the_command_certifies_a_bundle_alone_with_its_legs_as_the_survey(world,
     found = json.loads(capsys.readouterr().out)
     assert found["holds"] is True
     assert found["contacts"] >= 100
-    assert {"survey.share_built", "floor.error_mm", "enclosure.bare_share", "robots.escapes"} <= set(found["clauses"])
+    assert {"survey.share_built", "floor.error_mm", "enclosure.gap_mm", "robots.escapes"} <= set(found["clauses"])
     assert json.loads((tmp_path / "certificate.json").read_text()) == found
 
 

@@ -6,6 +6,7 @@ import json
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 from minexplore.bundle import CELLS, MODEL, PARTS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
@@ -92,13 +93,18 @@ def test_a_steep_mine_with_one_flat_leg_is_built(tmp_path):
     assert start["anchor_m"][2] == pytest.approx(0, abs=0.01)
 
 
-def test_floor_parts_are_cut_at_the_borders_and_keep_their_volume():
+def test_floor_parts_are_cut_at_the_borders_and_halves_without_a_floor_over_them_are_left_out():
+    room = trimesh.creation.box(bounds=[[0, 0, 0], [10, 2, 3]])
+    none = np.zeros(len(room.faces), np.int32)
+    volume = VolumeFacets(np.array(room.vertices), room.faces.astype(np.int32), none, none)
     corners = np.array([[x, y, z] for x in (0.0, 10.0) for y in (0.0, 2.0) for z in (-0.3, 0.0)])
-    cut = cut_floors(collect_labelled([corners, corners + 20], [FacetLabel.FLOOR, FacetLabel.WALL]), [4.0, 7.0, 25.0])
+    corners[corners[:, 2] < 0, 0] *= 1.2  # below, the part reaches 2 m beyond the floor
+    parts = collect_labelled([corners, corners + 20], [FacetLabel.FLOOR, FacetLabel.WALL])
+    cut = cut_floors(parts, [4.0, 7.0, 11.0, 25.0], volume)
     spans = [(cut[k][:, 0].min(), cut[k][:, 0].max()) for k in range(len(cut))]
-    assert spans == [(0, 4), (4, 7), (7, 10), (20, 30)]
+    spans[2:] = [(low, round(high)) for low, high in spans[2:]]
+    assert spans == [(0, 4), (4, 7), (7, 11), (20, 32)]
     assert cut.label.tolist() == [0, 0, 0, 1]
-    assert [len(cut[k]) for k in range(4)] == [8, 8, 8, 8]
 
 
 def test_cells_cover_the_floors_area_and_state_their_height(world):

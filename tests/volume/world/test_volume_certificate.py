@@ -3,6 +3,7 @@
 import dataclasses
 import re
 
+import manifold3d
 import numpy as np
 import pytest
 
@@ -86,13 +87,71 @@ def test_a_certificate_for_which_no_ball_was_pushed_does_not_hold():
 def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
     mutant = with_parts(opened, lambda k, corners: None if k == 0 else corners)
     found = validated(mutant, ramp.legs)
-    assert broken(found) >= {"enclosure.missing_share", "enclosure.bare_share", "enclosure.unlike"}
+    assert broken(found) >= {"enclosure.gap_mm", "enclosure.thin_mm", "enclosure.unlike"}
 
 
 def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
     floor = int(np.flatnonzero(opened.parts.label == FacetLabel.FLOOR)[0])
     mutant = with_parts(opened, lambda k, corners: corners + np.array([0, 0, 0.02]) if k == floor else corners)
-    assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_um", "enclosure.unlike"}
+    assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_mm", "enclosure.unlike"}
+
+
+def with_box(world, low, high):
+    """Return a bundle with one more part, a box of rock from `low` to `high` (3,) m."""
+    parts = [world.parts[k] for k in range(len(world.parts))]
+    low_m, high_m = np.array(low, float), np.array(high, float)
+    box = (low_m + high_m) / 2 + box_corners((high_m - low_m) / 2)
+    more = collect_labelled([*parts, box], [*world.parts.label.tolist(), FacetLabel.WALL])
+    return dataclasses.replace(world, parts=more)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "deepest_mm"),
+    [
+        ((10, -0.005, 6), (10.01, 0.005, 6.01), 10),  # a cubic centimetre on the floor
+        ((10, -0.05, 6), (10.1, 0.05, 6.1), 100),
+        ((10, -2, 6), (10.0003, 2, 9), 1500),  # a wall of 0.3 mm across the drift
+        ((10, -0.005, 7.5), (10.01, 0.005, 7.51), 1500),  # in the air, where no facet is near
+    ],
+)
+def test_a_small_part_anywhere_in_the_free_space_is_found_with_its_place(ramp, opened, low, high, deepest_mm):
+    mutant = with_box(opened, low, high)
+    found = validated(mutant, ramp.legs)
+    assert broken(found) >= {"enclosure.intrusion_mm", "enclosure.unbacked"}
+    figures = found.metrics["enclosure"]
+    assert figures["intrusion_mm"] == pytest.approx(deepest_mm, rel=0.02)
+    x, y, z = (float(word) for word in re.findall(r"-?[0-9.]+", figures["intrusion_at"]))
+    assert (np.array([x, y, z]) > np.array(low) - 0.01).all()
+    assert (np.array([x, y, z]) < np.array(high) + 0.01).all()
+
+
+def test_a_part_deep_in_the_rock_lies_behind_no_facet(ramp, opened):
+    found = validated(with_box(opened, (10, 30, 6), (11, 31, 7)), ramp.legs)
+    assert {"enclosure.unbacked"} <= broken(found) <= {"enclosure.unbacked", "enclosure.unlike"}
+
+
+@pytest.mark.parametrize("size_m", [0.02, 0.05, 0.14])
+def test_a_hole_of_some_centimetres_in_one_part_is_found(ramp, opened, size_m):
+    floor = int(np.flatnonzero(opened.parts.label == FacetLabel.FLOOR)[0])
+    corners = opened.parts[floor]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    (x, y), half = (low[:2] + high[:2]) / 2, size_m / 2
+    solid = manifold3d.Manifold.hull_points(corners)
+    pieces = []
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):  # what is left about a square hole, as four convex parts
+        way = np.zeros(3)
+        way[axis] = sign
+        rest = solid.trim_by_plane(way.tolist(), sign * (x, y)[axis] + half)
+        for other in (1, -1) if axis == 1 else ():
+            rest = rest.trim_by_plane([float(other), 0, 0], other * x - half)
+        pieces.append(np.asarray(rest.to_mesh64().vert_properties)[:, :3])
+    kept = [k for k in range(len(opened.parts)) if k != floor]
+    parts = collect_labelled(
+        [*(opened.parts[k] for k in kept), *pieces], [*opened.parts.label[kept].tolist(), 0, 0, 0, 0]
+    )
+    found = validated(dataclasses.replace(opened, parts=parts), ramp.legs)
+    assert "enclosure.gap_mm" in broken(found)
+    assert 1e3 * size_m - 0.2 <= found.metrics["enclosure"]["gap_mm"] <= 2e3 * size_m
 
 
 def test_a_part_that_is_thinned_is_thinner_than_a_body_sinks_in(ramp, opened):
@@ -103,7 +162,7 @@ def test_a_part_that_is_thinned_is_thinner_than_a_body_sinks_in(ramp, opened):
         return np.column_stack([corners[:, :2], level + 0.05 * (corners[:, 2] - level)]) if k == floor else corners
 
     assert np.ptp(opened.parts[floor][:, 2]) == pytest.approx(0.3, abs=0.01)  # the part is under the level drift
-    assert broken(validated(with_parts(opened, thinned), ramp.legs)) >= {"enclosure.thin_share"}
+    assert broken(validated(with_parts(opened, thinned), ramp.legs)) >= {"enclosure.thin_mm"}
 
 
 def test_a_facet_that_is_turned_over_encloses_no_space(ramp, opened):

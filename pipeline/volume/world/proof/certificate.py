@@ -21,16 +21,16 @@ from pipeline.store.files import describe_field
 from pipeline.store.verify import verify_world
 from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
 from pipeline.volume.areas import solid_of_floors
-from pipeline.volume.enclosure import measure_enclosure
+from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.built import built_length_m
+from pipeline.volume.world.built import built_lengths_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.floor import floor_figures
-from pipeline.volume.world.proof.fronts import Fronts, fronts_of
+from pipeline.volume.world.proof.fronts import fronts_of
 from pipeline.volume.world.proof.physics import ROBOTS, RobotsAtRest, measure_standing
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
 from pipeline.volume.world.proof.region import region_of
@@ -144,7 +144,7 @@ def validate_volume(
         ),
         **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
         "enclosure": {
-            **_enclosure(params, volume, fronts, rng),
+            **measure_enclosure(volume, fronts.parts, fronts.faces).figures,
             "compiled_mm": round(compiled.compiled_mm, 6),
             "unlike": compiled.unlike,
             "mislabelled": fronts.mislabelled,
@@ -175,31 +175,19 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     piece_m = float(network.lengths_m.sum())
     wanted = leg_network(network, offset, ())
-    built = built_length_m(volume, wanted)
+    built = built_lengths_m(volume, wanted)
+    missing = np.array([leg.length_m for leg in wanted.legs]) - built
     return {
         "surveyed_m": round(surveyed.surveyed_m, 3),
         "length_m": round(piece_m, 3),
-        "built_m": round(built, 3),
-        "share_built": round(built / piece_m, 6),
+        "built_m": round(float(built.sum()), 3),
+        "share_built": round(float(built.sum()) / piece_m, 6),
+        "unbuilt_m": round(float(missing.max()), 3),
+        "unbuilt_at": "leg {0.start} to {0.end}".format(wanted.legs[int(missing.argmax())]),
         "pieces": 1 + len(surveyed.pieces_m),
         "legs": len(world.legs.legs),
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
-    }
-
-
-def _enclosure(params: VolumeProofParams, volume: Volume, fronts: Fronts, rng: np.random.Generator) -> dict[str, Any]:
-    found = measure_enclosure(volume, fronts.parts, params.tiles, rng, fronts.faces)
-    areas = {"missing": found.missing_m2, "bare": fronts.bare_m2, "thin": found.thin_m2}
-    return {
-        "intrusion_m3": round(found.intrusion_m3, 9),
-        "intrusion_um": round(1e6 * found.intrusion_m3 / found.measured_m2, 6),
-        **{f"{name}_m2": round(area, 9) for name, area in areas.items()},
-        **{f"{name}_share": round(area / found.surface_m2, 12) for name, area in areas.items()},
-        "surface_m2": round(found.surface_m2, 3),
-        "measured_m2": round(found.measured_m2, 3),
-        "thinnest_mm": round(_MM * found.thinnest_m, 6),
-        "full_share": round(found.full_share, 6),
     }
 
 
@@ -239,7 +227,7 @@ def _standing(found: RobotsAtRest) -> dict[str, Any]:
     if found.rest_at is None:
         return figures
     number, place = found.rest_at
-    return figures | {"rest_at": "robot {} of {} at ({:.2f}, {:.2f}, {:.2f}) m".format(number + 1, ROBOTS, *place)}
+    return figures | {"rest_at": f"robot {number + 1} of {ROBOTS} at {describe_place(np.array(place))}"}
 
 
 def _drives(params: VolumeProofParams, world: VolumeBundle, parts: list[ShellPart], reach: MapReach) -> dict[str, Any]:

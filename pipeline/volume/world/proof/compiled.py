@@ -17,6 +17,7 @@ from pipeline.mjcf.scene import ZoneStrip
 from pipeline.volume.world.model import part_names
 
 _WRITTEN_M = 1e-6  # by which a written corner may differ from its part's
+_MIDDLE_M = 1e-4  # by which a geom may be beside the middle of its part: far from it a mesh has less than 0.01 mm
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ class _WrittenParts:
     def unlike(self) -> int:
         """Return how many parts are missing or elsewhere, and how many meshes and geoms are of no part."""
         off = np.abs(self._off - self._place).max(axis=(0, 2))
-        return self._others + int((~(off < _WRITTEN_M)).sum())  # what is missing is no number
+        aside = np.abs(self._place - np.mean(self._parts.boxes_m, axis=0)).max(axis=1)
+        return self._others + int((~((off < _WRITTEN_M) & (aside < _MIDDLE_M))).sum())  # what is missing is no number
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """Take a mesh without a file, or a geom of the mine's own body."""

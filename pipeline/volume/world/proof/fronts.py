@@ -7,27 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from minexplore.floors.volume_arrays import FacetLabel, Parts
+from minexplore.floors.volume_arrays import Parts
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
-_LEAST_M2 = 1e-6  # of a facet that must have a part behind its middle
 _SEEN_M2 = 1e-3  # labels of parts with smaller faces are not compared
 
 
 @dataclass(frozen=True)
 class Fronts:
-    """The parts as `pipeline.volume.enclosure` measures them, and the area, m2, of facets without a part behind them.
+    """The parts as `pipeline.volume.enclosure` measures them.
 
-    A part that lies behind no facet is among them with no area. `mislabelled` counts parts labelled floor that lie
-    behind no floor, and other parts that lie behind floors only: their friction is wrong. Parts whose largest face on a
-    facet is under 10 cm2 are left out. `faces` are those of the parts on facets.
+    A part that lies behind no facet is among them with no area. `mislabelled` counts parts that lie behind no
+    facet of their label: their friction or their group is wrong. Parts whose largest face on a facet is under 10 cm2
+    are left out. `faces` are those of the parts on facets.
     """
 
     parts: list[ShellPart]
-    bare_m2: float
     mislabelled: int
     faces: PartFaces
 
@@ -36,23 +34,18 @@ def fronts_of(volume: Volume, parts: Parts) -> Fronts:
     """Find the face of each part that lies on the plane of a facet, with all of the part behind it.
 
     Of several planes the one with the largest face counts; its area is what of facets the part is behind, as a sliver's
-    plane may hold more of the part than the sliver. A facet has a part behind it if its middle is on the face of
-    one that lies behind its plane.
+    plane may hold more of the part than the sliver.
     """
     corners = PartCorners(parts.corners, parts.first.astype(np.int64))
     faces = faces_on_facets(volume, corners)
     covered = np.bincount(faces.part, shapely.area(faces.shared), len(parts))
     area = np.minimum(faces.area_m2, covered[faces.part])
     found = [
-        ShellPart(corners[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(area[n]), 0.0)
+        ShellPart(corners[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(area[n]))
         if n >= 0
-        else ShellPart(corners[k], [0], "built", 0.0, 0.0, 0.0)
+        else ShellPart(corners[k], [0], "built", 0.0, 0.0)
         for k, n in enumerate(faces.largest(len(parts)).tolist())
     ]
-    size = np.linalg.norm(volume.normals, axis=1) / 2
-    bare = size > _LEAST_M2
-    bare[faces.facet[faces.holds_middle]] = False
-    behind_floor, of_floor = volume.label[faces.facet] == FacetLabel.FLOOR, parts.label == FacetLabel.FLOOR
     wrong = np.array([part.area_m2 > _SEEN_M2 for part in found])
-    wrong[faces.part[behind_floor == of_floor[faces.part]]] = False
-    return Fronts(found, float(size[bare].sum()), int(wrong.sum()), faces)
+    wrong[faces.part[volume.label[faces.facet] == parts.label[faces.part]]] = False
+    return Fronts(found, int(wrong.sum()), faces)

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from minexplore.bundle import CELLS, OCTREE, PARTS, RECORD, STOREY_MAPS, TOPOLOGY, VOLUME, storey_map
-from minexplore.floors.volume_arrays import FacetLabel, FloorSpans
-from pipeline.errors import ArtifactError
+from minexplore.bundle import CELLS, OCTREE, RECORD, STOREY_MAPS, TOPOLOGY, VOLUME, storey_map
+from pipeline.errors import ArtifactError, GeometryError
+from pipeline.params.compile3d import SpawnParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.rebuilt.differences import first_difference
+from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.store.codecs import decode
 from pipeline.types import Image, SurveyedLegs, lines_of
 from pipeline.volume.world.built import built_length_m
@@ -22,21 +23,20 @@ from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.maps import drawn_maps, octree_of
-from pipeline.volume.world.parts import TWINS_M, twin_corners
+from pipeline.volume.world.proof.again.labelled import require_labelled
+from pipeline.volume.world.proof.again.remodelled import require_same_model
+from pipeline.volume.world.proof.again.seen import require_plan
+from pipeline.volume.world.proof.again.textured import require_textured
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.reach import neighbours_of
-from pipeline.volume.world.record import OpenEnd, VolumeRecord
-from pipeline.volume.world.solid import labels_of, legs_on_floors, nearest_leg
-from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
+from pipeline.volume.world.record import OpenEnd
+from pipeline.volume.world.solid import legs_on_floors
+from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
 
 _ROUND_M = 2e-6  # spans have six decimals
 _CLEARANCE_M = 1e-4  # distances have 32 bits
 _LEG_M = 1e-3  # legs have four decimals, lengths of the record three
-_ON_BORDER_M = 1e-3  # of zones: parts are cut to 0.1 mm
-_BESIDE_M = 2.0  # that a facet is beyond its leg's sections: floors that legs share reach as far
-_ON_SPAN_M = 1e-3  # of where robots start from the middle of a span
-_ASTRAY = 0.01  # share of the surface likewise: facets of several legs that lie in one plane become one of them
-_SLIVERS = 2e-5  # share of the surface whose facets may be turned over, as thin ones are when a mesh is simplified
+_ROUND_START_M = 1.1e-4  # places have four decimals
 _OF_FLOOR = re.compile(r"\d+\.\d+\..+")  # a station of a leg along a floor
 _WITHIN_M = {"floor_m": _ROUND_M, "headroom_m": _ROUND_M, "origin_m": _ROUND_M, "clearance_m": _CLEARANCE_M}
 
@@ -75,10 +75,14 @@ def require_remade(
         raise ArtifactError(
             f"{folder / TOPOLOGY}: {differs}, as the {'floors have' if surveyed is None else 'legs have'}"
         )
-    _require_facets(folder, world, legs if surveyed is None else None, params)
-    _require_parts(folder, world)
-    _require_figures(folder, world, datum_m)
-    _require_start(folder, world.record, world.cells)
+    require_labelled(folder, world, legs if surveyed is None else None, params)
+    _require_figures(folder, world, surveyed, datum_m)
+    require_plan(folder, world, surveyed)
+    _require_start(folder, world, params)
+    require_same_model(folder, world)
+    if world.rock:
+        require_shading(folder, world.rock, JoinedRock.of(list(world.rock.values())))
+        require_textured(folder, world.rock)
 
 
 def follows_floors(world: VolumeBundle, params: VolumeProofParams) -> bool:
@@ -91,7 +95,7 @@ def follows_floors(world: VolumeBundle, params: VolumeProofParams) -> bool:
 def _difference(found: LegNetwork, wanted: LegNetwork) -> str | None:
     """Return the first difference of two networks; a grade may differ by as much as rounded places make of it."""
     one, two = (
-        dataclasses.asdict(replace(network, legs=[replace(leg, grade=0.0) for leg in network.legs]))
+        dataclasses.asdict(_in_order(replace(network, legs=[replace(leg, grade=0.0) for leg in network.legs])))
         for network in (found, wanted)
     )
     differs = first_difference(one, two, _LEG_M)
@@ -103,6 +107,12 @@ def _difference(found: LegNetwork, wanted: LegNetwork) -> str | None:
     return differs
 
 
+def _in_order(network: LegNetwork) -> LegNetwork:
+    """Return a network with its lists of stations sorted: their order is that of a file, which not everybody has."""
+    junctions, dead_ends, entrances = map(sorted, (network.junctions, network.dead_ends, network.entrances))
+    return replace(network, junctions=junctions, dead_ends=dead_ends, entrances=entrances)
+
+
 def _network_of(surveyed: SurveyedLegs, params: VolumeProofParams) -> LegNetwork:
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     return leg_network(network, offset, lines_of(surveyed.entrances))
@@ -111,61 +121,6 @@ def _network_of(surveyed: SurveyedLegs, params: VolumeProofParams) -> LegNetwork
 def _along_floors(world: VolumeBundle, params: VolumeProofParams) -> SurveyedLegs:
     pairs = neighbours_of(world.cells, robot_size(params.volume))
     return legs_on_floors(world.cells, pairs, world.record.volume.datum_m)
-
-
-def _require_facets(
-    folder: Path, world: VolumeBundle, along_floors: SurveyedLegs | None, params: VolumeProofParams
-) -> None:
-    """Compare labels and legs of facets with those that facets of a solid have.
-
-    Of surveyed legs, floors may be steeper than robots drive, walls may lean, and legs that meet share floors: floors
-    must face down, roofs up, and nearly all facets be about their legs.
-    """
-    mine, up = world.mine, world.mine.normals[:, 2]
-    if along_floors is None:
-        turned = (mine.label == FacetLabel.FLOOR) & (up >= 0) | (mine.label == FacetLabel.ROOF) & (up <= 0)
-        found = ("label", turned, _SLIVERS), ("leg", _beyond_legs_m(world) > _BESIDE_M, _ASTRAY)
-    else:
-        labels = labels_of(mine.vertices, mine.faces, params.volume.steepest)
-        legs = nearest_leg(closed_volume(mine), along_floors)
-        found = ("label", mine.label != labels, _SLIVERS), ("leg", mine.leg != legs, _SLIVERS)
-    area = np.linalg.norm(mine.normals, axis=1)
-    for name, wrong, most in found:
-        if area[wrong].sum() > most * area.sum():
-            k = int(np.where(wrong, area, 0).argmax())
-            raise ArtifactError(
-                f"{folder / VOLUME}: {name}[{k}] = {getattr(mine, name)[k]}: no facet of this slope and place has it; "
-                f"{int(wrong.sum())} of {len(wrong)} are wrong"
-            )
-
-
-def _beyond_legs_m(world: VolumeBundle) -> np.ndarray:
-    """Return how much farther (f,) m the nearest corner of each facet is from its leg than the leg's sections reach."""
-    mine, legs = world.mine, world.legs
-    ends = [np.array([legs.stations_m[getattr(leg, end)] for leg in legs.legs])[mine.leg] for end in ("start", "end")]
-    reach = np.array([np.abs(leg.lrud_m).max() for leg in legs.legs])[mine.leg]
-    way, apart = (ends[1] - ends[0])[:, None], mine.vertices[mine.faces] - ends[0][:, None]
-    share = np.clip((apart * way).sum(axis=2) / np.maximum((way * way).sum(axis=2), _LEG_M**2), 0, 1)
-    found: np.ndarray = np.linalg.norm(apart - share[:, :, None] * way, axis=2).min(axis=1) - reach
-    return found
-
-
-def _require_parts(folder: Path, world: VolumeBundle) -> None:
-    """Refuse a part with twin corners, of which MuJoCo may miss contacts, and one of the floor in two zones."""
-    twins = twin_corners(world.parts)
-    if len(twins):
-        number = int(np.searchsorted(world.parts.first, twins[0], side="right")) - 1
-        raise ArtifactError(
-            f"{folder / PARTS}: part {number} has two corners within {TWINS_M:g} m, at which MuJoCo may miss contacts"
-        )
-    (low, high), floor = world.parts.boxes_m, world.parts.label == FacetLabel.FLOOR
-    for zone in world.record.zones[:-1]:
-        across = floor & (low[:, 0] < zone.east_m - _ON_BORDER_M) & (high[:, 0] > zone.east_m + _ON_BORDER_M)
-        if across.any():
-            raise ArtifactError(
-                f"{folder / PARTS}: part {int(across.argmax())} is in two zones of the floor, which meet at x = "
-                f"{zone.east_m:g} m"
-            )
 
 
 def _require_cells(folder: Path, world: VolumeBundle, params: VolumeProofParams) -> None:
@@ -202,10 +157,16 @@ def _require_maps(folder: Path, world: VolumeBundle) -> None:
         raise ArtifactError(f"{folder / min(missing)}: a map of a storey that {CELLS} has not")
 
 
-def _require_figures(folder: Path, world: VolumeBundle, datum_m: float | None) -> None:
-    """Compare the figures of the record that follow from the legs and the free space."""
+def _require_figures(folder: Path, world: VolumeBundle, surveyed: SurveyedLegs | None, datum_m: float | None) -> None:
+    """Compare the figures of the record that follow from the legs and the free space.
+
+    Legs along floors are all that was surveyed. Who has no survey, and so no datum, does not know how much more was
+    surveyed than was built.
+    """
     record, legs = world.record, world.legs
     stated, built = record.volume, built_length_m(closed_volume(world.mine), legs)
+    known_m = legs.total_length_m if surveyed is None else surveyed.surveyed_m
+    surveyed_m = stated.surveyed_m if surveyed is not None and datum_m is None else known_m
     closed = [name for name in legs.dead_ends if name not in legs.entrances]
     wanted = {
         "loops": legs.loops,
@@ -215,6 +176,7 @@ def _require_figures(folder: Path, world: VolumeBundle, datum_m: float | None) -
         "piece_m": min(legs.total_length_m, stated.surveyed_m),
         "built_m": min(built, legs.total_length_m, stated.surveyed_m),
         "datum_m": stated.datum_m if datum_m is None else datum_m,
+        "surveyed_m": surveyed_m,
     }
     found = {**dataclasses.asdict(stated), "loops": record.loops, "drifts": record.drifts}
     differs = first_difference({name: found[name] for name in wanted}, wanted, _LEG_M)
@@ -222,19 +184,23 @@ def _require_figures(folder: Path, world: VolumeBundle, datum_m: float | None) -
         raise ArtifactError(f"{folder / RECORD}: {differs}, as {TOPOLOGY} has")
 
 
-def _require_start(folder: Path, record: VolumeRecord, cells: FloorSpans) -> None:
-    """Refuse a start that is on no floor for robots, has another clearance than its span."""
-    start = record.spawn
-    apart = np.linalg.norm(cells.places_m - start.anchor_m, axis=1)
-    k = int(apart.argmin())
-    clearance_m = float(cells.clearance_m[k])
-    on_floor = apart[k] < _ON_SPAN_M and cells.storey[k] >= 0
-    if not on_floor or not start.clearance_m - _CLEARANCE_M <= clearance_m:
-        raise ArtifactError(
-            f"{folder / RECORD}: spawn.anchor_m = {list(start.anchor_m)}: want the middle of a floor of {CELLS}, "
-            f"{start.clearance_m:g} m from rock"
-        )
-    if abs(start.anchor_clearance_m - clearance_m) > _ON_SPAN_M:
-        raise ArtifactError(
-            f"{folder / RECORD}: spawn.anchor_clearance_m = {start.anchor_clearance_m}, want {clearance_m:.4f}"
-        )
+def _require_start(folder: Path, world: VolumeBundle, params: VolumeProofParams) -> None:
+    """Choose again where robots start, for the radius and the clearance that are stated, and compare.
+
+    The start is that of the legs, or that of a place which somebody stated, of which the record has the middle.
+    """
+    start, cells, robot = world.record.spawn, world.cells, robot_size(params.volume)
+    pairs = neighbours_of(cells, robot)
+    spawn = SpawnParams(radius_m=start.radius_m, clearance_m=start.clearance_m)
+    differs = ""
+    for place in (None, start.centre_m[:2], start.centre_m):
+        try:
+            made = start_of(cells, pairs, world.legs, place, spawn, robot)
+        except GeometryError as error:
+            differs = differs or str(error)
+            continue
+        found = first_difference(dataclasses.asdict(start), dataclasses.asdict(made), _ROUND_START_M, "spawn")
+        if found is None:
+            return
+        differs = differs or f"{found}, as robots start by {CELLS} and {TOPOLOGY}"
+    raise ArtifactError(f"{folder / RECORD}: {differs}")

@@ -34,7 +34,7 @@ def lay_texture(rock: DisplacedRock, group: np.ndarray, tether_m: float | None) 
     """
     mesh = rock.mesh
     places = rock.fine.vertices[mesh.source] + (mesh.vertices - rock.vertices[mesh.source])
-    axes = _axes()
+    axes = texture_axes()
     laid = np.stack([places @ pair.T for pair in axes], axis=2)
     if tether_m is None:
         return laid, np.zeros((len(places), 2))
@@ -45,11 +45,11 @@ def lay_texture(rock: DisplacedRock, group: np.ndarray, tether_m: float | None) 
 def facing_sides(rock: DisplacedRock, group: np.ndarray) -> np.ndarray:
     """Return which faces (m,) look along the positive side of their group's third axis; opposite walls do not."""
     inward = rock.fine.direction[rock.mesh.source[rock.mesh.faces]].mean(axis=1)
-    third = np.cross(*_axes().transpose(1, 0, 2))
+    third = np.cross(*texture_axes().transpose(1, 0, 2))
     return np.asarray(np.einsum("ij,ij->i", inward, third[group]) > 0)
 
 
-def _axes() -> np.ndarray:
+def texture_axes() -> np.ndarray:
     """Return the axes (groups, 2, 3) of each group's texture: along the wall and up, or east and north."""
     angle = np.pi / _WAYS * np.arange(_WAYS)
     walls = [[[np.cos(a), np.sin(a), 0.0], [0.0, 0.0, 1.0]] for a in angle]

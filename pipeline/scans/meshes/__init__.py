@@ -1,0 +1,1 @@
+"""Faces of scanned and drawn meshes."""

@@ -1,0 +1,1 @@
+"""Formats in longitude and latitude of the earth: KML, KMZ and GPX."""

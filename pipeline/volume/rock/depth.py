@@ -1,0 +1,87 @@
+"""How deep convex parts reach into the free space: the largest distance from its surface that a part has in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+from trimesh.triangles import closest_point
+
+from pipeline.volume.rock.inside import Inside
+from pipeline.volume.rock.tiles import Tile
+
+_KNOWN_M = 1e-4  # to which a depth is known
+_TOGETHER = 100_000  # cells; where more are left, the depth is what they may have at most
+
+
+@dataclass(frozen=True)
+class Depth:
+    """A depth, m, that is at most 0.1 mm too large or too small, and the place (3,) m that has it."""
+
+    depth_m: float
+    place_m: np.ndarray
+
+
+def deepest(parts: Iterable[np.ndarray], free: Tile, inside: Inside, corners: np.ndarray) -> Depth:
+    """Return how deep the deepest of some convex parts reaches into the free space.
+
+    A boolean gives what a part shares with the free space. Tetrahedra cover it, and those that may hold a deeper place
+    than the deepest known one are cut in two. The distance from one facet is convex, so that in a tetrahedron it is
+    largest at a corner; the distance from the surface is no larger.
+
+    Parameters
+    ----------
+    parts : iterable of (k, 3) float64, m
+        The corners of each part.
+    free : Tile
+        The free space, in the frame of the parts.
+    inside : Inside
+        Of the same free space.
+    corners : (f, 3, 3) float64, m
+        Its facets.
+    """
+    cells = np.concatenate([np.zeros((0, 4, 3)), *(_cells_of(part, free) for part in parts)])
+    depth, place = 0.0, cells[:1].mean(axis=(0, 1)) if len(cells) else np.zeros(3)
+    while len(cells):
+        middles = cells.mean(axis=1)
+        from_rock, facet = inside.nearest(middles)
+        deeper = np.flatnonzero(from_rock > depth)
+        deeper = deeper[inside.are_free(middles[deeper])] if len(deeper) else deeper
+        if len(deeper):
+            at = deeper[from_rock[deeper].argmax()]
+            depth, place = float(from_rock[at]), middles[at]
+        reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
+        beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
+        apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)
+        most = np.minimum(from_rock + reach, apart)
+        left = most > depth + _KNOWN_M
+        if left.sum() > _TOGETHER:
+            return Depth(float(most.max()), middles[most.argmax()])
+        cells = _halves(cells[left])
+    return Depth(depth, place)
+
+
+def _cells_of(part: np.ndarray, free: Tile) -> np.ndarray:
+    """Return tetrahedra (n, 4, 3) m that cover what a part shares with the free space, and more of the part."""
+    hull, found = manifold3d.Manifold.hull_points(part), [np.zeros((0, 4, 3))]
+    for tile in free.about(part.min(axis=0), part.max(axis=0)):
+        for piece in (tile.solid ^ hull).decompose():
+            mesh = piece.to_mesh64()
+            places = np.asarray(mesh.vert_properties)[:, :3]
+            sides = places[np.asarray(mesh.tri_verts, np.int64)]
+            middle = np.broadcast_to(places.mean(axis=0), (len(sides), 1, 3)) if len(sides) else np.zeros((0, 1, 3))
+            found.append(np.concatenate([sides, middle], axis=1))
+    return np.concatenate(found)
+
+
+def _halves(cells: np.ndarray) -> np.ndarray:
+    """Return the halves (2 n, 4, 3) of tetrahedra, each cut across its longest edge."""
+    first, second = np.triu_indices(4, 1)
+    longest = np.linalg.norm(cells[:, first] - cells[:, second], axis=2).argmax(axis=1)
+    rows, a, b = np.arange(len(cells)), first[longest], second[longest]
+    middle = (cells[rows, a] + cells[rows, b]) / 2
+    one, other = cells.copy(), cells.copy()
+    one[rows, a], other[rows, b] = middle, middle
+    return np.concatenate([one, other])
