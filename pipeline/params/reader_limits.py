@@ -23,6 +23,7 @@ class ReaderLimits(Params):
     memory_bytes: int = Field(ge=500_000_000)
     time_s: float = Field(gt=0)
     cloud_s_per_gb: float = Field(ge=0)
+    solver_s: float = Field(ge=0)
     notice_s: float = Field(gt=0)
     output_bytes: int = Field(gt=0)
     file_bytes: int = Field(gt=0)

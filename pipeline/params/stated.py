@@ -82,6 +82,12 @@ class StatedOptions(Params):
     half_width_m: Annotated[float | None, _option("--half-width", FileKind.VECTOR, FileKind.STATIONS)] = Field(
         default=None, gt=0, le=20, description="distance to a wall that a survey has not measured, m"
     )
+    declination_deg: Annotated[float | None, _option("--declination", FileKind.STATIONS, metavar="DEG")] = Field(
+        default=None,
+        ge=-180,
+        le=180,
+        description="magnetic declination in place of computed ones, deg east of true north",
+    )
     heights: Annotated[Path | None, _option("--heights", metavar="FILE")] = Field(
         default=None, description="the floor's heights: CSV, GeoTIFF, contour lines"
     )

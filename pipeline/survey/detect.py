@@ -13,7 +13,6 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
 from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
-from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
@@ -28,7 +27,7 @@ from pipeline.survey.detection.found import Detection
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
-from pipeline.survey.formats import is_solved, kind_of
+from pipeline.survey.formats import kind_of, solver_limits
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
@@ -40,9 +39,9 @@ from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vec
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
-_DXF = ".dxf"
-_METRIC = ("m", "cm", "mm")
+_DXF, _METRIC = ".dxf", ("m", "cm", "mm")
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
+_DECLINATION, _GRADES = "in place of computed ones, deg", "rise over run of legs, in the order of their stations"
 _PIECE = "a station of the piece that is built; null: the longest"
 _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece"}  # stated of walls and centrelines
 
@@ -76,8 +75,7 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         return detect_cloud(path, stated)
     require_read(path, kind_of(path), stated)
     arguments = {"path": str(path), "stated": stated.values(), "rules": floor_rules().model_dump()}
-    scratch_bytes = reader_limits().scratch_bytes if is_solved(path) else 0
-    payload = run_limited("detect", arguments, str(path), scratch_bytes=scratch_bytes)
+    payload = run_limited("detect", arguments, str(path), **solver_limits(path))
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
 
@@ -86,8 +84,8 @@ def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None 
     """Detect how a file should be read in this process; `detect_survey` has limits."""
     with reading_by(FloorRules.model_validate(rules or {})):
         found = _detect(Path(path), StatedOptions.model_validate(stated))
-    files = [str(file) for file in found.files]
-    values = {name: value for name, value in vars(found).items() if name != "picture"} | {"files": files}
+    values = {name: value for name, value in vars(found).items() if name != "picture"}
+    values["files"] = [str(file) for file in found.files]
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
@@ -118,9 +116,8 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    half, grades = stated.half_width_m, stated.grade
-    grades = grades if isinstance(grades, dict) else None
-    options = {"half_width_m": half, "grade": grades, "piece": stated.piece}
+    half, grades = stated.half_width_m, stated.grade if isinstance(stated.grade, dict) else None
+    options = {"half_width_m": half, "grade": grades, "piece": stated.piece, "declination_deg": stated.declination_deg}
     params = params.model_copy(update={"file": path.as_posix(), **options})
     read = read_vector_survey(params)
     origin = list(read.georeference.origin)
@@ -130,9 +127,9 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
     }
     values["piece"], remarks["piece"] = stated.piece, _PIECE
-    if grades is not None:
-        values["grade"] = grades
-        remarks["grade"] = "rise over run of legs, in the order of their stations"
+    for name, value, remark in (("declination_deg", stated.declination_deg, _DECLINATION), ("grade", grades, _GRADES)):
+        if value is not None:
+            values[name], remarks[name] = value, remark
     files = [Path(file) for file in vector_files(params)]
     return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
 

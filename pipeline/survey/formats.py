@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import InputError
+from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind
 from pipeline.survey.converters import CONVERTED
 from pipeline.survey.passages.legs import SurveyLeg
@@ -121,6 +123,12 @@ def shape_reader(path: Path) -> ShapeReader:
     if found is None or found.shapes is None:
         raise InputError(f"{path}: not a supported vector format ({', '.join(suffixes_of(FileKind.VECTOR))})")
     return found.shapes
+
+
+def solver_limits(path: Path) -> dict[str, Any]:
+    """Return what `run_limited` grants a file that Survex solves: more time, and temporary files of a size."""
+    limits = reader_limits()
+    return {"extra_s": limits.solver_s, "scratch_bytes": limits.scratch_bytes} if is_solved(path) else {}
 
 
 def leg_reader(path: Path) -> PassageReader:

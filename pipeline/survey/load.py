@@ -15,7 +15,6 @@ from shapely import MultiPolygon
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import reading_by
-from pipeline.params.reader_limits import reader_limits
 from pipeline.params.survey import (
     CloudSurveyParams,
     PlanSurveyParams,
@@ -40,7 +39,7 @@ from pipeline.survey.drawing.picture import (
 )
 from pipeline.survey.drawing.reduction import in_reduced_px, size_read
 from pipeline.survey.drawing.scale import measure_bar
-from pipeline.survey.formats import is_solved
+from pipeline.survey.formats import is_solved, solver_limits
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.legs import SurveyLeg, build_workings
@@ -137,8 +136,8 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
-    scratch_bytes = reader_limits().scratch_bytes if is_solved(Path(subject)) else 0
-    payload = run_limited("survey", arguments, subject, fresh=params.poses is not None, scratch_bytes=scratch_bytes)
+    fresh = params.poses is not None
+    payload = run_limited("survey", arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
     whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))

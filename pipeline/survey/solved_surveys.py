@@ -12,7 +12,6 @@ from pipeline.guard.reading_process import one_line
 from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved.cavern import require_cavern, require_version, solve
 from pipeline.survey.solved.lox import LOX, read_lox
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
@@ -20,16 +19,19 @@ from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.stations.table import read_station_survey
+from pipeline.survey.survex.cavern import require_cavern, require_version, solve
+from pipeline.survey.survex.project_copy import project_copy
 from pipeline.survey.therion.convert import to_survex as therion_to_survex
 from pipeline.survey.therion.project import is_project, project_lines
 from pipeline.survey.walls.project import copy_of
+from pipeline.survey.walls.sections import with_sections
 
 _COMPASS = (".mak", ".dat", ".clp")
 _WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
 _SUFFIXES = (".3d", ".svx", ".th", *_COMPASS, *_WALLS)
 
 
-def solve_file(path: Path) -> SolvedSurvey:
+def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey:
     """Read or solve a survey in this process, which the caller limits.
 
     Parameters
@@ -39,6 +41,9 @@ def solve_file(path: Path) -> SolvedSurvey:
         solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's
         form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table
         with elevations.
+
+    declination_deg : float, optional
+        In place of every declination that Survex computes.
 
     Returns
     -------
@@ -51,14 +56,14 @@ def solve_file(path: Path) -> SolvedSurvey:
         If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
         installed. The message names the file, the line and the value.
     """
-    survey = _solved(path)
+    survey = _solved(path, declination_deg)
     odd = next((name for name in survey.names if not name.isprintable()), None)
     if odd is not None:
         raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
     return survey
 
 
-def _solved(path: Path) -> SolvedSurvey:
+def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
     suffix = path.suffix.lower()
     if suffix == ".3d":
         return read_3d(path)
@@ -72,14 +77,15 @@ def _solved(path: Path) -> SolvedSurvey:
         raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
     require_cavern(path)
     if suffix == ".th" or is_project(path):
-        return solve(path, therion_to_survex(path))
+        return solve(path, therion_to_survex(path), declination_deg)
     if suffix in _COMPASS:
-        return solve(path, compass_to_survex(path))
+        return solve(path, compass_to_survex(path), declination_deg)
     if suffix in _WALLS:
         require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
-        return solve(path, copy_of(path))
-    project_files(path)
-    return solve(path)
+        copy = copy_of(path)
+        survey = solve(path, copy, declination_deg)
+        return with_sections(survey, list(zip(copy.surveys, copy.options, strict=True)))
+    return solve(path, project_copy(path), declination_deg)
 
 
 def survey_files(path: Path) -> list[Path]:

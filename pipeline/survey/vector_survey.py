@@ -215,7 +215,7 @@ def _level_workings(
     warn_of_shafts(path, [leg for leg in whole.legs if leg.is_plumb])
     if not driven:
         raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    require_no_crossing(path, driven)
+    require_no_crossing(path, driven, whole.doubt)
     is_drawn = params.kind == "centrelines"  # pieces of lines are parted by their walls, not by names of stations
     if not is_drawn:
         driven = built_piece(path, replace(whole, legs=driven), params.piece).legs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
@@ -19,8 +19,9 @@ from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, says_enough, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
-from pipeline.survey.solved.model import SolvedSurvey, StationFlag
-from pipeline.survey.solved.plan_view import plan_legs, with_sides
+from pipeline.survey.passages.ties import Tie, passages_of_ties
+from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
+from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, station_names, with_sides
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
@@ -38,7 +39,9 @@ class WholeSurvey:
     """All legs of a survey in its own frame, the names of its entrances, and its coordinate system.
 
     A survey that `is_level` is built as a plan. The stations of lines, which are not `is_named`, have names that the
-    user does not know.
+    user does not know. `ties` are pairs of stations that a repeated leg joins, which is no passage of its own. `names`
+    has the station that each name of a solved survey stands for: equated stations have several. `doubt` says which loop
+    has a wrong reading.
     """
 
     legs: list[SurveyLeg]
@@ -46,6 +49,9 @@ class WholeSurvey:
     entrances: tuple[str, ...] = ()
     crs: str | None = None
     is_named: bool = True
+    ties: tuple[tuple[str, str], ...] = ()
+    names: dict[str, str] = field(default_factory=dict)
+    doubt: str = ""
 
 
 def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
@@ -56,12 +62,30 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
             return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
     if is_solved(path):
-        survey = solve_file(path)
+        survey = solve_file(path, params.declination_deg)
         legs = plan_legs(path, survey, params.half_width_m)
         if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
             warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
         crs = None if survey.crs is None else one_line(survey.crs, 200)
-        return WholeSurvey(legs, not has_relief(legs), tuple(entrances_of(survey)), crs)
+        ties = _ties_of(survey)
+        lone = passages_of_ties(legs, ties)
+        if lone:
+            listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
+            warn_user(
+                f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
+                f"{first_few(listed, _NAMED)}"
+            )
+        legs, names = legs + lone, _names_of(survey)
+        entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
+        return WholeSurvey(
+            legs,
+            not has_relief(legs),
+            entrances,
+            crs,
+            ties=tuple(tie.stations for tie in ties),
+            names=names,
+            doubt=survey.doubt,
+        )
     legs, crs = leg_reader(path)(path, params.half_width_m)
     return WholeSurvey(legs, not has_relief(legs), (), crs)
 
@@ -85,6 +109,21 @@ def entrances_of(survey: SolvedSurvey) -> list[str]:
     """Return the names of the stations that are open to the surface."""
     is_open = (survey.station_flags & StationFlag.ENTRANCE) != 0
     return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
+
+
+def _names_of(survey: SolvedSurvey) -> dict[str, str]:
+    """Return the station of the legs that each name stands for."""
+    _, node = node_of_stations(survey)
+    names = station_names(survey, node)
+    return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
+
+
+def _ties_of(survey: SolvedSurvey) -> list[Tie]:
+    """Return the legs that are flagged duplicate."""
+    places, node = node_of_stations(survey)
+    names = station_names(survey, node)
+    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
+    return [Tie((names[a], names[b]), places[[a, b]]) for a, b in pairs if a != b]
 
 
 @dataclass(frozen=True)
@@ -193,17 +232,20 @@ def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[
     """Return the legs of the chosen piece, and a station and the length of each other one, with a warning of them."""
     legs = survey.legs
     graph: nx.Graph = nx.Graph()
+    graph.add_edges_from(survey.ties, length=0.0)
     for leg in legs:
         for (a, b), step in zip(
             pairwise(leg.stations), np.linalg.norm(np.diff(_places(leg), axis=0), axis=1).tolist(), strict=True
         ):
             graph.add_edge(a, b, length=step)
+    built = {name for leg in legs for name in leg.stations}
     found = [
-        (float(graph.subgraph(nodes).size(weight="length")), min(nodes), nodes)
+        (float(graph.subgraph(nodes).size(weight="length")), min(nodes & built), nodes)
         for nodes in nx.connected_components(graph)
+        if nodes & built
     ]
     found.sort(key=lambda one: (-one[0], one[1]))
-    station = None if piece is None else _station(path, legs, piece)
+    station = None if piece is None else _station(path, survey, piece)
     length, about, nodes = found[0] if station is None else next(one for one in found if station in one[2])
     if not length > _NO_LENGTH_M:
         raise InputError(f"{path}: the legs about station {about} have no length; nothing to build")
@@ -226,7 +268,7 @@ def _about(survey: WholeSurvey, station: str) -> str:
     return ",".join(f"{value:.1f}" for value in _places(leg)[leg.stations.index(station)])
 
 
-def _station(path: Path, legs: list[SurveyLeg], piece: Piece) -> str:
+def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
     """Return the station that a name or a place (easting, northing, elevation) stands for.
 
     Raises
@@ -234,10 +276,12 @@ def _station(path: Path, legs: list[SurveyLeg], piece: Piece) -> str:
     InputError
         If there is none, with names like it, or the nearest one is more than 10 m away.
     """
+    legs = survey.legs
     names = list(dict.fromkeys(name for leg in legs for name in leg.stations))
     if isinstance(piece, str):
-        if piece in names:
-            return piece
+        named = survey.names.get(piece, piece)
+        if named in names:
+            return named
         near = ", ".join(one_line(name, _NAME_CHARS) for name in get_close_matches(piece, names, n=3, cutoff=0.0))
         raise InputError(
             f"{path}: survey.piece = {one_line(piece, _NAME_CHARS)!r}: no station has this name; names like it are "

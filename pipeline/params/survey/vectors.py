@@ -73,6 +73,12 @@ class PassageSurveyParams(FileSurveyParams):
         le=20,
         description="distance to a wall that nobody measured; null: half the median width of the survey's own stations",
     )
+    declination_deg: float | None = Field(
+        default=None,
+        ge=-180,
+        le=180,
+        description="magnetic declination in place of those that Survex computes, deg east of true north; null: these",
+    )
     piece: PieceOption | None = Field(
         default=None,
         description="a station of the piece that is built, by its name or by its place in the coordinates of "

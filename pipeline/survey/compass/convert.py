@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -11,7 +11,7 @@ from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
 from pipeline.survey.compass.data import CompassShot, CompassSurvey, read_surveys
 from pipeline.survey.compass.project import ProjectFile, ProjectLine, read_project
-from pipeline.survey.solved.survex_text import NAME_CHARACTERS, SurvexText, written_name
+from pipeline.survey.survex.survex_text import NAME_CHARACTERS, SurvexText, written_name
 
 _FOOT_M = 0.3048
 _EXCLUDED, _NO_PASSAGE = "X", {"P", "S"}
@@ -73,7 +73,9 @@ def to_survex(path: Path) -> SurvexText:
     """
     line = ProjectLine(path, 1)
     files = read_project(path) if path.suffix.lower() == ".mak" else [ProjectFile(line, path)]
-    made = SurvexText()
+    made, begin = SurvexText(), ""
+    if not any(file.fixed for file in files):
+        files, begin = _without_places(path, files)
     for text in ("*case preserve", f"*set names {NAME_CHARACTERS}", "*infer plumbs on", "*infer equates on"):
         made.add(line, text)
     system = base = ""
@@ -81,6 +83,9 @@ def to_survex(path: Path) -> SurvexText:
     users = _Users()
     for file in files:
         system, base = _add_place(made, file, system, base)
+        if begin:
+            made.add(file.line, begin)
+            begin = ""
         for survey, shots in read_surveys(file.path):
             count += len(shots)
             if count > reader_limits().survex_shots:
@@ -102,6 +107,25 @@ def compass_files(path: Path) -> list[Path]:
         As `read_project`.
     """
     return [path] if path.suffix.lower() != ".mak" else [path, *(file.path for file in read_project(path))]
+
+
+def _without_places(path: Path, files: list[ProjectFile]) -> tuple[list[ProjectFile], str]:
+    """Return the files of a project that fixes no station, and the command that fixes its first station, or nothing.
+
+    With a base location, where declinations are computed, the first station is put there. Else coordinates are counted
+    from it, and a zone says nothing of them.
+    """
+    based = next((file for file in files if file.base_system), None)
+    if based is None:
+        if any(file.system for file in files):
+            warn_user(f"{path.name}: no station is fixed; its UTM zone is not used; the first station is at 0, 0, 0")
+        return [replace(file, system="") for file in files], ""
+    first = next((shots[0].start for file in files for _, shots in read_surveys(file.path) if shots), "")
+    warn_user(f"{path.name}: no station is fixed; the first one, {first[:40]}, is put at the project's base location")
+    everywhere = [
+        replace(file, system=based.base_system, base_system=based.base_system, base_m=based.base_m) for file in files
+    ]
+    return everywhere, "*fix {} {:.4f} {:.4f} {:.4f}".format(written_name(first), *based.base_m) if first else ""
 
 
 def _add_place(made: SurvexText, file: ProjectFile, system: str, base: str) -> tuple[str, str]:

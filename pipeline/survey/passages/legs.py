@@ -223,8 +223,8 @@ def _nearest(legs: list[SurveyLeg], stations: set[str]) -> str:
     return f"{' and '.join(named)}, {far.min():.1f} m"
 
 
-def require_no_crossing(path: Path, legs: list[SurveyLeg]) -> None:
-    """Check that legs at about one height cross only at stations; `InputError` names the file and the legs."""
+def require_no_crossing(path: Path, legs: list[SurveyLeg], doubt: str = "") -> None:
+    """Check that legs at about one height cross only at stations; `InputError` names the file, the legs and a doubt."""
     segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
     lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
     tree = shapely.STRtree(lines)
@@ -237,9 +237,14 @@ def require_no_crossing(path: Path, legs: list[SurveyLeg]) -> None:
             at = lines[i].intersection(lines[j]).centroid
             if _pass_over(one, a, b, two, c, d, at.x, at.y):
                 continue
+            ends = f"{one.stations[a]} to {one.stations[b]}", f"{two.stations[c]} to {two.stations[d]}"
+            who = (
+                f"leg {one.name} ({ends[0]}) crosses leg {two.name} ({ends[1]})"
+                if one.name != two.name
+                else f"the shot {ends[0]} crosses {ends[1]}"
+            )
             raise InputError(
-                f"{path}: leg {one.name} ({one.stations[a]} to {one.stations[b]}) crosses leg {two.name} "
-                f"({two.stations[c]} to {two.stations[d]}) at ({at.x:.2f}, {at.y:.2f}) without a station"
+                f"{path}: {who} at ({at.x:.2f}, {at.y:.2f}) without a station{f'; {doubt}' if doubt else ''}"
             )
 
 

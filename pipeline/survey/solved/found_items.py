@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,9 +31,11 @@ class FoundItems:
         self.lines: list[tuple[Place, Place]] = []
         self.leg_flags: list[int] = []
         self.leg_styles: list[int] = []
-        self.passages: list[list[tuple[str, list[float], int]]] = [[]]
+        self.passages: list[list[tuple[str, list[float]]]] = [[]]
         self.here: Place | None = None
         self.style = int(LegStyle.UNKNOWN)
+        self.adjusted: list[int] = []  # the first leg of each traverse whose misclosure was shared out
+        self._begin = 0  # the first leg since the last move
         self._first_at: dict[Place, int] = {}
         self._by_name: dict[str, int] = {}
         self._renamed: dict[tuple[str, Place], str] = {}
@@ -58,6 +61,15 @@ class FoundItems:
             return
         self._add(name, place, flags)
 
+    def move(self, place: Place) -> None:
+        """Begin a row of legs."""
+        self.here, self._begin = place, len(self.lines)
+
+    def close(self) -> None:
+        """Read that the misclosure of the row of legs was shared out among them."""
+        if self._begin < len(self.lines):
+            self.adjusted.append(self._begin)
+
     def leg(self, end: Place, flags: int, at: int) -> None:
         """Add a leg from the last place to another one."""
         if self.here is None:
@@ -67,9 +79,9 @@ class FoundItems:
         self.leg_styles.append(self.style)
         self.here = end
 
-    def section(self, name: str, lrud_m: list[float], at: int, is_last: bool) -> None:
+    def section(self, name: str, lrud_m: list[float], is_last: bool) -> None:
         """Add a cross-section to the open passage; the last one closes it."""
-        self.passages[-1].append((name, lrud_m, at))
+        self.passages[-1].append((name, lrud_m))
         if is_last:
             self.passages.append([])
 
@@ -79,8 +91,9 @@ class FoundItems:
             (first, _), renamed = next(iter(self._renamed.items()))
             count = len(self._renamed)
             warn_user(f"{self.path}: {count} stations have names of others elsewhere: {first[:60]} is {renamed[:60]}")
+        self._begin_at_stations()
         legs = [(self._end(start), self._end(end)) for start, end in self.lines]
-        passages = tuple(self._passage(rows) for rows in self.passages if rows)
+        passages = tuple(self._passage(rows) for rows in self._rows() if rows)
         return SolvedSurvey(
             tuple(self.names),
             np.array(self.places, np.float64).reshape(-1, 3) / 100,
@@ -93,6 +106,26 @@ class FoundItems:
             crs,
             date,
         )
+
+    def _begin_at_stations(self) -> None:
+        """Let traverses from a fix with deviations begin at its station.
+
+        `cavern` writes their first leg from the place that was stated, where no station is. The station is the nearest
+        one with a fix.
+        """
+        fixed = [
+            place for place, flags in zip(self.places, self.station_flags, strict=True) if flags & StationFlag.FIXED
+        ]
+        if not fixed:
+            return
+        places = np.array(fixed, float)
+        for leg in self.adjusted:
+            start, end = self.lines[leg]
+            if start not in self._first_at:
+                far = np.linalg.norm(places - start, axis=1)
+                far[(places == end).all(axis=1)] = np.inf
+                if np.isfinite(far.min()):
+                    self.lines[leg] = (fixed[int(far.argmin())], end)
 
     def _add(self, name: str, place: Place, flags: int) -> int:
         number = len(self.names)
@@ -110,9 +143,28 @@ class FoundItems:
         found = self._first_at.get(place)
         return self._add("", place, int(StationFlag.ANONYMOUS)) if found is None else found
 
-    def _passage(self, rows: list[tuple[str, list[float], int]]) -> Passage:
-        for name, _, at in rows:
-            if name not in self._by_name:
-                raise InputError(f"{self.path}: byte {at}: a cross-section of {name[:60]!r}, which is no station")
-        stations = np.array([self._by_name[name] for name, _, _ in rows], np.int64)
-        return Passage(stations, np.array([lrud for _, lrud, _ in rows], np.float64))
+    def _rows(self) -> Iterator[list[tuple[str, list[float]]]]:
+        """Yield rows of cross-sections of stations that the file has, and warn of others.
+
+        Survex 1.4.10 and newer leave out stations that hang on no fixed one, and keep their cross-sections.
+        """
+        unknown: dict[str, None] = {}
+        for rows in self.passages:
+            part: list[tuple[str, list[float]]] = []
+            for name, lrud_m in rows:
+                if name in self._by_name:
+                    part.append((name, lrud_m))
+                    continue
+                unknown[name] = None
+                yield part
+                part = []
+            yield part
+        if unknown:
+            warn_user(
+                f"{self.path.name}: {len(unknown)} cross-sections are of no station of the file and are left out: the "
+                f"first is that of {next(iter(unknown))[:60]}"
+            )
+
+    def _passage(self, rows: list[tuple[str, list[float]]]) -> Passage:
+        stations = np.array([self._by_name[name] for name, _ in rows], np.int64)
+        return Passage(stations, np.array([lrud for _, lrud in rows], np.float64))

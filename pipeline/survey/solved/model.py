@@ -69,6 +69,8 @@ class SolvedSurvey:
         The coordinate system as PROJ names it.
     date : str
         When the file was made, as it states it.
+    doubt : str
+        The worst misclosure, if a reading must be wrong.
     """
 
     names: tuple[str, ...]
@@ -81,6 +83,7 @@ class SolvedSurvey:
     title: str = ""
     crs: str | None = None
     date: str = ""
+    doubt: str = ""
 
     def centreline(self) -> np.ndarray:
         """Return the indices of the legs along the passages: underground, neither duplicate nor splay."""

@@ -86,17 +86,27 @@ def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], 
         )
 
 
+def node_of_stations(survey: SolvedSurvey) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places (k, 3) m of a survey's stations, each once, and which of them (n,) each station has."""
+    places, node = np.unique(survey.positions_m, axis=0, return_inverse=True)
+    return places, node.reshape(-1)
+
+
+def station_names(survey: SolvedSurvey, node: np.ndarray) -> list[str]:
+    """Return the name of each node: the first of its stations' names. Equated stations have one."""
+    names = dict.fromkeys(range(int(node.max(initial=-1)) + 1), "")
+    for number, name in zip(node.tolist(), survey.names, strict=True):
+        names[number] = names[number] or name
+    return [name or f"unnamed {number}" for number, name in names.items()]
+
+
 class _StationPlan:
     """A survey's stations without duplicates: equated stations are one node."""
 
     def __init__(self, survey: SolvedSurvey) -> None:
         self.survey = survey
-        self.places, self.node = np.unique(survey.positions_m, axis=0, return_inverse=True)
-        self.node = self.node.reshape(-1)
-        names = dict.fromkeys(range(len(self.places)), "")
-        for node, name in zip(self.node.tolist(), survey.names, strict=True):
-            names[node] = names[node] or name
-        self.names = [name or f"unnamed {node}" for node, name in names.items()]
+        self.places, self.node = node_of_stations(survey)
+        self.names = station_names(survey, self.node)
         self.edges = self._edges(survey.centreline())
         self.all_edges = self._edges(np.flatnonzero((survey.leg_flags | LegFlag.DUPLICATE) == LegFlag.DUPLICATE))
 

@@ -111,11 +111,12 @@ class _ItemReader:
                 return False
             self.found.style = code
         elif code == 0x0F:
-            self.found.here = self.cursor.place()
+            self.found.move(self.cursor.place())
         elif code in _DATE_BYTES:
             self.cursor.take(_DATE_BYTES[code])
         elif code == 0x1F:
             self.cursor.take(_ERROR_BYTES)
+            self.found.close()
         elif 0x30 <= code <= 0x33:
             read_label(self.cursor, self.label)
             self._section(code)
@@ -138,13 +139,14 @@ class _ItemReader:
                 return False
             self.label.clear()
         elif code == 0x0F:
-            self.found.here = self.cursor.place()
+            self.found.move(self.cursor.place())
         elif code < 0x20:
             trim_old_label(self.cursor, self.label, code)
         elif code in dates:
             self.cursor.take(dates[code])
         elif code == 0x22 and self.version >= 6:
             self.cursor.take(_ERROR_BYTES)
+            self.found.close()
         elif 0x30 <= code <= 0x33 and self.version >= 5:
             read_old_label(self.cursor, self.label)
             self._section(code)
@@ -179,4 +181,4 @@ class _ItemReader:
         size = "<4h" if code < 0x32 else "<4i"
         numbers = struct.unpack(size, self.cursor.take(struct.calcsize(size)))
         lrud_m = [n / 100 if n >= 0 else float("nan") for n in numbers]
-        self.found.section(self._name(), lrud_m, self.cursor.at, bool(code & 0x01))
+        self.found.section(self._name(), lrud_m, bool(code & 0x01))

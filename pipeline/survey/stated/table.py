@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from pipeline.survey.stated import exchange, geodata, meshes
+from pipeline.survey.stated import exchange, geodata, meshes, surveys
 from pipeline.survey.stated.statement import Statement
 
-STATEMENTS: tuple[Statement, ...] = (*geodata.STATEMENTS, *meshes.STATEMENTS, *exchange.STATEMENTS)
+STATEMENTS: tuple[Statement, ...] = (*geodata.STATEMENTS, *meshes.STATEMENTS, *exchange.STATEMENTS, *surveys.STATEMENTS)
 _SUFFIX = re.compile(r"\.[a-z0-9]+")
 
 

@@ -14,15 +14,17 @@ from pipeline.guard.plain_number import plain_number
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.legs import ChainStation, SurveyLeg, legs_of_chains
 from pipeline.survey.passages.relief import warn_of_level
-from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
+from pipeline.survey.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 
 _FOOT_M = 0.3048
 _FARTHEST_M = 1e8
 _HPGL = re.compile(r"\s*(?:\x1b\S*\s*)?(?:IN|SP\d*|PU|DF|BP)\s*[;,\d]")  # how files for plotters begin
+_SPLAY_ENDS = (".", "-", "")  # names of the ends of splays: Therion writes the first two, Survex none
 _UNKNOWN_FT = 900.0  # Compass writes 999.9 or a negative number for a distance that was not measured
 # Name, place east, north and up, and distances left, right, up and down, m; nan: not measured.
-_Station = tuple[str, tuple[float, float, float], list[float]]
+_Place = tuple[float, float, float]
+_Station = tuple[str, _Place, list[float]]
 
 
 def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
@@ -47,6 +49,7 @@ def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
     Compass, "Plot file format": `M` or `D` north east up `S`name `P` left up down right, in feet.
     """
     chains: list[list[_Station]] = []
+    splays: list[tuple[_Place, _Place]] = []  # their stations, and their ends
     count = 0
     text = read_text_bytes(path).decode("latin-1")
     if _HPGL.match(text):
@@ -55,8 +58,8 @@ def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
         fields = line.split()
         if not fields or fields[0] not in ("M", "D"):
             continue
-        name = next((f[1:] for f in fields[4:] if f.startswith("S")), "")
-        if len(fields) < 5 or not name:
+        name = next((f[1:] for f in fields[4:] if f.startswith("S")), None)
+        if len(fields) < 5 or name is None:
             raise InputError(f"{path}:{number}: expected {fields[0]} north east up Sname, got {line[:60]!r}")
         north, east, high = (_feet(path, number, text) for text in fields[1:4])
         walls = [math.nan] * 4
@@ -69,20 +72,24 @@ def read_plt(path: Path, half_width_m: float | None = None) -> list[SurveyLeg]:
             walls = [left, right, up, down]
         if fields[0] == "M" or not chains:
             chains.append([])
-        chains[-1].append((name, (east, north, high), walls))
+        if name not in _SPLAY_ENDS:
+            chains[-1].append((name, (east, north, high), walls))
+        elif chains[-1]:
+            splays.append((chains[-1][-1][1], (east, north, high)))
         count += 1
         require_at_most(path, count, "stations", "stations or more")
+    chains = [chain for chain in chains if chain]
     levels = [place[2] for chain in chains for _, place, _ in chain]
-    if levels and max(levels) - min(levels) >= floor_rules().flat_step_m:
-        return plan_legs(path, _survey_of(path, chains), half_width_m)
+    if splays or (levels and max(levels) - min(levels) >= floor_rules().flat_step_m):
+        return plan_legs(path, _survey_of(path, chains, splays), half_width_m)
     warn_of_level(path, np.array(levels))
     level = [[ChainStation(name, place[:2], (w[0], w[1])) for name, place, w in chain] for chain in chains]
     return legs_of_chains(path, level)
 
 
-def _survey_of(path: Path, chains: list[list[_Station]]) -> SolvedSurvey:
+def _survey_of(path: Path, chains: list[list[_Station]], splays: list[tuple[_Place, _Place]]) -> SolvedSurvey:
     """Return the chains as a survey in three dimensions; equal names at different places get numbers."""
-    number: dict[tuple[float, float, float], int] = {}
+    number: dict[_Place, int] = {}
     names: dict[str, None] = {}
     for name, place, _ in (station for chain in chains for station in chain):
         if place not in number:
@@ -93,12 +100,18 @@ def _survey_of(path: Path, chains: list[list[_Station]]) -> SolvedSurvey:
     passages = [
         Passage(row, np.array([walls for *_, walls in chain], float))
         for row, chain in zip(rows, chains, strict=True)
-        if len(row) > 1
+        if len(row) > 1 and not (splays and np.isnan([walls for *_, walls in chain]).all())  # its walls are splays'
     ]
-    flags = np.full(len(number), StationFlag.UNDERGROUND, np.uint8)
-    styles, plain = np.full(len(legs), LegStyle.UNKNOWN, np.uint8), np.zeros(len(legs), np.uint8)
-    places = np.array(list(number))
-    return SolvedSurvey(tuple(names), places, flags, legs, plain, styles, tuple(passages), path.stem)
+    ends = np.arange(len(number), len(number) + len(splays))
+    from_stations = np.array([[number[start], end] for (start, _), end in zip(splays, ends, strict=True)])
+    places = np.array([*number, *(end for _, end in splays)])
+    station_flags = np.full(len(places), StationFlag.UNDERGROUND, np.uint8)
+    station_flags[ends] = StationFlag.ANONYMOUS
+    flags = np.repeat(np.array([0, LegFlag.SPLAY], np.uint8), (len(legs), len(splays)))
+    legs = np.concatenate([legs, from_stations]) if splays else legs
+    styles = np.full(len(legs), LegStyle.UNKNOWN, np.uint8)
+    every_name = (*names, *[""] * len(splays))
+    return SolvedSurvey(every_name, places, station_flags, legs, flags, styles, tuple(passages), path.stem)
 
 
 def _feet(path: Path, number: int, text: str) -> float:

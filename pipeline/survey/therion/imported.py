@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved.survex_text import SurvexText, written_name, written_survey
+from pipeline.survey.survex.survex_text import SurvexText, written_name, written_survey
 from pipeline.survey.therion.lines import TherionLine, named_file
 from pipeline.survey.therion.place import cs_for_survex
 

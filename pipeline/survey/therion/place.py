@@ -3,30 +3,44 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 import pyproj
 
 from pipeline.errors import InputError
+from pipeline.survey.survex.convergence import convergence_deg
+from pipeline.survey.therion.dates import CENTRELINES, Dates, year_of
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.words import number_for_survex
 
-_DATE = re.compile(r"(1[89]\d\d|20\d\d)(?:\.(0?[1-9]|1[0-2])(?:\.(0?[1-9]|[12]\d|3[01]))?)?(?![\d.])")
 _SQUARE_M = 100_000.0
 _LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
 
 
 _DEGREES = "long-lat"  # as Survex calls it
+_METRES = 1e-9  # how far a system's unit may be from a metre
 
 
 @dataclass(frozen=True)
 class System:
-    """A coordinate system by Survex's name. `metric` is empty for degrees."""
+    """A coordinate system by Survex's name. `metric` is empty for degrees.
+
+    Coordinates of a system that `is_reversed` are counted to the west and to the south. Therion has that to the west
+    first, whatever the system's own order.
+    """
 
     name: str
     metric: str
     is_latitude_first: bool = False
+    is_reversed: bool = False
+
+    def east_north(self, first: float, second: float) -> tuple[float, float]:
+        """Return coordinates as a file states them as those to the east and to the north."""
+        if self.is_latitude_first:
+            return second, first
+        return (-first, -second) if self.is_reversed else (first, second)
 
 
 @dataclass(frozen=True)
@@ -44,12 +58,6 @@ class Place:
     date: str
 
 
-def date_for_survex(words: tuple[str, ...]) -> str:
-    """Return the first date of a `date` command for `*date`, or nothing if it is none that Survex reads."""
-    found = _DATE.match(words[0]) if words else None
-    return ".".join(part for part in found.groups() if part) if found else ""
-
-
 def cs_for_survex(where: str, words: tuple[str, ...]) -> System:
     """Return a coordinate system for `*cs`, and the metric one in which the result is wanted.
 
@@ -64,8 +72,12 @@ def cs_for_survex(where: str, words: tuple[str, ...]) -> System:
         return System(_DEGREES, "", upper != "LONG-LAT")
     if re.fullmatch(r"OSGB:[HNOST][A-HJ-Z]", upper):
         return System(upper, "EPSG:27700")
-    if re.fullmatch(r"(EPSG|ESRI):\d{3,6}", upper) or upper in ("S-MERC", "JTSK", "IJTSK", "JTSK03", "IJTSK03"):
-        return System(upper, upper if ":" in upper or upper == "S-MERC" else f"I{upper.removeprefix('I')}")
+    if upper in ("S-MERC", "IJTSK", "IJTSK03"):
+        return System(upper, upper)
+    if upper in ("JTSK", "JTSK03"):
+        return System(*2 * (f"I{upper}",), is_reversed=True)
+    if re.fullmatch(r"(EPSG|ESRI):\d{3,6}", upper):
+        return _of_authority(where, upper)
     zone = re.fullmatch(r"(UTM|ETRS)(\d{1,2})([NS]?)", upper)
     if zone and zone[1] == "ETRS" and 28 <= int(zone[2]) <= 37 and not zone[3]:
         return System(f"EPSG:{25800 + int(zone[2])}", f"EPSG:{25800 + int(zone[2])}")
@@ -77,7 +89,34 @@ def cs_for_survex(where: str, words: tuple[str, ...]) -> System:
     )
 
 
-def place_of(lines: list[TherionLine]) -> Place | None:
+def _of_authority(where: str, name: str) -> System:
+    """Return a system of EPSG or ESRI; in place of axes to the west and the south, it has axes to the east and north.
+
+    Raises
+    ------
+    InputError
+        If it is unknown, or counts in another unit than metres: Survex and Therion would take these for metres.
+    """
+    try:
+        found = pyproj.CRS.from_user_input(name)
+    except pyproj.exceptions.ProjError as error:
+        raise InputError(f"{where}: cs {name}: it is unknown") from error
+    units = {axis.unit_name for axis in found.axis_info[:2] if abs(axis.unit_conversion_factor - 1) > _METRES}
+    if units:
+        raise InputError(
+            f"{where}: cs {name} counts in {', '.join(sorted(units))}, not in metres; state the stations in another "
+            "system (UTM), or of degrees lat-long or long-lat"
+        )
+    if {axis.direction for axis in found.axis_info[:2]} != {"west", "south"}:
+        return System(name, name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # PROJ strings name no datum; that the survey's own are kept is all we need
+        text = found.to_proj4()
+    east_north = re.sub(r"\+(axis|type)=\S+ ?", "", text).strip()
+    return System(*2 * (f'custom "{east_north}"',), is_reversed=True)
+
+
+def place_of(lines: list[TherionLine], dates: Dates) -> Place | None:
     """Return where a project lies, or None if it names no coordinate system or fixes no station in it.
 
     Raises
@@ -87,30 +126,27 @@ def place_of(lines: list[TherionLine]) -> Place | None:
     """
     first, current = None, None
     fixes: list[list[float]] = []
-    dates: list[str] = []
     for line in lines:
         word = line.words[0]
-        if word in ("centreline", "centerline"):
+        if word in CENTRELINES:
             current = None
         elif word == "cs":
             current = cs_for_survex(line.where, line.words[1:])
             first = first or (line, current)
         elif word == "fix" and first and current == first[1] and len(line.words) >= 5:
-            east, north, up = (float(number_for_survex(line.where, text)) for text in line.words[2:5])
-            fixes.append([north, east, up] if current.is_latitude_first else [east, north, up])
-        elif word == "date":
-            dates += [date] if (date := date_for_survex(line.words[1:])) else []
+            x, y, up = (float(number_for_survex(line.where, text)) for text in line.words[2:5])
+            fixes.append([*current.east_north(x, y), up])
     if first is None or not fixes:
         return None
     line, system = first
     east, north, up = np.mean(fixes, axis=0).tolist()
     cs, out = system.name, system.metric or _utm_zone(east, north)
-    earliest = min(dates, key=lambda date: [int(part) for part in date.split(".")]) if dates else ""
+    earliest = min(dates.values(), key=year_of, default="")
     return Place(line, cs, out, (east, north, up), _convergence_deg(line, cs, out, east, north), earliest)
 
 
 def _convergence_deg(line: TherionLine, cs: str, out: str, east: float, north: float) -> float:
-    """Return the meridian convergence of a metric system at a place."""
+    """Return the angle from true north to the north of a metric system at a place, as Therion finds it."""
     try:
         system = pyproj.CRS.from_user_input(_proj_name(out))
         if cs.startswith("OSGB:"):
@@ -118,10 +154,7 @@ def _convergence_deg(line: TherionLine, cs: str, out: str, east: float, north: f
         elif cs != out:
             to_out = pyproj.Transformer.from_crs(_proj_name(cs), system, always_xy=True)
             east, north = to_out.transform(east, north)
-        longitude, latitude = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True).transform(
-            east, north
-        )
-        angle = float(pyproj.Proj(system).get_factors(longitude, latitude).meridian_convergence)
+        angle = convergence_deg(system, east, north)
     except pyproj.exceptions.ProjError as error:
         raise InputError(f"{line.where}: cs {cs}: it is unknown, or the fixed stations lie outside") from error
     if not np.isfinite(angle):
@@ -146,5 +179,6 @@ def _proj_name(cs: str) -> str:
     if cs.startswith("UTM"):
         zone, half = int(cs[3:-1]), cs[-1]
         return f"EPSG:{(32600 if half == 'N' else 32700) + zone}"
-    return {_DEGREES: "EPSG:4326", "S-MERC": "EPSG:3857", "IJTSK": "EPSG:5514", "JTSK": "EPSG:5513",
-            "IJTSK03": "EPSG:8353", "JTSK03": "EPSG:8352"}.get(cs, cs)  # fmt: skip
+    if cs.startswith("custom"):
+        return cs.partition('"')[2].rstrip('"')
+    return {_DEGREES: "EPSG:4326", "S-MERC": "EPSG:3857", "IJTSK": "EPSG:5514", "IJTSK03": "EPSG:8353"}.get(cs, cs)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.errors import InputError
-from pipeline.survey.solved.survex_text import SurvexText
+from pipeline.survey.survex.survex_text import SurvexText
 from pipeline.survey.therion.lines import TherionLine
-from pipeline.survey.therion.words import number_for_survex, station_for_survex
+from pipeline.survey.therion.quantities import Quantities
+from pipeline.survey.therion.words import FLAGS, changed_flags, number_for_survex, station_for_survex
 
 _NAMES = {
     "tape": "length", "bearing": "compass", "gradient": "clino", "backbearing": "backcompass",
@@ -19,6 +20,7 @@ _STYLES = {"normal", "cartesian", "diving", "cylpolar", "nosurvey", "dimensions"
 _PASSAGE = "*data passage station left right up down"
 _LRUD = ("left", "right", "up", "down")
 _ANGLES = ("compass", "backcompass")
+_NO_NUMBERS = ("from", "to", "ignore", "ignoreall", "direction")
 _READINGS = {
     "from", "to", "station", "newline", "length", "compass", "clino", "backcompass", "backclino", "easting", "northing",
     "altitude", "fromdepth", "todepth", "depth", "depthchange", "ignore", "ignoreall", "direction", "fromcount",
@@ -27,33 +29,85 @@ _READINGS = {
 _PLUMB = {"up", "u", "+v", "down", "d", "-v", "level", "h", "-", "."}
 _SPLAY_ENDS = ("-", ".")
 _UNKNOWN = ("-", ".", "nan", "NaN", "NAN")
+_DEFAULT = ("data", "normal", "from", "to", "length", "compass", "clino")
+_VECTOR = {"dx": "easting", "dy": "northing", "dz": "altitude"}  # the quantity of each reading
+_TURNED = "*data cylpolar from to tape compass depthchange"
+_PLAIN_UNITS = ("*units length metres", "*units compass degrees", "*units depth metres")
+_UNCORRECTED = ("*calibrate length 0", "*calibrate compass 0", "*calibrate depth 0")
 
 
 @dataclass
 class _TherionShot:
     line: TherionLine
     values: dict[str, str]
+    flags: frozenset[str]
+
+
+@dataclass(frozen=True)
+class ReadingOrder:
+    """How lines are read: the style, the readings in order, what stands around names of stations, and flags."""
+
+    style: str = ""
+    readings: tuple[str, ...] = ()
+    around: tuple[str, str] = ("", "")
+    flags: frozenset[str] = frozenset()
 
 
 class Shots:
     """The data of one centreline. Repeated shots are collected and averaged; cross-sections follow their shots."""
 
-    def __init__(self, made: SurvexText) -> None:
-        """Begin without an order of readings."""
+    def __init__(self, made: SurvexText, is_turned: bool) -> None:
+        """Begin without an order of readings. Vectors are turned by a declination, as in Therion, if `is_turned`."""
         self.made, self.add = made, made.add
-        self.style = ""
-        self.readings: tuple[str, ...] = ()
+        self.how = ReadingOrder()
+        self.is_turned = is_turned
+        self.quantities = Quantities()
+        self.written: frozenset[str] | None = frozenset()  # flags that Survex has; None: it is not known which
         self.repeated: list[_TherionShot] = []
         self.sections: list[tuple[TherionLine, str]] = []  # `*data` lines and rows of cross-sections
         self.tail = ""  # the last station of the cross-sections' passage
+
+    @property
+    def style(self) -> str:
+        """Return the style of the readings, empty before the first `data` line."""
+        return self.how.style
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """Return the readings of a line, in order."""
+        return self.how.readings
+
+    def change_flags(self, where: str, words: tuple[str, ...]) -> None:
+        """Read the words of `flags`."""
+        self.how = replace(self.how, flags=changed_flags(where, self.how.flags, words))
+
+    def name_stations(self, before: str, after: str) -> None:
+        """Read what stands before and after the names of the centreline's own stations."""
+        self.how = replace(self.how, around=(before, after))
+
+    def station(self, where: str, name: str) -> str:
+        """Return a station's name for Survex."""
+        before, after = self.how.around
+        own = name not in _SPLAY_ENDS and "@" not in name
+        return station_for_survex(where, f"{before}{name}{after}" if own else name)
+
+    def begin_group(self) -> tuple[ReadingOrder, Quantities]:
+        """Return what the end of a group takes back."""
+        kept = self.how, self.quantities
+        self.quantities = self.quantities.copy()
+        return kept
+
+    def end_group(self, kept: tuple[ReadingOrder, Quantities]) -> None:
+        """Take back what a group stated, as Survex does at the end of its block."""
+        (self.how, self.quantities), self.written = kept, None
 
     def order(self, line: TherionLine) -> None:
         """Read a `data` line: the style and the order of the readings."""
         words = [word.lower() for word in line.words[1:]]
         if not words or words[0] not in _STYLES:
             raise InputError(f"{line.where}: data {' '.join(words)[:60]!r} is not supported")
-        self.style = "normal" if words[0] == "topofil" else words[0]
-        self.readings = tuple(_NAMES.get(word, word) for word in words[1:])
+        style = "normal" if words[0] == "topofil" else words[0]
+        self.how = replace(self.how, style=style, readings=tuple(_NAMES.get(word, word) for word in words[1:]))
         unknown = [word for word in self.readings if word not in _READINGS]
         if unknown:
             raise InputError(f"{line.where}: reading {unknown[0][:40]!r} is not supported")
@@ -67,12 +121,15 @@ class Shots:
     def read(self, line: TherionLine) -> None:
         """Read a line of data."""
         if not self.style:
-            raise InputError(f"{line.where}: {line.words[0][:40]!r} is no command, and no `data` line precedes it")
+            if len(line.words) < len(_DEFAULT) - 2:
+                raise InputError(f"{line.where}: {line.words[0][:40]!r} is no command, and no `data` line precedes it")
+            self.order(replace(line, words=_DEFAULT))  # Therion's own order
         if self.style in ("dimensions", "passage"):
             self._section(line, dict(zip(self.readings, line.words, strict=False)))
         elif "newline" in self.readings:
             alone = len(line.words) == 1
-            words = [station_for_survex(line.where, line.words[0])] if alone else [_plain(line, w) for w in line.words]
+            words = [self.station(line.where, line.words[0])] if alone else [self._plain(line, w) for w in line.words]
+            self._put_flags(line, self.how.flags)
             self.add(line, " ".join(words))
         else:
             self._shot(line)
@@ -89,8 +146,14 @@ class Shots:
         self.sections = []
 
     def _order(self) -> str:
+        if self._is_vector():
+            return _TURNED
         kept = [word for word in self.readings if word not in _LRUD]
         return f"*data {self.style} {' '.join(kept)}"
+
+    def _is_vector(self) -> bool:
+        """Return whether shots are vectors that the declination turns. Survex turns polar readings only."""
+        return self.is_turned and self.style == "cartesian" and {"from", "to", *_VECTOR.values()} <= set(self.readings)
 
     def _shot(self, line: TherionLine) -> None:
         if "from" not in self.readings or "to" not in self.readings:
@@ -100,7 +163,7 @@ class Shots:
             raise InputError(f"{line.where}: {len(line.words)} readings, `data` names {len(self.readings)}")
         if len(line.words) > len(self.readings) and "ignoreall" not in self.readings:
             raise InputError(f"{line.where}: {len(line.words)} readings, `data` names {len(self.readings)}")
-        shot = _TherionShot(line, values)
+        shot = _TherionShot(line, values, self.how.flags)
         splay = values.get("from") in _SPLAY_ENDS or values.get("to") in _SPLAY_ENDS
         ends = values.get("from"), values.get("to")
         if self.repeated and (splay or (self.repeated[0].values["from"], self.repeated[0].values["to"]) != ends):
@@ -112,27 +175,56 @@ class Shots:
             self._keep_section(line, values)
 
     def _write_repeated(self) -> None:
+        """Write the readings of one shot, of which each has its mean. It has the flags that all of them have."""
         if not self.repeated:
             return
-        line = self.repeated[0].line
-        rows = [shot.values for shot in self.repeated]
+        shots, self.repeated = self.repeated, []
+        line, rows = shots[0].line, [shot.values for shot in shots]
+        self._put_flags(line, frozenset.intersection(*(shot.flags for shot in shots)))
+        means = {
+            name: _mean(line, name, texts)
+            for name in self.readings
+            if name not in (*_LRUD, *_NO_NUMBERS) and (texts := [row[name] for row in rows if name in row])
+        }
+        ends = {name: self.station(line.where, rows[0][name]) for name in ("from", "to")}
+        if self._is_vector():
+            self._write_vector(line, ends, means)
+            return
         words = []
         for name in (word for word in self.readings if word not in _LRUD):
-            texts = [row[name] for row in rows if name in row]
-            if name in ("from", "to"):
-                words.append(station_for_survex(line.where, texts[0]))
-            elif name in ("ignore", "ignoreall", "direction"):
-                words.append(texts[0] if texts and texts[0].isalnum() else "0")
+            if name in ends:
+                words.append(ends[name])
+            elif name in _NO_NUMBERS:
+                words.append(rows[0][name] if rows[0].get(name, "").isalnum() else "0")
             else:
-                words.append(_mean(line, name, texts))
-        self.repeated = []
+                words.append(means[name])
         is_splay = rows[0].get("from") in _SPLAY_ENDS or rows[0].get("to") in _SPLAY_ENDS
         if self.style == "normal" or not is_splay:
             self.add(line, " ".join(words))
             return
-        names = [self.made.unnamed_station() if word in (".", "..") else word for word in words]
-        for text in ("*begin", "*flags splay", " ".join(names), "*end"):
+        self._write_splay(line, [self.made.unnamed_station() if word in (".", "..") else word for word in words])
+
+    def _write_vector(self, line: TherionLine, ends: dict[str, str], means: dict[str, str]) -> None:
+        """Write a vector as its length and bearing in plan, m and deg, and its rise, whatever the units of these."""
+        metres = self.quantities.metres
+        east, north, rise = (metres(axis, float(means[name])) for axis, name in _VECTOR.items())
+        bearing = math.degrees(math.atan2(east, north)) % 360
+        is_splay = any(name in (".", "..") for name in ends.values())
+        names = [self.made.unnamed_station() if name in (".", "..") else name for name in ends.values()]
+        texts = ("*begin", *(("*flags splay",) if is_splay else ()), *_PLAIN_UNITS, *_UNCORRECTED)
+        for text in (*texts, f"{' '.join(names)} {math.hypot(east, north):.6f} {bearing:.8f} {rise:.6f}", "*end"):
             self.add(line, text)
+
+    def _write_splay(self, line: TherionLine, words: list[str]) -> None:
+        for text in ("*begin", "*flags splay", " ".join(words), "*end"):
+            self.add(line, text)
+
+    def _put_flags(self, line: TherionLine, flags: frozenset[str]) -> None:
+        """State flags to Survex, if they are other ones than before."""
+        if flags != self.written:
+            words = [flag if flag in flags else f"not {flag}" for flag in FLAGS]
+            self.add(line, f"*flags {' '.join(words)}")
+            self.written = flags
 
     def _keep_section(self, line: TherionLine, values: dict[str, str]) -> None:
         """Keep the cross-sections of a shot; a shot that does not continue begins a new passage.
@@ -151,30 +243,28 @@ class Shots:
             self.tail = ""
             return
         if values["from"] != self.tail:
-            self.sections += [(line, _PASSAGE), (line, _section_words(line, values["from"], at_from))]
-        self.sections.append((line, _section_words(line, values["to"], at_to)))
+            self.sections += [(line, _PASSAGE), (line, self._section_words(line, values["from"], at_from))]
+        self.sections.append((line, self._section_words(line, values["to"], at_to)))
         self.tail = values["to"]
 
     def _section(self, line: TherionLine, values: dict[str, str]) -> None:
-        self.add(line, _section_words(line, values["station"], values))
+        self.add(line, self._section_words(line, values["station"], values))
 
+    def _section_words(self, line: TherionLine, station: str, values: dict[str, str]) -> str:
+        walls = []
+        for name in _LRUD:
+            text = values.get(name, "-")
+            walls.append("-" if text in _UNKNOWN else number_for_survex(line.where, text))
+        return " ".join([self.station(line.where, station), *walls])
 
-def _section_words(line: TherionLine, station: str, values: dict[str, str]) -> str:
-    walls = []
-    for name in _LRUD:
-        text = values.get(name, "-")
-        walls.append("-" if text in _UNKNOWN else number_for_survex(line.where, text))
-    return " ".join([station_for_survex(line.where, station), *walls])
-
-
-def _plain(line: TherionLine, word: str) -> str:
-    """Return a word of interleaved data: a number, a plumb reading, or a station."""
-    if word.lower() in _PLUMB:
-        return word
-    try:
-        return number_for_survex(line.where, word)
-    except InputError:
-        return station_for_survex(line.where, word)
+    def _plain(self, line: TherionLine, word: str) -> str:
+        """Return a word of interleaved data: a number, a plumb reading, or a station."""
+        if word.lower() in _PLUMB:
+            return word
+        try:
+            return number_for_survex(line.where, word)
+        except InputError:
+            return self.station(line.where, word)
 
 
 def _mean(line: TherionLine, name: str, texts: list[str]) -> str:

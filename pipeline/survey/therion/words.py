@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from pipeline.errors import InputError
-from pipeline.survey.solved.survex_text import written_name, written_survey
+from pipeline.survey.survex.survex_text import written_name, written_survey
 
 _DOT = "~"  # stands for the point of a station's name, which parts surveys in Survex
 SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area", "revise", "scan"}
@@ -14,26 +14,27 @@ _NUMBER = re.compile(r"[+-]?(\d{1,12}\.?\d{0,17}|\.\d{1,17})(e[+-]?\d{1,2})?", r
 _SEXAGESIMAL = re.compile(r"([+-]?)(\d{1,3}):(\d{1,2}(?:\.\d{0,12})?)(?::(\d{1,2}(?:\.\d{0,12})?))?")
 # Therion has no units and corrections of backsights alone: they have those of their instrument.
 _LENGTH, _COMPASS, _CLINO = "length backlength", "compass backcompass", "clino backclino"
-_QUANTITIES = {
+QUANTITIES = {
     "length": _LENGTH, "tape": _LENGTH, "compass": _COMPASS, "bearing": _COMPASS, "clino": _CLINO, "gradient": _CLINO,
     "counter": "counter", "count": "counter", "depth": "depth", "dx": "dx", "dy": "dy", "dz": "dz", "easting": "dx",
     "northing": "dy", "altitude": "dz", "left": "left", "right": "right", "up": "up", "ceiling": "up", "down": "down",
-    "floor": "down", "dimensions": "left right up down", "position": "position",
+    "floor": "down", "dimensions": "left right up down", "x": "x", "y": "y", "z": "z",
+    "position": "x y z", "declination": "declination",
 }  # fmt: skip
-_UNITS = {
+UNITS = {
     "m": "metres", "meter": "metres", "meters": "metres", "metre": "metres", "metres": "metres", "metric": "metres",
     "ft": "feet", "foot": "feet", "feet": "feet", "feets": "feet", "yd": "yards", "yard": "yards", "yards": "yards",
     "degree": "degrees", "degrees": "degrees", "deg": "degrees", "degs": "degrees", "grad": "grads", "grads": "grads",
     "minute": "minutes", "minutes": "minutes", "min": "minutes", "mil": "mils", "mils": "mils", "percent": "percent",
     "percentage": "percent",
 }  # fmt: skip
-_SMALL = {
+SMALL = {
     "mm": 0.001, "millimeter": 0.001, "millimeters": 0.001, "millimetre": 0.001, "millimetres": 0.001,
     "cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetre": 0.01, "centimetres": 0.01,
     "in": 0.0254, "inch": 0.0254, "inches": 0.0254,
 }  # fmt: skip
-_DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60, "mils": 360 / 6400}
-_FLAGS = {"surface", "duplicate", "splay"}
+DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60, "mils": 0.9}  # mils are grads in Therion and Survex
+FLAGS = ("surface", "duplicate", "splay")
 
 
 def require_name(where: str, name: str) -> str:
@@ -55,37 +56,6 @@ def station_for_survex(where: str, name: str) -> str:
     return ".".join([*outer, inner])
 
 
-def units_for_survex(where: str, words: tuple[str, ...]) -> str:
-    """Return the words of `units` or `sd`: quantities, an optional number, and a unit."""
-    count = next((i for i, word in enumerate(words) if word.lower() not in _QUANTITIES), len(words))
-    rest = [word.lower() for word in words[count:]]
-    _require_no_backsight(where, rest)
-    unit = rest[-1] if rest else ""
-    factor = float(number_for_survex(where, rest[0])) if len(rest) == 2 else 1.0
-    if count == 0 or len(rest) not in (1, 2) or unit not in {**_UNITS, **_SMALL}:
-        raise InputError(f"{where}: units {' '.join(words)[:60]!r} are not supported")
-    name, factor = (_UNITS[unit], factor) if unit in _UNITS else ("metres", factor * _SMALL[unit])
-    number = "" if factor == 1.0 else f"{factor:.10g} "
-    return f"{' '.join(_QUANTITIES[word.lower()] for word in words[:count])} {number}{name}"
-
-
-def numbers_for_survex(where: str, words: tuple[str, ...]) -> dict[str, str]:
-    """Return the words of `calibrate`: by quantity, the zero error and an optional scale."""
-    count = next((i for i, word in enumerate(words) if word.lower() not in _QUANTITIES), len(words))
-    _require_no_backsight(where, [word.lower() for word in words[count:]])
-    numbers = [number_for_survex(where, word) for word in words[count:]]
-    if count == 0 or len(numbers) not in (1, 2):
-        raise InputError(f"{where}: calibrate {' '.join(words)[:60]!r} is not supported")
-    return {_QUANTITIES[word.lower()]: " ".join(numbers) for word in words[:count]}
-
-
-def _require_no_backsight(where: str, words: list[str]) -> None:
-    """Refuse units and corrections of backsights: Therion takes those of their instrument."""
-    if words and words[0].startswith("back"):
-        instrument = words[0].removeprefix("back")[:20]
-        raise InputError(f"{where}: {words[0][:40]!r}: Therion has none of backsights; state those of {instrument!r}")
-
-
 def number_for_survex(where: str, word: str) -> str:
     """Return a plain decimal number, or refuse the word. `4:30` is degrees and minutes, `1e3` a thousand."""
     parts = _SEXAGESIMAL.fullmatch(word)
@@ -97,25 +67,16 @@ def number_for_survex(where: str, word: str) -> str:
     return word if "e" not in word.lower() else f"{float(word):.9f}"
 
 
-def declination_for_survex(where: str, words: list[str], convergence_deg: float) -> str:
-    """Return Survex's command for one declination, counted from grid north; a list by date is refused."""
-    words = " ".join(words).split()
-    if len(words) != 2 or _UNITS.get(words[1].lower()) not in _DEGREES:
-        raise InputError(f"{where}: declination {' '.join(words)[:60]!r}: expected one angle with its unit")
-    degrees = float(number_for_survex(where, words[0])) * _DEGREES[_UNITS[words[1].lower()]]
-    return f"*declination {degrees - convergence_deg:.6f} degrees"
-
-
-def flags_for_survex(where: str, words: tuple[str, ...]) -> str:
-    """Return the words of `flags` that Survex has; `approximate` has no equivalent and is left out."""
-    kept, negate = [], False
+def changed_flags(where: str, flags: frozenset[str], words: tuple[str, ...]) -> frozenset[str]:
+    """Return flags of shots after the words of `flags`; `approximate` changes nothing here and is left out."""
+    is_not = False
     for word in (word.lower() for word in words):
         if word == "not":
-            negate = True
+            is_not = True
             continue
-        if word in _FLAGS:
-            kept += ["not", word] if negate else [word]
+        if word in FLAGS:
+            flags = flags - {word} if is_not else flags | {word}
         elif word not in ("approx", "approximate"):
             raise InputError(f"{where}: flag {word[:40]!r} is not supported")
-        negate = False
-    return " ".join(kept)
+        is_not = False
+    return flags

@@ -29,6 +29,7 @@ class WallsCopy:
     path: Path
     project: bytes = b""
     surveys: list[Path] = field(default_factory=list)
+    options: list[str] = field(default_factory=list)  # of each survey: `.OPTIONS` of its books and its own
 
     def write(self, folder: Path) -> Path:
         """Write the copy into a folder, and return its main file."""
@@ -60,6 +61,7 @@ class _Entry:
     folder: Path | None
     is_survey: bool = False
     name: str = ""
+    options: str = ""
     status: int = _DETACHED  # Survex leaves out an entry without a status
     name_line: int = -1
     status_line: int = -1
@@ -82,7 +84,7 @@ def copy_of(path: Path) -> WallsCopy:
     Walls, "Project file". Survex 1.4.22, src/datain.c, says which entries are left out.
     """
     if path.suffix.lower() == _SURVEY:
-        return WallsCopy(path, surveys=[path])
+        return WallsCopy(path, surveys=[path], options=[""])
     copy = WallsCopy(path)
     lines = _LINE_END.split(read_text_bytes(path))
     reader = _Reader(copy, lines)
@@ -122,6 +124,8 @@ class _Reader:
             elif command == b"PATH":
                 self.open[-1].folder = self._folder(number, self.open[-1].folder, text)
                 self.lines[number] = b";"
+            elif command == b"OPTIONS":
+                self.open[-1].options = text
             elif command == b"STATUS":
                 self.open[-1].status = int(text) if re.fullmatch(r"\d{1,9}", text) else _DETACHED
                 self.open[-1].status_line = number
@@ -154,6 +158,7 @@ class _Reader:
             raise InputError(f"{self._where(entry.name_line)}: {most} files or more (survex_files in {FILE})")
         self.lines[entry.name_line] = f".NAME {_copy_name(len(self.copy.surveys))}".encode()
         self.copy.surveys.append(self._file(entry))
+        self.copy.options.append(" ".join([*(book.options for book in self.open), entry.options]))
 
     def _file(self, entry: _Entry) -> Path:
         assert entry.folder is not None

@@ -114,7 +114,6 @@ def test_the_closing_error_of_a_loop_is_distributed_over_all_shots(tmp_path):
         ("1 2 x 0 0\n", r"bad\.svx:1: Expecting numeric field, found “x”"),
         ("*frobnicate\n", "Unknown command “frobnicate”"),
         ("1 2 5 0 0\n", "no cross-sections and no splays; state the distance to the walls"),
-        ("1 2 5 0 0\n3 4 5 0 0\n", "not all connected to fixed stations"),
         ("1 2 5 0 0\n*data passage station left right up down\n9 1 1 1 1\n", r"bad\.svx:3: .*non-existent station “9”"),
         (
             "1 2 5 0 0\n*data passage station left right up down\n1 - 1 1 1\n2 - 1 1 1\n",
@@ -214,3 +213,27 @@ def test_names_of_other_letters_than_survex_allows_are_refused_with_their_line(t
     path.write_text("1 2 5 90 0\n2 \xe91 5 90 0\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"cave\.svx:2: .*use \*SET NAMES to set allowed characters"):
         read_passages(path)
+
+
+# As Therion 6.1.6 writes a level drift of 40 m with splays of 3 and 4 m to the left, and of 2 and 2.5 m to the right.
+SPLAYS = """M\t0\t0\t0\tS1\tP\t-9999\t-9999\t-9999\t-9999
+D\t-6.5617\t0\t0\tS-\tP\t-9999\t-9999\t-9999\t-9999
+M\t0\t0\t0\tS1\tP\t-9999\t-9999\t-9999\t-9999
+D\t9.8425\t0\t0\tS.\tP\t-9999\t-9999\t-9999\t-9999
+M\t0\t0\t0\tS1\tP\t-9999\t-9999\t-9999\t-9999
+D\t0\t65.617\t0\tS2\tP\t-9999\t-9999\t-9999\t-9999
+D\t-8.2021\t65.617\t0\tS-\tP\t-9999\t-9999\t-9999\t-9999
+M\t0\t65.617\t0\tS2\tP\t-9999\t-9999\t-9999\t-9999
+D\t13.1234\t65.617\t0\tS%s\tP\t-9999\t-9999\t-9999\t-9999
+M\t0\t65.617\t0\tS2\tP\t-9999\t-9999\t-9999\t-9999
+D\t0\t131.234\t%s\tS3\tP\t-9999\t-9999\t-9999\t-9999
+"""
+
+
+@pytest.mark.parametrize("name", [".", "-", ""])
+@pytest.mark.parametrize("rise", ["0", "-13"])
+def test_ends_of_splays_in_a_plot_file_are_walls_and_no_drifts(tmp_path, name, rise):
+    (tmp_path / "a.plt").write_text(SPLAYS % (name, rise))
+    (leg,) = read_plt(tmp_path / "a.plt")
+    assert leg.stations == ["1", "2", "3"]
+    np.testing.assert_allclose(leg.walls_m[:2], [(3, 2), (4, 2.5)], atol=0.001)

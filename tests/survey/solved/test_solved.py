@@ -12,12 +12,12 @@ from pipeline.errors import InputError
 from pipeline.guard import plain_file
 from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.relief import has_relief
-from pipeline.survey.solved import cavern
 from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
+from pipeline.survey.survex import cavern
 from tests.project import ROOT
 from tests.solved import position_of
 
@@ -226,7 +226,6 @@ def test_a_wall_kilometres_from_its_station_is_refused(tmp_path):
     ("files", "message"),
     [
         ({"a.svx": "*include b\n", "b.svx": "1 2 5 0 0\n\n1 1 5 0 0\n"}, r"b\.svx:3: .*same"),
-        ({"a.svx": "*include b\n", "b.svx": "1 2 5 0 0\n3 4 5 0 0\n"}, r"not all connected|not attached"),
         ({"a.svx": "*include b\n", "b.svx": "*include /etc/passwd\n"}, r"b\.svx:1: '/etc/passwd' is outside"),
         ({"a.svx": "*include b\n", "b.svx": "*include ../a\n"}, "is outside the survey's folder"),
         ({"a.svx": "*include b\n", "b.svx": "*set keyword #\n"}, r"\*set keyword is not supported"),
@@ -345,21 +344,6 @@ def test_links_of_nodes_that_lead_out_of_the_folder_are_refused(tmp_path):
     (tmp_path / "mine" / "c_links.dat").symlink_to(tmp_path / "outside.dat")
     with pytest.raises(InputError, match=r"'c_links\.dat' is outside the survey's folder$"):
         solve_file(path)
-
-
-# As 1.4.22 prints it; 1.4.4 refuses such surveys.
-HANGING = """cavern: warning: Survey not all connected to fixed stations
-The following survey stations are not attached to a fixed point:
-a.svx:16: info: a.1
-a.svx:5: info: 3
-
-Survey contains 11 survey stations, joined by 10 legs.
-"""
-
-
-def test_stations_that_newer_versions_leave_out_are_listed():
-    assert cavern.hanging_stations(HANGING) == ["a.1", "3"]
-    assert cavern.hanging_stations("Survey contains 11 survey stations\n") == []
 
 
 def test_ends_of_splays_do_not_count_as_stations_of_passages(tmp_path, monkeypatch):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.survey.solved_surveys import solve_file, survey_files
+from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
 from pipeline.survey.walls.project import copy_of
+from pipeline.survey.walls.sections import _passages
 from tests.solved import position_of
 
 SHOTS = "#units meters order=dav\n#fix A 100 200 30\nA B 10 90 0 <1,2,3,4>\nB C 5 0 90\n"
@@ -119,3 +120,51 @@ def test_a_project_that_leads_elsewhere_is_refused(tmp_path, project, message):
     (tmp_path / "mine/linked.srv").symlink_to(tmp_path / "outside.srv")
     with pytest.raises(InputError, match=message):
         copy_of(path)
+
+
+SECTIONS = """#units feet order=dav lrud=F:UDLR
+#prefix X
+A1 A2 100 0 0 <5,6,7,8>  ; a note <9,9,9,9>
+A2 A3 100 90 0 *1,2,--,4m*
+A3 <3i6 3 2 1>
+#[
+A3 A4 9 9 9 <1,1,1,1>
+#]
+#units save meters lrud=T:LRUD
+A3 Y:B1 50 0 0 <2,3,4,5>
+Y:B1 - 5 0 0 <9,9,9,9>
+#units restore
+A3 A5 10 0 0 <1,1,1,1>
+"""
+
+
+def test_cross_sections_have_their_units_order_and_station(tmp_path):
+    (tmp_path / "a.srv").write_text(SECTIONS)
+    first, second = _passages(tmp_path / "a.srv", "")
+    foot = 0.3048
+    assert [name for name, _ in first] == ["X:A1", "X:A2", "X:A3", "Y:B1"]
+    np.testing.assert_allclose(
+        [lrud for _, lrud in first],
+        [
+            (7 * foot, 8 * foot, 5 * foot, 6 * foot),
+            (np.nan, 4, 1 * foot, 2 * foot),
+            (2 * foot, 1 * foot, 3.5 * foot, 3 * foot),
+            (2, 3, 4, 5),
+        ],
+    )
+    assert [name for name, _ in second] == ["X:A3", "X:A5"]
+
+
+@needs_walls
+def test_walls_sections_are_the_measured_widths_of_the_passages(tmp_path, capsys):
+    survey = solve_file(write(tmp_path, {"a.srv": SHOTS}))
+    (passage,) = survey.passages
+    assert [survey.names[k] for k in passage.stations] == ["A", "B", "C"]
+    np.testing.assert_array_equal(passage.lrud_m[0], (1, 2, 3, 4))
+    legs, _ = read_passages(tmp_path / "a.srv")
+    np.testing.assert_array_equal(legs[0].walls_m[0], (1, 2))
+    feet = PROJECT.replace(".NAME\tsouth", ".NAME\tsouth\n.OPTIONS\tfeet")
+    files = {**FILES, "mine.wpj": feet, "south.srv": "C D 10 0 0 <10,10,10,0>\n"}
+    survey = solve_file(write(tmp_path, files))
+    assert max(float(np.nanmax(passage.lrud_m)) for passage in survey.passages) == pytest.approx(4)
+    assert "no station" not in capsys.readouterr().err

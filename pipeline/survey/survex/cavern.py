@@ -8,16 +8,19 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.guard.process_limits import die_with_parent
 from pipeline.guard.reading_process import one_line
 from pipeline.params.reader_limits import FILE
 from pipeline.remarks import warn_user
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved.survex_text import Written
+from pipeline.survey.survex.adjustment import read_traverses, require_printed_length, warn_of_misclosures
+from pipeline.survey.survex.computed import computed_declinations, state_declination, warn_of_computed
+from pipeline.survey.survex.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
@@ -31,10 +34,10 @@ _BEYOND_CIRCLE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Suspicio
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
-# Survex 1.4.10 and newer leave out what hangs on no fixed station; older ones refuse it.
-_HANGING = re.compile(
-    r"^The following survey stations are not attached to a fixed point:\n((?:.*: info: .*\n?)+)", re.MULTILINE
-)
+# Survex 1.4.10 and newer leave out what hangs on no fixed station; older ones refuse it. Both list one station of each
+# piece, the newer ones with its file.
+_HANGING = "The following survey stations are not attached to a fixed point:"
+_HANGING_STATION = re.compile(r"(?:.*: info: )?(\S+)")
 
 
 def require_cavern(path: Path) -> str:
@@ -63,26 +66,27 @@ def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
         The message names the version that is installed, and the one that is needed.
     """
     _, output = _run([require_cavern(path), "--version"])
-    found = re.search(r"Survex (\d+(?:\.\d+)*)", output)
-    version = tuple(int(part) for part in found[1].split(".")) if found else ()
+    version = _version(output)
     if version < least:
-        needed = ".".join(str(part) for part in least)
-        installed = found[1] if found else "unknown"
+        needed, installed = (".".join(map(str, numbers)) for numbers in (least, version))
         raise InputError(f"{path}: {what} needs Survex {needed} or newer to be solved; {installed} is installed")
 
 
-def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
-    """Solve a project whose files were checked by `project_files`.
+def solve(path: Path, written: Written, declination_deg: float | None = None) -> SolvedSurvey:
+    """Solve a project whose files were checked.
 
     `cavern` runs as a child of this process, inherits its limits on memory, processor time and file size, and ends with
-    it. It writes into a temporary folder only.
+    it. It writes into a temporary folder only. Misclosures, computed declinations and stations that hang on no fixed
+    one are listed.
 
     Parameters
     ----------
     path : Path
         The main file. Errors name it.
-    written : Written, optional
-        What to solve in place of the file's content. Errors name the lines from which it was made.
+    written : Written
+        What to solve in place of the file itself. Errors name the lines from which it was made.
+    declination_deg : float, optional
+        In place of every declination that Survex computes.
 
     Raises
     ------
@@ -97,46 +101,66 @@ def solve(path: Path, written: Written | None = None) -> SolvedSurvey:
     program = require_cavern(path)
     with tempfile.TemporaryDirectory(prefix="minexplore-") as name:
         folder = Path(name)
-        # Survex looks for included files beside the main file.
-        source = path.absolute() if written is None else written.write(folder)
-        status, output = _run([program, "-q", "-s", "-o", str(folder / "solved.3d"), str(source)])
-        result = folder / "solved.3d"
+        source = written.write(folder)
+        result = folder / f"{path.stem}.3d"
+        command = [program, "-q", "-o", str(result), str(source)]
+        status, output = _run(command)
+        is_computed = status == 0 and bool(computed_declinations(output))
+        if declination_deg is not None and is_computed:
+            files = [file for file in folder.rglob("*") if file.is_file()]
+            state_declination(declination_deg, read_3d(result), files)
+            status, output = _run(command)
+        elif declination_deg is not None:
+            warn_user(f"{path.name}: --declination changes nothing: no declination is computed")
         if status != 0 or not result.is_file():
             raise InputError(_problem(path, source, status, output, written))
-        unreal = _named(_UNREAL, path, source, output, written)
-        if unreal is not None:
-            raise InputError(f"{unreal}; correct it")
-        beyond = _named(_BEYOND_CIRCLE, path, source, output, written)
-        if beyond is not None:
-            count = sum(_BEYOND_CIRCLE.match(line) is not None for line in output.splitlines())
-            warn_user(
-                f"{path.name}: {count} compass readings are beyond 360 deg and go on round the circle, 364 as 4; the "
-                f"first is {beyond.rpartition('/')[2]}"
-            )
-        turned = _named(_CONVERGENCE, path, source, output, written)
-        if turned is not None:
-            raise InputError(
-                f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
-                "in another one (UTM), or state *declination as a number"
-            )
+        _require_sound(path, source, output, written)
+        warn_of_computed(path, _version(output), computed_declinations(output))
+        doubt = warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)
         hanging = hanging_stations(output)
         if hanging:
-            warn_user(
-                f"{path}: {len(hanging)} stations hang on no fixed one and are left out: {', '.join(hanging[:3])}"
-            )
+            some = ", ".join(written.message(station) for station in hanging[:3])
+            warn_user(f"{path.name}: {len(hanging)} pieces hang on no fixed station and are left out: that of {some}")
         try:
             survey = read_3d(result)
-            if written is not None:
-                survey = replace(survey, title=path.stem, names=written.names(survey.names))
-            return survey
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
+        require_printed_length(path, output, survey)
+        title = path.stem if survey.title == source.stem else survey.title
+        return replace(survey, title=title, names=written.names(survey.names), doubt=doubt)
+
+
+def _require_sound(path: Path, source: Path, output: str, written: Written) -> None:
+    """Refuse readings that no instrument shows and bearings that are turned wrongly, and list those beyond 360 deg."""
+    unreal = _named(_UNREAL, path, source, output, written)
+    if unreal is not None:
+        raise InputError(f"{unreal}; correct it")
+    beyond = _named(_BEYOND_CIRCLE, path, source, output, written)
+    if beyond is not None:
+        count = sum(_BEYOND_CIRCLE.match(line) is not None for line in output.splitlines())
+        warn_user(
+            f"{path.name}: {count} compass readings are beyond 360 deg and go on round the circle, 364 as 4; the "
+            f"first is {beyond.rpartition('/')[2]}"
+        )
+    turned = _named(_CONVERGENCE, path, source, output, written)
+    if turned is not None:
+        raise InputError(
+            f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
+            "in another one (UTM), or state *declination as a number"
+        )
 
 
 def hanging_stations(output: str) -> list[str]:
-    """Return the stations that Survex lists as attached to no fixed one."""
-    found = _HANGING.search(output)
-    return [] if found is None else [line.partition(": info: ")[2] for line in found[1].splitlines()]
+    """Return a station of each piece of a survey that `cavern` lists as attached to no fixed station."""
+    lines = output.partition(f"{_HANGING}\n")[2].splitlines()
+    found = (_HANGING_STATION.fullmatch(line) for line in lines)
+    return [match[1] for match in takewhile(bool, found) if match is not None]
+
+
+def _version(output: str) -> tuple[int, ...]:
+    """Return the version that `cavern` prints at the start; empty if it prints none."""
+    found = re.search(r"Survex (\d+(?:\.\d+)*)", output)
+    return tuple(int(part) for part in found[1].split(".")) if found else ()
 
 
 def _run(command: list[str]) -> tuple[int, str]:
@@ -158,7 +182,7 @@ def _run(command: list[str]) -> tuple[int, str]:
     return process.returncode, data.decode("utf-8", "replace")
 
 
-def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written: Written | None) -> str | None:
+def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written: Written) -> str | None:
     """Return the first message of a kind, with the file and line of the user's that it is about."""
     for line in output.splitlines():
         found = kind.match(line)
@@ -166,7 +190,7 @@ def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written
             continue
         file, number = Path(found[1]), int(found[2])
         message = found[3]
-        if written is not None and file.parent == source.parent:
+        if file.parent == source.parent:
             file, number = written.origin(file, number)
             message = written.message(message)
         elif file.is_relative_to(source.parent):
@@ -175,10 +199,17 @@ def _named(kind: re.Pattern[str], path: Path, source: Path, output: str, written
     return None
 
 
-def _problem(path: Path, source: Path, status: int, output: str, written: Written | None) -> str:
+def _problem(path: Path, source: Path, status: int, output: str, written: Written) -> str:
     named = _named(_ERROR, path, source, output, written)
     if named is not None:
         return named
+    hanging = hanging_stations(output)
+    if hanging:
+        shown = [one_line(written.message(text), 60) for text in hanging]
+        return (
+            f"{path}: {first_few(shown, 5)}: no leg and no equate leads from there to a fixed station; tie it by one "
+            "of them, or fix a station of it"
+        )
     if status < 0:
         return f"{path}: Survex ended by signal {-status}; the survey needs more than a limit in {FILE}"
     errors = [line.partition("error: ")[2] for line in output.splitlines() if "error: " in line]

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from pipeline.survey.survex.repeated import flagged_together
+
 NAME_CHARACTERS = "_-+~"  # beside letters and digits: `*set names` takes them
 _PLAIN = re.compile(r"[A-Za-z0-9_-]*")
 # Survex 1.4 knows anonymous stations in the style `normal` only. `written_name` writes ~ otherwise.
@@ -64,7 +66,7 @@ class SurvexText:
     def write(self, folder: Path) -> Path:
         """Write the text into a folder, and return its file."""
         source = folder / "made.svx"
-        source.write_text("\n".join(self.lines) + "\n", encoding="ascii")
+        source.write_text("\n".join(flagged_together(self.lines)) + "\n", encoding="ascii")
         return source
 
     def origin(self, file: Path, number: int) -> tuple[Path, int]:

@@ -1,0 +1,86 @@
+"""Legs that were surveyed twice: they tie passages together, and are no passages of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import networkx as nx
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, shots_of
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A repeated leg: the names of its stations, and their places (2, 3) m."""
+
+    stations: tuple[str, str]
+    places_m: np.ndarray
+
+
+def passages_of_ties(legs: list[SurveyLeg], ties: list[Tie]) -> list[SurveyLeg]:
+    """Return as passages the repeated legs without which pieces of a survey would lie apart, seen from above.
+
+    A leg that was surveyed twice runs beside its first survey, whose walls hold its stations. Where they do not,
+    nothing else leads to what hangs on it. Its stations have the walls of the legs there, or of the nearest end.
+    """
+    joined: nx.Graph = nx.Graph()
+    for leg in legs:
+        nx.add_path(joined, leg.stations)
+    part = {name: number for number, names in enumerate(nx.connected_components(joined)) for name in names}
+    if len(set(part.values())) < 2 or not ties:
+        return []
+    shapes = _shapes(legs, part)
+    tied: nx.Graph = nx.Graph()
+    for tie in ties:
+        tied.add_edge(*tie.stations, tie=tie)
+    parts: nx.Graph = nx.Graph()
+    found = []
+    for names in nx.connected_components(tied):
+        ends = [name for name in names if name in part]
+        for name in ends[1:]:
+            a, b = part[ends[0]], part[name]
+            parts.add_nodes_from((a, b))
+            if shapes[a].intersects(shapes[b]):
+                parts.add_edge(a, b)
+        for name in ends[1:]:
+            a, b = part[ends[0]], part[name]
+            if not nx.has_path(parts, a, b):
+                parts.add_edge(a, b)
+                path = nx.shortest_path(tied, ends[0], name)
+                found.append(_passage(legs, path, [tied.edges[pair]["tie"] for pair in pairwise(path)]))
+    return found
+
+
+def _shapes(legs: list[SurveyLeg], part: dict[str, int]) -> dict[int, BaseGeometry]:
+    """Return the workings of each part, seen from above."""
+    shots: dict[int, list[SurveyLeg]] = {number: [] for number in part.values()}
+    for leg in legs:
+        shots[part[leg.stations[0]]] += [leg] if leg.is_plumb else shots_of(leg)
+    return {number: _workings(some) for number, some in shots.items()}
+
+
+def _workings(legs: list[SurveyLeg]) -> BaseGeometry:
+    driven = [leg for leg in legs if not leg.is_plumb and np.isfinite(leg.walls_m).all()]
+    places = [shapely.points(leg.positions_m[0]) for leg in legs if leg.is_plumb]
+    return shapely.union_all([build_workings(driven), *places])
+
+
+def _passage(legs: list[SurveyLeg], names: list[str], ties: list[Tie]) -> SurveyLeg:
+    """Return the leg along a row of stations."""
+    places = {name: place for tie in ties for name, place in zip(tie.stations, tie.places_m, strict=True)}
+    known = {}
+    for leg in legs:
+        heights = np.full((len(leg.stations), 3), np.nan) if leg.heights_m is None else leg.heights_m
+        for name, walls, (_, up, down) in zip(leg.stations, leg.walls_m, heights, strict=True):
+            if name in names and np.isfinite(walls).all():
+                known[name] = (*walls, up, down)
+    at = [k for k, name in enumerate(names) if name in known] or [0]
+    nearest = [names[min(at, key=lambda other: abs(other - k))] for k in range(len(names))]
+    lrud = np.array([known.get(name, (1.0, 1.0, np.nan, np.nan)) for name in nearest])
+    line = np.array([places[name] for name in names])
+    heights = np.column_stack([line[:, 2], lrud[:, 2:]])
+    return SurveyLeg(f"{names[0]} to {names[-1]}", names, line[:, :2], lrud[:, :2], heights)
