@@ -14,7 +14,7 @@ from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.scans.checks.measured_points import measured
 from pipeline.scans.e57_clouds import e57_blocks
-from pipeline.scans.las_clouds import las_blocks
+from pipeline.scans.las.blocks import las_blocks
 from pipeline.scans.meshes.ply_meshes import read_ply_mesh
 from pipeline.scans.meshes.polygons import with_triangles
 from pipeline.scans.octomap_clouds import OCTOMAP, octomap_blocks

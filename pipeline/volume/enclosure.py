@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.depth import Depth, deepest
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
-from pipeline.volume.rock.gaps import Gap, widest_gap
+from pipeline.volume.rock.gaps import SurfaceGap, widest_gap
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shared import shared_m3
@@ -31,7 +31,7 @@ class Enclosure:
     ----------
     intrusion : Depth
         The largest distance from the surface of the free space that a part has in it.
-    gap, thin : Gap
+    gap, thin : SurfaceGap
         The widest circle on the surface without a part behind it, and without one that reaches 2 cm into the rock.
     unbacked : (n, 3) float64, m
         The middles of parts that lie behind no facet.
@@ -42,8 +42,8 @@ class Enclosure:
     """
 
     intrusion: Depth
-    gap: Gap
-    thin: Gap
+    gap: SurfaceGap
+    thin: SurfaceGap
     unbacked: np.ndarray
     surface_m2: float
     thinnest_m: float

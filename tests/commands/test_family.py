@@ -304,11 +304,11 @@ def test_rooms_that_are_more_than_half_of_the_plan_are_no_inverted_plan(monkeypa
     assert traced["cleaned"].sum() > 0.5 * frame.width_px * frame.height_px
 
 
-def _wait(member, families):
+def _wait(member, families, again):
     time.sleep(60)
 
 
-def _end(member, families):
+def _end(member, families, again):
     os._exit(9)
 
 
@@ -363,7 +363,7 @@ def fork_and_end():
 os.fork = fork_and_end
 signal.signal(signal.SIGTERM, interrupt)
 try:
-    list(family._over_cores([1, 2], 2))
+    list(family._over_cores([1, 2], 2, ""))
 except BaseException as error:
     print(type(error).__name__, flush=True)
 """

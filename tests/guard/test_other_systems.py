@@ -66,4 +66,4 @@ def test_a_lack_of_memory_is_one_line_without_a_limit(no_posix):
 
 def test_a_family_of_worlds_is_refused_where_no_process_forks(no_posix):
     with pytest.raises(InputError, match="this system forks no processes"):
-        next(_over_cores([Member("a", "test", 1, "cave", [])], 1))
+        next(_over_cores([Member("a", "test", 1, "cave", [])], 1, ""))

@@ -83,7 +83,7 @@ class MapAxes:
         return np.asarray(points @ np.array(self.ways).T)
 
     def ways_text(self) -> str:
-        """Return how east and north are made of x and y, in words."""
+        """Return how east and north are made of x and y, as a text."""
         return ", ".join(
             f"{name} is {'-' if min(row) < 0 else ''}{'x' if row[0] else 'y'}"
             for name, row in zip(("east", "north"), self.ways, strict=True)

@@ -21,14 +21,14 @@ _ROUNDS = 20
 
 
 @dataclass(frozen=True)
-class Gap:
+class SurfaceGap:
     """The diameter of a circle, m, that is at least as wide as any that fits into a gap, and where (3,) m it is."""
 
     width_m: float
     place_m: np.ndarray
 
 
-def widest_gap(facets: Facets, faces: PartFaces, least_depth_m: float = 0.0) -> Gap:
+def widest_gap(facets: Facets, faces: PartFaces, least_depth_m: float = 0.0) -> SurfaceGap:
     """Return the widest gap between the faces of parts that reach at least so deep behind their facets.
 
     What no face covers of a facet is in pieces. A disc that is covered by convex sets has at most the sum of the radii
@@ -40,7 +40,7 @@ def widest_gap(facets: Facets, faces: PartFaces, least_depth_m: float = 0.0) -> 
     Kadets 2005, Proc. AMS 133(5), doi:10.1090/S0002-9939-04-07650-6
     """
     pieces, owner, radius = _pieces(facets, faces.some(faces.depth_m >= least_depth_m))
-    found = Gap(0.0, facets.corners[0].mean(axis=0))
+    found = SurfaceGap(0.0, facets.corners[0].mean(axis=0))
     if not len(pieces):
         return found
     low, high = _boxes(facets, pieces, owner)
@@ -55,7 +55,7 @@ def widest_gap(facets: Facets, faces: PartFaces, least_depth_m: float = 0.0) -> 
         at = members[number]
         width_m = 2 * _disc_m(low[at], high[at], radius[at])
         if width_m > found.width_m:
-            found = Gap(width_m, (low + high)[at[radius[at].argmax()]] / 2)
+            found = SurfaceGap(width_m, (low + high)[at[radius[at].argmax()]] / 2)
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
-from pipeline.scans.las_system import stated_system
+from pipeline.scans.las.system import stated_system
 from pipeline.scans.point_blocks import PointBlock, Wanted, block_of, fields_of
 
 _BLOCK = 1_000_000
