@@ -59,7 +59,7 @@ STATEMENTS: tuple[Statement, ...] = (
         "surveys that hang on no fixed station",
         "refused",
         "Survex 1.4.9 and older refuse them: tie the named station. Newer ones leave them out, and they are listed.",
-        f"{_ADJUSTMENT}test_an_untied_survey_is_told_by_its_station_and_the_advice_works",
+        f"{_ADJUSTMENT}test_an_untied_survey_is_refused_with_its_station_and_the_advice_works",
     ),
     Statement(
         ".svx",

@@ -62,16 +62,16 @@ def warn_of_misclosures(path: Path, traverses: list[Traverse], name: Callable[[s
     """
     missed = [one for one in traverses if one.moved_m >= _LEAST_M]
     gross = sorted((one for one in missed if one.times > _GROSS), key=lambda one: -one.times)
-    told = []
+    misses = []
     for one in gross[:_LISTED] or sorted(missed, key=lambda one: -one.moved_m)[:1]:
         kind = "loop" if one.stations[0] == one.stations[-1] != _FIXED else "traverse"
         size = f"by {one.moved_m:.2f} m in {one.length_m:.1f} m ({one.per_cent:.1f} %)"
         cause = f", {one.times:.0f} times what its readings allow: look for a wrong one" if one.times > _GROSS else ""
-        told.append(f"the {kind} {_named(one, name)} misses {size}{cause}")
-        warn_user(f"{path.name}: {told[-1]}")
+        misses.append(f"the {kind} {_named(one, name)} misses {size}{cause}")
+        warn_user(f"{path.name}: {misses[-1]}")
     if len(gross) > _LISTED:
         warn_user(f"{path.name}: {len(gross) - _LISTED} more traverses miss by over {_GROSS:g} times what is allowed")
-    return told[0] if gross else ""
+    return misses[0] if gross else ""
 
 
 def _named(one: Traverse, name: Callable[[str], str]) -> str:

@@ -162,7 +162,7 @@ def test_a_station_of_each_piece_that_hangs_on_nothing_is_found_in_the_words_of_
 
 @needs_cavern
 @pytest.mark.parametrize("tie", ["*equate mine.lower.1 mine.upper.3\n", "*fix mine.lower.1 120 0 100\n"])
-def test_an_untied_survey_is_told_by_its_station_and_the_advice_works(tmp_path, capsys, tie):
+def test_an_untied_survey_is_refused_with_its_station_and_the_advice_works(tmp_path, capsys, tie):
     text = given("survex-floating.svx").read_text()
     path = write(tmp_path, text)
     if cavern._version(cavern._run(["cavern", "--version"])[1]) < (1, 4, 10):
