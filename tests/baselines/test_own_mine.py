@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from baselines.pages.split_page import UNVERIFIED_HEADING
+from tests.ended import end_build
 from tests.sandbox import needs_sandbox
 
 STILL_RESULTS = Path("baselines/results/my-mine-v0/still.Still.jsonl")
@@ -41,6 +42,7 @@ def own(tee, unbuilt, tmp_path_factory):
     """Return a copy of the project with the T-junction as a mine of the user's own."""
     project = unbuilt.copy(tmp_path_factory.mktemp("own") / "mine")
     shutil.copytree(tee.bundle, project.folder / "artifacts/worlds/my-mine/realism/world")
+    end_build(project.folder / "artifacts/worlds/my-mine")
     shutil.rmtree(project.folder / "baselines/results")
     return project
 

@@ -1,6 +1,5 @@
 """Worlds of one's own, in a copy of the package beside an `artifacts` folder as a source checkout has it."""
 
-import hashlib
 import json
 import shutil
 import subprocess
@@ -8,6 +7,7 @@ import sys
 
 import pytest
 
+from tests.ended import end_build
 from tests.mines import BuiltMine
 from tests.project import ROOT
 
@@ -21,14 +21,6 @@ def checkout(tee: BuiltMine, tmp_path_factory):
     shutil.copytree(tee.bundle, folder / "artifacts" / "worlds" / "my-mine" / "realism" / "world")
     end_build(folder / "artifacts" / "worlds" / "my-mine")
     return folder
-
-
-def end_build(root):
-    """Write the manifest of stage 6 as far as it says which world it read."""
-    digest = hashlib.sha256((root / "realism/world/world.json").read_bytes()).hexdigest()
-    manifest = {"stage": "validation", "inputs": {f"artifacts/worlds/{root.name}/realism/world/world.json": digest}}
-    (root / "validation").mkdir()
-    (root / "validation" / "manifest.json").write_text(json.dumps(manifest))
 
 
 def run(folder, *arguments):

@@ -24,6 +24,7 @@ from baselines.ppo.training_env import TrainingEnv, make_training_env
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.splits import mine_name
 from minexplore.task import TaskParams
+from tests.ended import end_build
 from tests.project import ROOT, Project
 
 
@@ -160,6 +161,7 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_quickly_with_a_che
     pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
     project = Project(tmp_path / "mine", tiny=False)
     shutil.copytree(tee.bundle, project.folder / "artifacts/worlds/my-mine/realism/world")
+    end_build(project.folder / "artifacts/worlds/my-mine")
     words = ["env=my-mine", "seed=1", "robots=4", "ppo.fragment=32", "ppo.minibatch=64", "ppo.epochs=1"]
     said = tmp_path / "said.txt"
     with said.open("w") as stderr:
