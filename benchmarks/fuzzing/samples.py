@@ -237,6 +237,19 @@ def _section() -> bytes:
     return b"".join(line for line in lines if not line.startswith(b"defaults:"))
 
 
+_DEGREES = " ".join(f"{-70 + x / 1e5:.6f},{-33 + y / 1e5:.6f}" for x, y in _RING)
+_KML = (
+    '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><Polygon><outerBoundaryIs>'
+    f"<LinearRing><coordinates>{_DEGREES}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Document>"
+    "</kml>"
+).encode()
+_GPX = (
+    b'<?xml version="1.0"?><gpx version="1.1" creator="sample" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>'
+    b'<trkpt lat="-33.1" lon="-70.1"><ele>4</ele></trkpt><trkpt lat="-33.1" lon="-70.0995"><ele>5</ele></trkpt>'
+    b"</trkseg></trk></gpx>"
+)
+
+
 SAMPLES: dict[str, Callable[[], Files]] = {
     "png": _picture(".png"),
     "jpeg": _picture(".jpg"),
@@ -250,6 +263,8 @@ SAMPLES: dict[str, Callable[[], Files]] = {
     "geojson": _geojson,
     "geopackage": _geodata("mine.gpkg"),
     "shapefile": _geodata("mine.shp"),
+    "kml": lambda: {"mine.kml": _KML},
+    "gpx": lambda: {"mine.gpx": _GPX},
     "stations": lambda: {"s.csv": _CSV},
     "survex": lambda: {"cave.svx": _SVX, "more.svx": b"*data normal from to tape compass clino\n2 9 4 4 4\n"},
     "compass": lambda: {"cave.plt": _PLT},

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from baselines.pages.split_page import UNVERIFIED_HEADING
-from tests.ended import end_build
+from tests.mines import end_build
 from tests.sandbox import needs_sandbox
 
 STILL_RESULTS = Path("baselines/results/my-mine-v0/still.Still.jsonl")

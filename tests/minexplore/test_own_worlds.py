@@ -7,8 +7,7 @@ import sys
 
 import pytest
 
-from tests.ended import end_build
-from tests.mines import BuiltMine
+from tests.mines import BuiltMine, end_build
 from tests.project import ROOT
 
 MINE = "MineXplore/my-mine-v0"

@@ -24,7 +24,7 @@ from baselines.ppo.training_env import TrainingEnv, make_training_env
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.splits import mine_name
 from minexplore.task import TaskParams
-from tests.ended import end_build
+from tests.mines import end_build
 from tests.project import ROOT, Project
 
 
