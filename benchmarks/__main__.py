@@ -69,6 +69,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("first-touch", "setup", "benchmarks.first_touch", _PARTS + "first-touch.md", "10"),
     _python("simple-mines", "setup", "benchmarks.simple_mines", _PARTS + "simple-mines.md", "45"),
     _python("files", "setup", "benchmarks.files", "artifacts/bench/files.md"),
+    _python("stated-files", "setup", "benchmarks.stated_files", "artifacts/bench/stated-files.md"),
     _python(
         "survey-programs",
         "setup",

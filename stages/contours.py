@@ -112,13 +112,17 @@ def find_workings(
     network: SurveyedLegs = NO_LEGS,
     solid: ClosedMesh = NO_SOLID,
     floors: FloorMesh = NO_FLOORS,
-) -> None:
-    """Find or refuse a plan's workings as `trace_free_space` does, and remark on what is left out; trace no walls."""
+) -> Mask | None:
+    """Find or refuse a plan's workings as `trace_free_space` does, and remark on what is left out; trace no walls.
+
+    Returns them as a mask of the plan's pixels; None of a survey that is built as one volume.
+    """
     if len(floors) or len(network) or len(solid):
-        return
+        return None
     with _named(survey):
         found = _find(params, plan, survey, workings)
     unconnected_m2(found.raw, found.cleaned, survey.frame)
+    return found.cleaned
 
 
 @contextmanager

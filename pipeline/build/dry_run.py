@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from pipeline.compose import compose, floor_rules_of
 from pipeline.errors import GeometryError, MineError
@@ -19,18 +20,21 @@ from pipeline.params.floor_rules import reading_by
 from pipeline.params.stated import StatedOptions
 from pipeline.places import CONF
 from pipeline.store.registry import OWN_REGISTRY
-from pipeline.types import Image, SurveyedLegs
+from pipeline.types import Image, Mask, SurveyedLegs
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """What was read of a mine: the files, and a picture (rows, cols, 3) uint8.
+    """What was read of a mine: the files, a picture (rows, cols, 3) uint8, stage 1's results, and the workings.
 
-    It shows what of a plan's picture was taken for workings, else the plan that was read.
+    The picture shows what of a plan's picture was taken for workings, else the plan that was read. `workings` is a mask
+    of the plan's pixels; None of a survey that is built as one volume.
     """
 
     files: list[Path]
     picture: Image
+    made: Mapping[str, Any]
+    workings: Mask | None
 
 
 def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> DryRun:
@@ -56,12 +60,14 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
     with reading_by(floor_rules_of(overrides)):
         draft = draft_import(name, source, stated, is_kept=False)
     if draft.section is None:
-        return DryRun([], _read(compose([f"survey={name}", *overrides])))
+        made, workings = _read(compose([f"survey={name}", *overrides]))
+        return DryRun([], made["plan"], made, workings)
     copies = {file.absolute(): target for file, target in draft.copies.items()}
     with _scratch_project():
         import_mine(replace(draft, copies=copies), "not stated", "not stated")
-        plan = _read(compose([f"survey={name}", *overrides]))
-    return DryRun(list(draft.copies), plan if draft.picture is None else draft.picture)
+        made, workings = _read(compose([f"survey={name}", *overrides]))
+    picture = made["plan"] if draft.picture is None else draft.picture
+    return DryRun(list(draft.copies), picture, made, workings)
 
 
 @contextmanager
@@ -79,16 +85,16 @@ def _scratch_project() -> Iterator[None]:
             yield
 
 
-def _read(config: Config) -> Image:
-    """Run stage 1 and what stage 2 finds, in memory, and return the plan; refuse legs that are all too steep."""
+def _read(config: Config) -> tuple[Mapping[str, Any], Mask | None]:
+    """Run stage 1 and what stage 2 finds, in memory, and return both; refuse legs that are all too steep."""
     from stages.contours import find_workings
     from stages.survey import STAGE
 
     made = STAGE.run(config.survey)
-    find_workings(config.contours, **made)
+    workings = find_workings(config.contours, **made)
     if len(made["network"]) and not len(made["solid"]) and not len(made["floors"]):
         _require_flat_leg(config.compile3d, made["network"], (made["survey"].sources or [made["survey"].name])[0])
-    return made["plan"]
+    return made, workings
 
 
 def _require_flat_leg(params: Compile3dParams, legs: SurveyedLegs, subject: str) -> None:
