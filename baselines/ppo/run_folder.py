@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.base.errors import BaselineError
+from baselines.base.run_folders import take_run_folder
 from baselines.ppo.history import History
 from baselines.ppo.settings import TrainSettings
 
@@ -21,7 +22,7 @@ class RunFolder:
         Raises
         ------
         BaselineError
-            If the folder holds a run of other settings.
+            If the folder holds a run of other settings, or files of no run.
         """
         self.path, self._settings = folder, settings
         self.log, self.checkpoint, self.policy = (
@@ -30,8 +31,7 @@ class RunFolder:
             folder / "policy.safetensors",
         )
         self._reached, self._fresh = folder / "reached.json", folder / "checkpoint.new"
-        folder.mkdir(parents=True, exist_ok=True)
-        file = folder / "settings.json"
+        file = take_run_folder(folder)
         if file.is_file():
             then = TrainSettings.model_validate_json(file.read_bytes())
             if then.model_copy(update={"steps": settings.steps}) != settings:

@@ -3,6 +3,7 @@
 import pytest
 
 from baselines.base.errors import BaselineError
+from baselines.base.run_folders import take_run_folder
 from baselines.base.settings import compose_checked
 from baselines.graph.training.settings import GraphSettings
 from benchmarks.fuzzing.library_words import library_words
@@ -29,3 +30,18 @@ def test_a_refused_setting_is_named_in_our_own_words(monkeypatch, override, mess
     assert str(caught.value) == message
     assert library_words(message) == []
     assert "Input" not in message
+
+
+def test_a_folder_with_files_of_the_user_is_not_taken_and_keeps_them(tmp_path):
+    note = tmp_path / "checkpoint"
+    note.write_text("mine")
+    with pytest.raises(BaselineError, match=r"holds checkpoint and no training run; name a new or an empty folder"):
+        take_run_folder(tmp_path)
+    assert note.read_text() == "mine"
+
+
+def test_a_new_folder_an_empty_one_and_that_of_a_run_are_taken(tmp_path):
+    settings = take_run_folder(tmp_path / "new")
+    settings.write_text("{}")
+    (tmp_path / "new" / "checkpoint").mkdir()
+    assert take_run_folder(tmp_path / "new") == settings == tmp_path / "new" / "settings.json"

@@ -22,6 +22,7 @@ import numpy as np
 from baselines.base.environments import built_ids
 from baselines.base.errors import BaselineError, need, run_command
 from baselines.base.progress import Progress
+from baselines.base.run_folders import take_run_folder
 from baselines.base.worker import begin_worker
 from baselines.graph.checkpoint import write_network
 from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest
@@ -46,11 +47,10 @@ class Run:
         Raises
         ------
         BaselineError
-            If the folder holds a run of other settings.
+            If the folder holds a run of other settings, or files of no run.
         """
         self.path, self.settings = folder, settings
-        folder.mkdir(parents=True, exist_ok=True)
-        file = folder / "settings.json"
+        file = take_run_folder(folder)
         if file.is_file() and _lasting(GraphSettings.model_validate_json(file.read_bytes())) != _lasting(settings):
             raise BaselineError(f"{folder}: holds a run of other settings; remove it, rename it, or give name=OTHER")
         file.write_text(settings.model_dump_json(indent=2) + "\n")
