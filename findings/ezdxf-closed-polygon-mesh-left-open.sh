@@ -23,7 +23,7 @@ built = len(MeshBuilder.from_polyface(mesh).faces)
 exploded = len(list(mesh.virtual_entities()))
 print(f"version: ezdxf {ezdxf.__version__}")
 print(
-    "behaviour: MeshBuilder.from_polyface() leaves out the faces that close a polygon mesh (bit 1 of its flags), though "
+    "behaviour: MeshBuilder.from_polyface() leaves out the faces that close a polygon mesh, though "
     "virtual_entities() gives them; a good guess says that the built mesh is closed"
 )
 print(f"seen: a square shaft with closed direction M ({mesh.is_m_closed}): {built} walls built, {exploded} exploded")

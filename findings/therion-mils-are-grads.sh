@@ -27,8 +27,8 @@ leg = next(line.split() for line in open("a.txt") if line.startswith("LINE"))
 bearing = math.degrees(math.atan2(float(leg[1]), float(leg[2])))
 print(f"version: {sys.argv[1]} (the installed program)")
 print(
-    "behaviour: the angle unit `mils` is the grad, 400 to a circle; a good guess says 6400 to a circle, as on compasses "
-    "with mils"
+    "behaviour: the angle unit `mils` is the grad, 400 to a circle; a good guess says 6400 to a circle, as on "
+    "compasses with mils"
 )
 print(f"seen: a leg with a bearing of 100 mils points to {bearing:.3f} degrees; 6400 to a circle would be 5.625")
 sys.exit(abs(bearing - 90) > 0.1)
