@@ -13,7 +13,7 @@ import requests
 from minexplore.bundle import BundleError
 from minexplore.download import Transfer, keep_file
 from minexplore.limits import UnreadableError, read_plain_file
-from pipeline.errors import InputError, MineError, describe_os_error
+from pipeline.errors import InputError, describe_os_error, run_command
 from pipeline.store.registry import Entry, read_registry, verify_input
 
 
@@ -75,17 +75,16 @@ def _copy(source: Path, target: Path, entry: Entry) -> None:
 
 
 def main() -> int:
-    """Download the files and list them. Return 2 with one message if a file cannot be downloaded."""
+    """Download the files and list them; return the exit code."""
+    return run_command("data", _fetch)
+
+
+def _fetch() -> None:
     parser = argparse.ArgumentParser(prog="python -m pipeline.survey.fetch", description=__doc__)
     parser.add_argument("--mirror", help="address or folder that holds the files under their registered names")
-    try:
-        entries = read_registry()
-        for path in fetch_raw(entries, Path("data"), parser.parse_args().mirror):
-            print(f"{path}  {verify_input(path, entries)[:12]}  {path.stat().st_size} bytes", flush=True)
-    except MineError as error:
-        print(f"data: {error}", file=sys.stderr)
-        return 2
-    return 0
+    entries = read_registry()
+    for path in fetch_raw(entries, Path("data"), parser.parse_args().mirror):
+        print(f"{path}  {verify_input(path, entries)[:12]}  {path.stat().st_size} bytes", flush=True)
 
 
 if __name__ == "__main__":
