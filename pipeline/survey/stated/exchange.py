@@ -72,7 +72,7 @@ _ROWS: tuple[tuple[str, str, Outcome, str, str, str], ...] = (
     (".thconfig", "surveys that are selected; loop-closure", "listed", "All sources are read; Survex closes the loops.",
      _THERION, "test_the_file_of_a_therion_project_is_read_by_its_sources"),
     (".lox", "flags of legs and stations: surface, duplicate, splay, entrance, fixed", "used",
-     "They mean what they mean in the survey.",
+     "Each leg and station keeps its flags.",
      _THERION, "test_a_model_of_therion_has_the_stations_legs_and_flags_of_its_source"),
     (".lox", "distances to walls at both ends of a leg", "used", "They are the passage's cross-sections.",
      _THERION, "test_a_model_of_therion_has_the_measured_distances_to_walls"),

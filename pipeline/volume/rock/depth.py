@@ -18,7 +18,7 @@ _TOGETHER = 100_000  # cells; where more are left, the depth is what they may ha
 
 @dataclass(frozen=True)
 class Depth:
-    """A depth, m, that is at most 0.1 mm too large or too small, and the place (3,) m that has it."""
+    """A depth, m, and its place (3,) m: within 0.1 mm, or an upper bound where too many cells are left."""
 
     depth_m: float
     place_m: np.ndarray
