@@ -6,6 +6,8 @@ import ast
 import functools
 import hashlib
 import re
+import stat
+from contextlib import suppress
 from pathlib import Path
 
 from pipeline.errors import ArtifactError
@@ -42,8 +44,9 @@ def require_plain(path: Path) -> None:
     ArtifactError
         Naming the path.
     """
-    if path.exists() and not path.is_file():
-        raise ArtifactError(f"{path}: not a plain file")
+    with suppress(FileNotFoundError, NotADirectoryError):  # one look: another process may remove the file between two
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ArtifactError(f"{path}: not a plain file")
 
 
 def absence_of(path: Path) -> str:

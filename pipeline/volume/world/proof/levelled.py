@@ -22,6 +22,7 @@ from pipeline.metrics.rock.relief import Relief
 from pipeline.metrics.rock.sampling import unit_normals
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.groups import JUDGED_HEIGHT_M
+from pipeline.proof.rebuilt.same_surface import NearestFace
 from pipeline.proof.surface import Drifts, SeenRock, report_relief, split_long
 from pipeline.proof.texture import TextureReport, part_of, report_texture, texture_metrics
 from pipeline.volume.union import STEEPEST
@@ -36,8 +37,8 @@ _JOINED_M = 1e-4  # floors so near are one
 _ROOF_M = 3.5  # over the floor: of the default mine, for which validation.texture.roof_z_m is
 _SHARE = 2  # of a level mine's stretches half are in each draw, and of its draws half: all would take 1.2 s more a draw
 _HEIGHTS_M = {WALLS: (0.0, _ROOF_M), ROOF: (2.5, 4.5)}  # more would thin the points out
+_LONGEST_M = 3.0  # of a facet's sides: the nearest station moves it
 _LEANS = 0.1  # height of a plumb wall's normal
-_PLACED_M = 1.0  # longest side of a facet that its middle stands for
 _LABELS = {WALLS: FacetLabel.WALL, ROOF: FacetLabel.ROOF}
 _LEFT, _RIGHT, _UP, _DOWN = range(4)
 
@@ -160,9 +161,9 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
         return _facets(level, world.mine, world.mine.label == _LABELS[piece], piece)
 
     def plumb() -> tuple[np.ndarray, np.ndarray]:
-        facets = _facets(level, world.mine, world.mine.label != FacetLabel.FLOOR, WALLS, _PLACED_M)
+        facets = _facets(level, world.mine, world.mine.label != FacetLabel.FLOOR, WALLS)
         normals, walls = unit_normals(facets), rough(WALLS)
-        _, nearest = cKDTree(facets.mean(axis=1)).query(walls.mean(axis=1))
+        _, nearest = NearestFace(facets).query(walls.mean(axis=1))
         upright = np.abs(normals[nearest, 2]) < _LEANS
         return walls[upright], normals[nearest[upright]]
 
@@ -175,10 +176,10 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
 
 
 def _facets(
-    level: _Level, volume: VolumeFacets, some: np.ndarray, piece: str | None = None, longest_m: float = 3.0
+    level: _Level, volume: VolumeFacets, some: np.ndarray, piece: str | None = None
 ) -> np.ndarray:
-    """Return some facets (f,) over a level floor, cut until no side is longer; they face the workings."""
-    corners = split_long(volume.vertices[volume.faces[some]][:, ::-1], longest_m).reshape(-1, 3)
+    """Return some facets (f,) over a level floor, in pieces of `_LONGEST_M`; they face the workings."""
+    corners = split_long(volume.vertices[volume.faces[some]][:, ::-1], _LONGEST_M).reshape(-1, 3)
     return level.move(corners, np.arange(len(corners)).reshape(-1, 3), piece)
 
 
