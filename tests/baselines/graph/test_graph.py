@@ -479,14 +479,3 @@ def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
     assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 10.0 | 20 |" in tables(curves)
     draw_curves(curves, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 5_000
-
-
-def test_a_network_decides_the_same_while_it_is_timed(tmp_path, short_id):
-    from baselines.pages.simulator import time_decisions
-
-    file = tmp_path / "graph-1.safetensors"
-    write_network(file, random_arrays(SHAPE), SHAPE, 1, {})
-    timed = time_decisions(file, short_id, steps=80)
-    assert len(timed.decisions_s) > 3
-    assert len(timed.steps_s) == len(timed.decisions_s)
-    assert all(0 < alone < whole for alone, whole in zip(timed.decisions_s, timed.steps_s, strict=True))
