@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 import shapely
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
 _CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most

@@ -5,7 +5,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shapes import bodies_of
 from pipeline.volume.separation import ROUNDING_M, Facets

@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 import shapely
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume

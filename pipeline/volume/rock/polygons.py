@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
 

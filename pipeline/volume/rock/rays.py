@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.rock.shapes import Polygons, halving_planes, shaped
 
 _SHARE = 0.95  # of the way from a polygon's middle to its corners and edges: where rays go
