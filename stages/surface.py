@@ -16,12 +16,12 @@ from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
-from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
 from pipeline.surface.mesh.rough import RoughSurface, check_rough, closed_mesh
 from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.relief_source import choose_relief
+from pipeline.surface.roughness_report import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (

@@ -33,7 +33,7 @@ from pipeline.parallel import together
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
-from pipeline.proof.rebuilt.built import require_rock, require_solid, tolerance_of
+from pipeline.proof.rebuilt.whole_bundle import require_rock, require_solid, tolerance_of
 from pipeline.proof.surface import SeenRock, WallBands, level_rock, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode

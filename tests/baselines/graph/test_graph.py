@@ -25,7 +25,7 @@ from baselines.graph.training.mines import make_simulator
 from baselines.graph.training.senses import Senses
 from baselines.graph.training.settings import compose_settings
 from baselines.graph.training.simulator import MapSimulator
-from baselines.policies.found import make_policy, trained_in
+from baselines.policies.policy_lookup import make_policy, trained_in
 from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.robot_batch import RobotBatch
@@ -416,7 +416,7 @@ def test_settings_that_cannot_be_are_refused(override, message):
 def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_path, monkeypatch, short_id):
     pytest.importorskip("torch")
     from baselines.graph.training import train
-    from baselines.policies import found as policies
+    from baselines.policies import policy_lookup as policies
 
     monkeypatch.setattr(train, "built_ids", lambda split, count: [short_id] * count)
     small = [
