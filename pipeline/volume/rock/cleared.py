@@ -13,7 +13,7 @@ from pipeline.volume.union import Volume
 
 _PAIRS = 100_000  # tried together
 _TOGETHER = 1000  # bodies
-_LEAST_SHARE = 4000  # parts, of one process
+_LEAST_SHARE = 4000  # parts, of one share
 
 
 def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
