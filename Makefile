@@ -2,7 +2,7 @@
 SHELL := /bin/sh
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 export OVERRIDES ?=
-# Each of the eight processes of `make all` would compile the same 300 modules, and pytest rewrite all tests.
+# Each of the nine processes of `make all` would compile the same 300 modules, and pytest rewrite all tests.
 unexport PYTHONDONTWRITEBYTECODE
 PY := .venv/bin/python
 LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
@@ -27,7 +27,8 @@ setup-gpu:  ## the same with MuJoCo Warp, torch and rsl-rl, for the environment 
 	@sh requirements/setup.sh gpu
 
 all: setup  ## run the whole pipeline (dvc repro)
-	@$(PY) -m pipeline.reproduce
+	@$(PY) -m pipeline set-overrides
+	@dvc repro
 
 # Three workers fill two cores, as tests wait for processes and files; more threads of BLAS than one each would wait for each other.
 test: setup  ## run the tests, without the slow ones
@@ -45,7 +46,8 @@ clean:  ## remove what `make all` wrote and compiled modules; worlds of your own
 
 # One stage and those before it: make contours OVERRIDES="contours.tolerance_m=0.15"
 $(STAGES): setup
-	@$(PY) -m pipeline.reproduce $@
+	@$(PY) -m pipeline set-overrides
+	@dvc repro $@
 
 
 ##@ Results

@@ -24,7 +24,7 @@ from baselines.base.result_file import (
 )
 from baselines.base.statistics import as_text, figures
 from baselines.explorers import EXPLORERS
-from baselines.policies.found import RESERVED, fits, make_policy, policy_label, trained_in
+from baselines.policies.policy_lookup import RESERVED, fits, make_policy, policy_label, trained_in
 from baselines.running.parallel import drive
 from baselines.running.protocol import SEEDS, head_of
 from baselines.scoring.bounds import bound_of

@@ -15,7 +15,7 @@ from baselines.base.markdown import BEGIN, END, markdown_table, write_table
 from baselines.base.result_file import RESULTS, Episode, Head, read_results, result_path
 from baselines.base.statistics import Figure, as_text, figures
 from baselines.pages.split_page import UNVERIFIED_HEADING, split_section
-from baselines.policies.found import RESERVED
+from baselines.policies.policy_lookup import RESERVED
 from baselines.score import check, require_name
 from baselines.scoring.bounds import Bound, bound_of, read_bounds
 from baselines.scoring.degraded import degraded_table, read_degraded

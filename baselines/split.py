@@ -16,7 +16,7 @@ from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
 from baselines.oracle.problem import CoverageProblem
-from baselines.policies.found import make_policy, policy_label
+from baselines.policies.policy_lookup import make_policy, policy_label
 from baselines.running.parallel import in_processes
 from baselines.running.protocol import SPLIT_SEEDS, head_of, run_episodes
 from baselines.scoring.bounds import Bound, bounds_file, read_bounds, write_bound

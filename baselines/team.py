@@ -24,7 +24,7 @@ from baselines.base.statistics import Figure, estimate
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.reach import cells_within_reach, least_time_s
-from baselines.policies.found import source_files
+from baselines.policies.policy_lookup import source_files
 from baselines.running.parallel import in_processes
 from baselines.scoring.split_statistics import middle, stratified
 from minexplore.envs.multi_agent import MineParallelEnv

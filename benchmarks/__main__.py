@@ -98,11 +98,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("evidence", "all", "benchmarks.evidence", _PARTS + "evidence-figures.md"),
     _python("claims", "setup", "benchmarks.claims", _PARTS + "claims.md"),
     # Comparisons
-    _python("compare-paper", "setup", "benchmarks.comparisons.compare_paper", _PARTS + "compare-paper.md"),
-    _python("compare-rock", "all", "benchmarks.comparisons.compare_rock", _PARTS + "rock.md"),
-    _python("rock-directions", "setup", "benchmarks.comparisons.rock_directions", _PARTS + "rock-directions.md", "4"),
-    _python("compare-collision", "setup", "benchmarks.comparisons.compare_collision", _PARTS + "compare-collision.md"),
-    _python("search-texture", "setup", "benchmarks.comparisons.search_texture", _PARTS + "texture-search.md"),
     _python(
         "volume-gate", "all", "benchmarks.comparisons.volume.gate", _PARTS + "volume-gate.md", "5", one_thread=True
     ),
@@ -118,9 +113,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("sensing-loss", "all", "benchmarks.sensors.sensing_loss", _PARTS + "sensing-loss.md", "40"),
     _python("wheel-log", "setup", "benchmarks.wheel_log", ""),
     # Pictures
-    _python("sensor-pictures", "all", "benchmarks.sensors.pictures", "docs/sensors.jpg"),
-    _python("look-pictures", "all", "benchmarks.pictures.look_pictures", "docs/look.jpg"),
-    _python("robot-pictures", "all", "benchmarks.pictures.robot_pictures", "docs/robots.jpg"),
     _python("volume-world", "setup", "benchmarks.pictures.gallery volume", "docs/volume-world.png", "2"),
     _python("scan-picture", "setup", "benchmarks.pictures.gallery scan", "docs/scan.jpg", "3"),
     _python("scan-colours", "setup", "benchmarks.pictures.gallery colours", "docs/scan-colours.jpg"),
@@ -141,13 +133,11 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("explorers", "all", "baselines.evaluate --all", "baselines/results"),
     _python("unseen", "setup", _UNSEEN, "baselines/results/Family-test"),
     _python("published-plan", "setup", "benchmarks.comparisons.published_plan", _PARTS + "published-plan.md"),
-    _python("worst-mines", "setup", "baselines.worst_mines", _PARTS + "worst-mines.md"),
     _python("teams", "all", "baselines.team", _PARTS + "team.md"),
     _python("train", "setup-baselines", "baselines.ppo.train", "artifacts/train"),
     _python("train-gpu", "setup-gpu", "baselines.ppo.train_gpu", "artifacts/train"),
     _python("train-graph", "setup-baselines", "baselines.graph.training.train", "artifacts/train", one_thread=True),
     Benchmark("train-all", "setup-baselines", _FIVE_SEEDS, "artifacts/train"),
-    _python("compare-graph", "setup", "baselines.pages.simulator", _PARTS + "graph-simulator.md", one_thread=True),
     Benchmark("curves", "setup", _CURVES, "docs/evidence/parts/training.md, docs/evidence/parts/graph-training.md"),
     Benchmark("renew-benchmark", "all", _RENEW, "baselines/results, LEADERBOARD.md"),
     Benchmark("rerun", "all", _RERUN, "LEADERBOARD.md"),
@@ -158,7 +148,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     Benchmark("env-page", "setup", _ENV_PAGE, "docs/reference/environment.md"),
     Benchmark("sbom", "setup", "python -m benchmarks.bill_of_materials", "artifacts/sbom.json"),
     _python("layout", "setup", "benchmarks.tables.layout", _PARTS + "layout.md", "1"),
-    _python("provenance", "setup", "pipeline provenance", "artifacts/provenance"),
 )
 
 

@@ -120,8 +120,8 @@ def geometry(e: Evidence) -> list[Claim]:
     return [
         Claim(f"IoU {PAPER['iou.free_space_vs_cleaned']} against the plan", f"{iou:.4f} (free space, rendered from the MJCF)", "make all",
               at_least(iou, stated("iou.free_space_vs_cleaned")), f"against the raw plan {e.metric('iou.free_space_vs_raw'):.4f}; the paper names no class"),
-        Claim(f"{stated('collision.parts'):,.0f} V-HACD hulls from 70 tiles", f"{parts:.0f} exact convex parts", "make all; python -m benchmarks compare-collision",
-              EXCEEDED if parts < stated("collision.parts") else MISSED, "V-HACD pushes hulls into the drifts; `preset=paper` gives 1,092 (docs/evidence/parts/compare-paper.md)"),
+        Claim(f"{stated('collision.parts'):,.0f} V-HACD hulls from 70 tiles", f"{parts:.0f} exact convex parts", "make all",
+              EXCEEDED if parts < stated("collision.parts") else MISSED, "V-HACD pushes hulls into the drifts; `preset=paper` gives 1,092 (docs/adr/0002-exact-prisms-as-collision-walls.md)"),
         Claim("every navigable pixel unobstructed", f"{e.metric('navigability.blocked'):.0f} of {e.metric('navigability.columns'):,.0f} blocked",
               "make all", REPRODUCED if e.metric("navigability.blocked") == 0 else MISSED,
               f"{e.metric('navigability.blocked_at_wall'):,.0f} more lie within the simplification's tolerance of the wall"),

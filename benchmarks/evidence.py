@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.comparisons.compare_paper import run_pipeline
 from benchmarks.resume import run_benchmark
 from pipeline.compose import compose
-from pipeline.errors import ArtifactError
+from pipeline.errors import ArtifactError, MineError
 from pipeline.report.results import shrink_picture
 from pipeline.store.files import write_atomically
+from pipeline.store.hashing import sha256_bytes
+from pipeline.store.manifest import code_sha256
+from pipeline.store.registry import REGISTRY
+from stages.__main__ import STAGES
 
 PLAN = Path("artifacts/benchmarks/plan")
 PROOF = Path("artifacts/proof")
@@ -36,6 +41,27 @@ def read(path: Path, target: str) -> Any:
         return json.loads(path.read_text())
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; run `python -m benchmarks {target}` first") from None
+
+
+def run_pipeline(folder: Path, config: dict[str, Any]) -> None:
+    """Run the six stages in a folder of their own; a finished run is not repeated."""
+    params = json.dumps(config)
+    code = [code_sha256(stage, Path.cwd()) for stage in STAGES]
+    key = sha256_bytes("".join([params, REGISTRY.read_text(), *code]).encode())
+    stamp = folder / "done"
+    if stamp.is_file() and stamp.read_text() == key:
+        return
+    write_atomically(folder / "artifacts/params.json", params.encode())
+    for name in ("conf", "data", "minexplore", "pipeline", "stages"):
+        link = folder / name
+        if not link.exists():
+            link.symlink_to(Path(os.path.relpath(name, folder)))
+    for stage in STAGES:
+        command = [sys.executable, "-m", f"stages.{stage}"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        if done.returncode:
+            raise MineError(f"{folder}: {done.stderr.strip()}")
+    write_atomically(stamp, key.encode())
 
 
 def replay_table(report: dict[str, Any]) -> list[str]:

@@ -7,7 +7,6 @@ import sys
 
 from pipeline.commands import exports, maintenance, new, proofs, worlds
 from pipeline.errors import run_command
-from pipeline.memory import keep_memory
 from pipeline.places import require_project
 
 
@@ -33,7 +32,6 @@ def parse(words: list[str]) -> argparse.Namespace:
 
 def main() -> int:
     """Run one command; exit code 2 with one message on bad input."""
-    keep_memory()
     names = [word for word in sys.argv[1:] if not word.startswith("-")]
     return run_command(names[0] if names else "pipeline", _run)
 

@@ -22,7 +22,6 @@ from pydantic import ValidationError
 
 from minexplore.physics.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
-from pipeline.memory import keep_memory
 from pipeline.params.config import Config
 from pipeline.params.floor_rules import FloorRules
 from pipeline.params.reading.composed import root_overrides
@@ -174,7 +173,6 @@ def _unknown_key(config: DictConfig, key: str, conf: Path) -> str | None:
 
 def main() -> int:
     """Write the composed configuration and the hashes of the code; if it is invalid, print one message and return 2."""
-    keep_memory()
     return run_command("compose", _write_composed)
 
 

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
-from pipeline.guard.forked import Forked
-from pipeline.memory import keep_memory
 from pipeline.params.reading.composed import composed_section, root_overrides
 from pipeline.places import ROOT_PARAMS
 from pipeline.store.codecs import Bundle, decode, encode
-from pipeline.store.files import recover_folder, replace_folder, write_atomically
+from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.manifest import UNLISTED, Manifest, code_sha256, new_manifest, read_manifest
@@ -25,7 +21,6 @@ from pipeline.store.written import Written
 
 ARTIFACTS = Path("artifacts")
 _MANIFEST = "manifest.json"
-LATER = "later"  # among what `run` returns: a `Forked` whose result are the outputs that no other stage reads
 
 
 @dataclass(frozen=True)
@@ -51,10 +46,9 @@ class Stage:
     """One stage of the pipeline.
 
     `run(params, **inputs)` receives the section of the configuration with the stage's name, and one decoded artifact
-    for each entry of `reads`. It returns one value for each entry of `writes`; some may come `LATER`. `sources(params)`
-    lists the registered files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after
-    the artifacts are written; a stage with outputs that come later has none. `begin(params, root)` may start work when
-    the stage `begins_with` starts, which needs nothing of that stage or a later one; `run` gets it as `begun`.
+    for each entry of `reads`. It returns one value for each entry of `writes`. `sources(params)` lists the registered
+    files below `data/` that the stage uses. `check(params, outputs)` may raise `LimitError` after the artifacts are
+    written.
     """
 
     name: str
@@ -63,14 +57,10 @@ class Stage:
     writes: dict[str, Artifact]
     sources: Callable[[Any], list[str]] = field(default=lambda params: [])
     check: Callable[[Any, Mapping[str, Any]], None] = field(default=lambda params, outputs: None)
-    begin: Callable[[Any, Path], Forked[Any] | None] = field(default=lambda params, root: None)
-    begins_with: str = ""
 
 
-def run_stage(stage: Stage, overrides: list[str], begun: Forked[Any] | None = None) -> None:
+def run_stage(stage: Stage, overrides: list[str]) -> None:
     """Run one stage of the default world with the composed parameters, or with overrides.
-
-    `begun` is what the stage's `begin` has started earlier, if anything.
 
     Raises
     ------
@@ -81,7 +71,7 @@ def run_stage(stage: Stage, overrides: list[str], begun: Forked[Any] | None = No
     with hold_lock(ARTIFACTS / f".{stage.name}.lock", f"another command is running the stage {stage.name}"):
         recover_folder(ARTIFACTS / stage.name)
         try:
-            make_artifacts(stage, params, ARTIFACTS, begun)
+            make_artifacts(stage, params, ARTIFACTS)
         except MineError as error:
             error.args = (f"{error}{_overridden()}", *error.args[1:])
             raise
@@ -104,7 +94,7 @@ def _params(stage: Stage, overrides: list[str]) -> Any:
     return getattr(compose_after_root(overrides), stage.name)
 
 
-def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> None:
+def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
     """Run a stage in a world's folder; all outputs and the manifest are replaced at once.
 
     Raises
@@ -112,64 +102,18 @@ def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | N
     MineError
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
-    inputs, outputs = _run(stage, params, root, begun)
-    _write(stage, params, root, inputs, with_later(outputs))
-
-
-def with_later(outputs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all outputs of a stage: await those that come later."""
-    now = {key: value for key, value in outputs.items() if key != LATER}
-    return now | (outputs[LATER].result() if LATER in outputs else {})
-
-
-def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None = None) -> Callable[[], None]:
-    """Run a stage in a world's folder as `make_artifacts` does, but write first only what other stages read.
-
-    The function that is returned writes the rest once it is made. Until then the manifest names less than the stage
-    declares, and the stage runs again.
-
-    Raises
-    ------
-    MineError
-        As `make_artifacts`; the function that is returned, too.
-    """
-    inputs, outputs = _run(stage, params, root, begun)
-    later = outputs.pop(LATER, None)
-    if later is None:
-        _write(stage, params, root, inputs, outputs)
-        return lambda: None
-    hashes = _replace(stage, params, root, inputs, outputs)
-    return partial(_finish, stage, params, root, inputs, set(outputs), hashes, later)
-
-
-def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tuple[dict[str, str], dict[str, Any]]:
-    """Run the function of a stage; return the hashes of its inputs, and its outputs."""
-    with ThreadPoolExecutor(1) as pool:
-        if stage.reads:  # stage 1 reads none: beside a thread, its survey's reader would start an interpreter
-            pool.submit(code_sha256, stage.name, Path.cwd())  # it takes half a second, and the manifest needs it
-        inputs, values = _input_hashes(stage, params, root), {}
-        for key, artifact in stage.reads.items():
-            values[key] = decode(artifact.at(root), artifact.kind)
-        return inputs, dict(stage.run(params, **values, **({"begun": begun} if begun else {})))
-
-
-def _write(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: dict[str, Any]) -> None:
-    """Replace all artifacts and the manifest of a stage, and check its figures."""
-    _require_all(stage, set(outputs))
-    _replace(stage, params, root, inputs, outputs)
-    stage.check(params, outputs)
-
-
-def _replace(
-    stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]
-) -> dict[str, str]:
-    """Replace a stage's folder by outputs and the manifest that names them; return the outputs' hashes."""
-    files = _encoded_all(stage, outputs)
-    hashes = _hashes(stage, root, files)
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
+    inputs = _input_hashes(stage, params, root)
+    values = {key: decode(artifact.at(root), artifact.kind) for key, artifact in stage.reads.items()}
+    outputs = stage.run(params, **values)
+    if set(outputs) != set(stage.writes):
+        raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
+    files = dict[str, bytes]()
+    for key, artifact in stage.writes.items():
+        files |= _encoded(stage, artifact, outputs[key])
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, _hashes(stage, root, files))
     files[_MANIFEST] = encode(Path(_MANIFEST), manifest)
     replace_folder(root / stage.name, files, written_by(stage, root))
-    return hashes
+    stage.check(params, outputs)
 
 
 def written_by(stage: Stage, root: Path) -> Written:
@@ -193,25 +137,6 @@ def written_by(stage: Stage, root: Path) -> Written:
         listed = {name.removeprefix(f"{folder.as_posix()}/"): digest for name, digest in manifest.outputs.items()}
         any_content.add(Path(_MANIFEST))
     return {**listed, **{name.as_posix(): None for name in any_content}}
-
-
-def _finish(
-    stage: Stage,
-    params: Any,
-    root: Path,
-    inputs: dict[str, str],
-    written: set[str],
-    hashes: dict[str, str],
-    later: Forked[Any],
-) -> None:
-    """Write what comes later beside what a stage has written, after the manifest that names it."""
-    outputs = later.result()
-    _require_all(stage, written | set(outputs))
-    files = _encoded_all(stage, outputs)
-    hashes |= _hashes(stage, root, files)
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
-    for name, data in {_MANIFEST: encode(Path(_MANIFEST), manifest), **files}.items():
-        write_atomically(root / stage.name / name, data)
 
 
 def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
@@ -261,20 +186,6 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
     return hashes
 
 
-def _require_all(stage: Stage, outputs: set[str]) -> None:
-    if outputs != set(stage.writes):
-        raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
-
-
-def _encoded_all(stage: Stage, outputs: Mapping[str, Any]) -> dict[str, bytes]:
-    """Return the files of outputs by their paths in the stage's folder."""
-    with ThreadPoolExecutor(2) as pool:  # pictures and archives are compressed outside the interpreter
-        parts = pool.map(
-            lambda key: _encoded(stage, key, outputs[key]), [key for key in stage.writes if key in outputs]
-        )
-        return {name: data for part in parts for name, data in part.items()}
-
-
 def _hashes(stage: Stage, root: Path, files: Mapping[str, bytes]) -> dict[str, str]:
     """Return the sha256 of files by name, without those that differ from run to run."""
     folder, volatile = root / stage.name, {a.at(root) for a in stage.writes.values() if a.volatile}
@@ -283,17 +194,15 @@ def _hashes(stage: Stage, root: Path, files: Mapping[str, bytes]) -> dict[str, s
     }
 
 
-def _encoded(stage: Stage, key: str, value: Any) -> dict[str, bytes]:
+def _encoded(stage: Stage, artifact: Artifact, value: Any) -> dict[str, bytes]:
     """Return an output's files by their paths in the stage's folder."""
-    artifact = stage.writes[key]
     path = Path(artifact.path).relative_to(stage.name)
     if artifact.kind == Bundle:
         return {(path / name).as_posix(): data for name, data in value.items()}
     return {path.as_posix(): encode(path, value)}
 
 
-def main(stage: Stage, begun: Forked[Any] | None = None) -> int:
+def main(stage: Stage) -> int:
     """Run a stage from the command line; arguments are Hydra overrides. Bad input gives one message and exit code 2."""
-    keep_memory()
     kept = "; earlier artifacts are kept" if (ARTIFACTS / stage.name).is_dir() else ""
-    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:], begun), f"interrupted{kept}")
+    return run_command(stage.name, lambda: run_stage(stage, sys.argv[1:]), f"interrupted{kept}")

@@ -55,7 +55,7 @@ def render_dag(root: Path) -> str:
         stages[stage.name] = _stage_entry(stage)
     stages["report"] = {
         "desc": "The report: one page with all the evidence",
-        "cmd": "python -m pipeline.prepared report",
+        "cmd": "python -m pipeline report",
         "deps": [
             *_conf_files(root),
             "pipeline/report/page.html.j2",
@@ -78,7 +78,7 @@ def _stage_entry(stage: Stage) -> dict[str, Any]:
     inputs = [artifact.at(ARTIFACTS).as_posix() for artifact in stage.reads.values()]
     entry = {
         "desc": doc.splitlines()[0],
-        "cmd": f"python -m pipeline.prepared {stage.name}",
+        "cmd": f"python -m stages.{stage.name}",
         "deps": _registered_files(stage) + inputs,
         "params": [{path.as_posix(): [stage.name]} for path in (COMPOSED, CODE_HASHES)],
         "outs": [_persistent(p) for p in [*outs, (ARTIFACTS / stage.name / "manifest.json").as_posix()]],

@@ -8,20 +8,11 @@ from typing import Any
 
 from minexplore.bundle import VOLUME
 from pipeline.errors import ParamsError
-from pipeline.guard.forked import Forked
-from pipeline.mjcf.assemble import assemble_world, begin_floor
+from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.realism import RealismParams
 from pipeline.stage import Artifact, Stage, main
-from pipeline.store.codecs import Bundle, Meshes, decode
-from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, Mesh, SolidExtent, Spawn, Survey
-
-
-def begin_world(params: RealismParams, root: Path) -> Forked[dict[str, Mesh]] | None:
-    """Let another process make the visible floor of a level mine."""
-    if params.floor is None or (STAGE.reads["volume"].at(root) / VOLUME).is_file():
-        return None
-    reads = (STAGE.reads[key] for key in ("free_space", "topology", "extent"))
-    return begin_floor(params, *(decode(artifact.at(root), artifact.kind) for artifact in reads))
+from pipeline.store.codecs import Bundle, Meshes
+from pipeline.types import ConvexParts, DriftNetwork, FreeSpace, Image, SolidExtent, Spawn, Survey
 
 
 def write_world(params: RealismParams, survey: Survey, free_space: FreeSpace, volume: Path, **others: Any) -> dict:
@@ -44,8 +35,6 @@ def write_world(params: RealismParams, survey: Survey, free_space: FreeSpace, vo
 STAGE = Stage(
     name="realism",
     run=write_world,
-    begin=begin_world,
-    begins_with="surface",
     reads={
         "survey": Artifact("survey/survey.json", Survey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),

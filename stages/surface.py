@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import VOLUME
-from pipeline.geometry.ray_scene import load_open3d
-from pipeline.guard.forked import Forked
-from pipeline.memory import give_back
+from pipeline.parallel import together
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.stage import LATER, Artifact, Stage, main
+from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
-from pipeline.surface.built import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
 from pipeline.surface.mesh.rough import RoughSurface, check_rough, closed_mesh
 from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources, reference_files
 from pipeline.surface.relief_source import choose_relief
+from pipeline.surface.roughness_report import RoughnessReport, amplitude_table, report_roughness
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (
@@ -37,11 +35,6 @@ from pipeline.types import (
 )
 
 
-def begin_texture(params: SurfaceParams, root: Path) -> Forked[Image] | None:
-    """Let another process make the texture."""
-    return None if params.overlay == "none" else Forked(partial(_texture, params.texture))
-
-
 def model_surface(
     params: SurfaceParams,
     free_space: FreeSpace,
@@ -49,35 +42,41 @@ def model_surface(
     extent: SolidExtent,
     volume: Path | None = None,
     solid: ClosedMesh = NO_SOLID,
-    begun: Forked[Image] | None = None,
 ) -> dict[str, Any]:
-    """Return both surfaces, the texture, and later reports on roughness and meshes; with `overlay=none` all are empty.
+    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
 
     A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs: of
-    a scan the volume's own, where its points are. `begun` is what `begin_texture` has returned, if
-    it was called before.
+    a scan the volume's own, where its points are.
     """
     if params.overlay == "none":
         return _NO_ROCK
     if volume is not None and (volume / VOLUME).is_file():
         from pipeline.volume.world.surface.build import rock_of_volume  # open3d takes a second to load
 
-        texture = begun.result() if begun else _texture(params.texture)
-        rock = rock_of_volume(params, volume, texture, solid.scan_m, solid.scan_rgb)
+        rock = rock_of_volume(params, volume, _texture(params.texture), solid.scan_m, solid.scan_rgb)
         return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
-    load_open3d()  # once, for the other processes as well
     free, height_m = free_space.polygon, extent.height_m
     params = widen_spacing(params, free, height_m)
-    drawn = begun or Forked(partial(_texture, params.texture))
-    with drawn, Forked(lambda: _smooth(params, free, height_m)) as plain:
-        sources = measure_sources(params)
-        lattice = lay_rough_lattice(params, free, topology, height_m)
-        relief = choose_relief(params, sources, lattice)
-        rough = build_rough_surface(params, lattice, relief)
-        smooth, texture = plain.result(), drawn.result()
-    give_back()  # of the lattice's displacement
-    later = Forked(lambda: _evidence(rough, smooth, report_roughness(params, sources, relief, rough), height_m))
-    return {"smooth": smooth, "rough": chunk_files(rough, params), "texture": texture, LATER: later}
+    (rough, reported), smooth, texture = together(
+        lambda: _rough(params, free, topology, height_m),
+        lambda: _smooth(params, free, height_m),
+        lambda: _texture(params.texture),
+    )
+    chunks, evidence = together(
+        lambda: chunk_files(rough, params), lambda: _evidence(rough, smooth, reported, height_m)
+    )
+    return {"smooth": smooth, "rough": chunks, "texture": texture, **evidence}
+
+
+def _rough(
+    params: SurfaceParams, free: Polygon, topology: DriftNetwork, height_m: float
+) -> tuple[RoughSurface, RoughnessReport]:
+    """Return the rough surface, and how rough it is beside what it copies."""
+    sources = measure_sources(params)
+    lattice = lay_rough_lattice(params, free, topology, height_m)
+    relief = choose_relief(params, sources, lattice)
+    rough = build_rough_surface(params, lattice, relief)
+    return rough, report_roughness(params, sources, relief, rough)
 
 
 def _evidence(rough: RoughSurface, smooth: Meshes, reported: RoughnessReport, height_m: float) -> dict[str, Any]:
@@ -123,8 +122,6 @@ def _texture(params: TextureParams) -> Image:
 STAGE = Stage(
     name="surface",
     run=model_surface,
-    begin=begin_texture,
-    begins_with="survey",
     sources=reference_files,
     reads={
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),

@@ -5,16 +5,14 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from minexplore.bundle import MODEL
-from pipeline.guard.forked import Forked
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
-from pipeline.mjcf.load_time import LoadCost, prepared_load
+from pipeline.mjcf.load_time import LoadCost, measure_load
+from pipeline.parallel import together
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.groups import applying_limits, is_measured, why_rock_is_not_judged
@@ -57,21 +55,17 @@ def validate_world(
     if len(floors) or len(network) or len(solid):
         return _validate_volume(params, world, survey, traced, network, solid, floors)
     groups, whole = [group for group in MEASURES if is_measured(group, params)], params.extent != "certificate"
-    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], beside=whole)
+    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
     if not whole:
         metrics = {group: validator.measure(group) for group in groups}
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
-    with prepared_load() as measure_load, ThreadPoolExecutor(1) as pool:
-        pictures = _pictures(params, validator)
-        if params.overlay != "none":
-            import_module("pipeline.report.figures.texture")  # Matplotlib loads while other processes measure
-        validator.await_measured()
-        loading = pool.submit(measure_load, world / MODEL)  # parallel to work that keeps one core busy
-        evidence = pictures | _evidence(params, validator)
-        metrics = {group: validator.measure(group) for group in groups}
-        timings = _timings(validator, loading.result())
-    return {"metrics": metrics, "timings": timings, **evidence}
+    validator.measure_together()
+    cost, evidence = together(
+        lambda: measure_load(world / MODEL), lambda: _pictures(params, validator) | _evidence(params, validator)
+    )
+    metrics = {group: validator.measure(group) for group in groups}
+    return {"metrics": metrics, "timings": _timings(validator, cost), **evidence}
 
 
 def _validate_volume(
@@ -86,6 +80,7 @@ def _validate_volume(
     """Return the outputs of this stage for a world that is one volume."""
     from pipeline.volume.world.proof.again.seen import require_surveyed_plan
     from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
+        Validated,
         open_volume,
         validate_volume,
     )
@@ -94,15 +89,15 @@ def _validate_volume(
     from pipeline.volume.world.surface.furnished import hang_again
 
     opened = open_volume(world)
-    if opened.rock:
-        import trimesh  # noqa: F401  # both processes need it
     files = opened.record.files
-    with Forked(lambda: measure_volume_texture(opened, params.texture)) as measured:
+
+    def judge() -> Validated:
         require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
         require_remade(world, opened, params.volume, *_survey_of(network, solid, floors))
         require_surveyed_plan(world, opened.record, survey.frame, traced.polygons)
-        found = validate_volume(params.volume, opened, network, solid, floors)
-        rock = measured.result()
+        return validate_volume(params.volume, opened, network, solid, floors)
+
+    found, rock = together(judge, lambda: measure_volume_texture(opened, params.texture))
     metrics, evidence = found.metrics, dict[str, Any]()
     if rock is not None:
         from pipeline.report.figures.texture import draw_heat, draw_texture

@@ -16,7 +16,7 @@ import hypothesis
 import pytest
 from filelock import FileLock
 
-from pipeline.memory import keep_memory  # `pipeline` chooses MuJoCo's OpenGL, before anything imports MuJoCo
+import pipeline  # noqa: F401  (it chooses MuJoCo's OpenGL, before anything imports MuJoCo)
 from tests.project import ROOT, Project
 
 if TYPE_CHECKING:  # the process that hands out tests loads this file, too: fixtures import what they use
@@ -38,7 +38,6 @@ EXACT_WALLS = ["contours.trace=pixels", "contours.tolerance_m=0.21"]
 SMALL_PICTURES = ["surface.texture.size_px=256", "realism.preview_width_px=400"]
 SHARED = ROOT.parent / "shared" / "data"
 
-keep_memory()  # as commands do: a tenth of the time of tests went into pages that were given back and cleared again
 gc.disable()  # while modules are imported and tests collected, nothing of them becomes garbage: a fifth of that time
 
 
@@ -216,12 +215,14 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return a project with the embedded survey and all six stages built; tests work on copies."""
 
     def build(folder: Path) -> None:
-        from pipeline.reproduce import is_reproduced
-        from stages.__main__ import STAGES
+        from pipeline.compose import compose_after_root
+        from pipeline.stage import ARTIFACTS, is_fresh
+        from stages.__main__ import STAGES, load_stages
 
         project = Project(folder, tiny=False)
         with contextlib.chdir(ROOT):
-            has_run = is_reproduced()
+            config = compose_after_root([])
+            has_run = all(is_fresh(stage, getattr(config, stage.name), ARTIFACTS) for stage in load_stages())
         if has_run:  # `make all` has already built it
             for name in (*STAGES, "report"):
                 shutil.copytree(ROOT / "artifacts" / name, folder / "artifacts" / name, dirs_exist_ok=True)

@@ -113,7 +113,7 @@ def test_the_metric_is_measured_and_its_limit_applies():
             "tests/baselines/test_longest_beam.py": """
 import pytest
 
-from baselines.policies.found import known_sha256, make_policy
+from baselines.policies.policy_lookup import known_sha256, make_policy
 from minexplore.task import TaskParams
 
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
-from baselines.policies.found import TRAINED
+from baselines.policies.policy_lookup import TRAINED
 from baselines.ppo.settings import TrainSettings
 
 matplotlib.use("Agg")

@@ -15,7 +15,7 @@ from typing import Any
 from baselines.base.environments import make_env
 from baselines.base.errors import interrupt, need, run_command
 from baselines.base.progress import Progress
-from baselines.policies.found import TRAINED
+from baselines.policies.policy_lookup import TRAINED
 from baselines.ppo.history import POLICY, History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings

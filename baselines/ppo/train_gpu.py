@@ -10,7 +10,7 @@ from typing import Any
 
 from baselines.base.environments import require_trainable
 from baselines.base.errors import BaselineError, need, run_command
-from baselines.policies.found import TRAINED
+from baselines.policies.policy_lookup import TRAINED
 from baselines.ppo.history import History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings

@@ -17,7 +17,7 @@ from gymnasium.envs.registration import EnvSpec
 from baselines.base.environments import make_env
 from baselines.base.result_file import Episode
 from baselines.base.worker import begin_worker
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy
 

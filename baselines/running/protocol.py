@@ -12,7 +12,7 @@ import numpy as np
 
 import minexplore
 from baselines.base.result_file import FORMAT, SAMPLE_STEPS, Episode, Head
-from baselines.policies.found import Policy, policy_sha256
+from baselines.policies.policy_lookup import Policy, policy_sha256
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot_kind import Robot
 from minexplore.task import TaskParams

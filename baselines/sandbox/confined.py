@@ -50,7 +50,7 @@ class Confined:
 
 
 class ConfinedPolicy:
-    """A policy as `baselines.policies.found.Policy` describes, made and called in a sandbox.
+    """A policy as `baselines.policies.policy_lookup.Policy` describes, made and called in a sandbox.
 
     Use it in a `with` statement: leaving it ends the process.
     """
@@ -71,7 +71,7 @@ class ConfinedPolicy:
         name : str
             `module:Class` or a file NAME.safetensors.
         count, task, robot, heights
-            As `baselines.policies.found.make_policy` takes them.
+            As `baselines.policies.policy_lookup.make_policy` takes them.
         confined : Confined
 
         Raises

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from baselines.base.errors import BaselineError, RejectedError
-from baselines.policies.found import checkpoint_sha256
+from baselines.policies.policy_lookup import checkpoint_sha256
 from baselines.policies.policy_source import (
     find_source,
     read_source,

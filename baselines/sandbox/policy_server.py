@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams, coerce_params
 

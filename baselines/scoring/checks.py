@@ -16,7 +16,7 @@ from baselines.base.environments import known_ids, make_env
 from baselines.base.errors import BaselineError
 from baselines.base.result_file import Episode, Head
 from baselines.base.statistics import sample_count
-from baselines.policies.found import RESERVED, known_sha256
+from baselines.policies.policy_lookup import RESERVED, known_sha256
 from baselines.running.protocol import params_facts, seeds_of
 
 

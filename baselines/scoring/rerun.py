@@ -10,7 +10,7 @@ from baselines.base.errors import BaselineError, RejectedError
 from baselines.base.progress import Progress
 from baselines.base.result_file import RESULTS, Episode, Head
 from baselines.explorers import EXPLORERS
-from baselines.policies.found import RESERVED, find_checkpoint, policy_label
+from baselines.policies.policy_lookup import RESERVED, find_checkpoint, policy_label
 from baselines.running.parallel import drive
 from baselines.running.protocol import name_episode
 from baselines.sandbox.bubblewrap import Limits, require_sandbox

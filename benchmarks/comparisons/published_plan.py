@@ -19,7 +19,7 @@ from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import read_results, replace_text
 from baselines.base.statistics import as_text, figures
 from baselines.evaluate import evaluate, expected_head, is_current
-from baselines.policies.found import policy_label
+from baselines.policies.policy_lookup import policy_label
 from baselines.running.protocol import SEEDS
 from baselines.scoring.bounds import Bound
 from baselines.split import bound_at_the_end

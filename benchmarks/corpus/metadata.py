@@ -1,4 +1,4 @@
-"""What describes a corpus: its index, its data card, Croissant and RO-Crate metadata."""
+"""What describes a corpus: its index, its data card and Croissant metadata."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from typing import Any
 import mlcroissant as mlc
 import yaml
 from pydantic import TypeAdapter, ValidationError
-from rocrate.model import ContextEntity
-from rocrate.rocrate import ROCrate
 
 from baselines.base.markdown import markdown_table
 from benchmarks.corpus.members import CorpusMember
@@ -26,7 +24,7 @@ from pipeline.store.files import write_atomically
 from pipeline.store.hashing import read_text_file, sha256_bytes, sha256_file
 
 CARD, TABLE, WRITTEN = "README.md", "worlds.csv", "written.json"
-CROISSANT, CRATE = "croissant.json", "ro-crate-metadata.json"
+CROISSANT = "croissant.json"
 # Column of worlds.csv, its type, and what it is.
 _COLUMNS = {
     "name": (mlc.DataType.TEXT, "Name of the world: `minexplore.load('corpus:NAME')`."),
@@ -68,7 +66,7 @@ def read_entry(folder: Path, member: CorpusMember) -> CorpusEntry:
 
 
 def write_metadata(folder: Path, entries: list[CorpusEntry], published: date) -> None:
-    """Write index, table, data card, Croissant and RO-Crate files beside the worlds; equal worlds give equal bytes.
+    """Write index, table, data card and Croissant file beside the worlds; equal worlds give equal bytes.
 
     Raises
     ------
@@ -81,7 +79,6 @@ def write_metadata(folder: Path, entries: list[CorpusEntry], published: date) ->
     hashes = {name: sha256_bytes(data) for name, data in files.items()}
     files[CARD] = _card(entries, hashes[INDEX]).encode()
     files[CROISSANT] = _json(_croissant(hashes, entries, published)).encode()
-    files[CRATE] = _json(_crate(folder, entries, published)).encode()
     listed = require_ours(folder)
     for name, data in files.items():
         listed[name] = [sha256_bytes(data), *listed.get(name, [])[:1]]  # and the earlier one, until it is replaced
@@ -103,7 +100,7 @@ def require_ours(folder: Path) -> dict[str, list[str]]:
         listed = {}
     except ValidationError as error:
         raise ArtifactError(f"{folder / WRITTEN}: not the list of what was written here; move it away") from error
-    for name in (INDEX, TABLE, CARD, CROISSANT, CRATE):
+    for name in (INDEX, TABLE, CARD, CROISSANT):
         path = folder / name
         if os.path.lexists(path) and (path.is_symlink() or sha256_file(path) not in listed.get(name, [])):
             raise ArtifactError(f"{path}: is not as {WRITTEN} lists it; move it away, or give another --out")
@@ -171,7 +168,7 @@ env = gymnasium.make("MineXplore/corpus:{entries[0].member.name}-v0")
 | `report.html` | the report: one page that needs no network |
 | `mine.png`, `contours.png`, `views.png` | the plan, the traced walls, and views where rock is visible |
 
-`{TABLE}` has a row a world; `{CROISSANT}` and `{CRATE}` describe it all for programs.
+`{TABLE}` has a row a world; `{CROISSANT}` describes it all for programs.
 
 ## Use and limits
 
@@ -238,58 +235,3 @@ def _croissant(hashes: dict[str, str], entries: list[CorpusEntry], published: da
 
 def _licences(entries: Iterable[CorpusEntry]) -> list[str]:
     return sorted({entry.member.licence for entry in entries})
-
-
-def _crate(folder: Path, entries: list[CorpusEntry], published: date) -> dict[str, Any]:
-    """Return RO-Crate 1.1 metadata: a dataset a world, with its licence, its source and its certificate.
-
-    References
-    ----------
-    RO-Crate 1.1, doi:10.5281/zenodo.4541002
-    """
-    citation = yaml.safe_load(Path("CITATION.cff").read_text())
-    crate = ROCrate(version="1.1")
-    root = crate.root_dataset
-    root["name"] = "Corpus of underground worlds"
-    root["description"] = f"{len(entries)} worlds for MuJoCo, each with its certificate and report."
-    root["datePublished"] = published.isoformat()
-    root["author"] = [
-        crate.add(ContextEntity(crate, f"#author-{k}", properties={"@type": "Organization", "name": author["name"]}))
-        for k, author in enumerate(citation["authors"], 1)
-    ]
-    spdx = {
-        licence: crate.add(
-            ContextEntity(
-                crate,
-                f"https://spdx.org/licenses/{licence}",
-                properties={"@type": "CreativeWork", "name": licence, "description": f"Licence {licence}"},
-            )
-        )
-        for licence in _licences(entries)
-    }
-    root["license"] = list(spdx.values())
-    for name, kind in {INDEX: "application/json", TABLE: "text/csv", CARD: "text/markdown"}.items():
-        crate.add_file(dest_path=name, properties={"name": name, "encodingFormat": kind})
-    for entry in entries:
-        place = f"{WORLDS}/{entry.member.name}"
-        files = [
-            crate.add_file(
-                dest_path=path.relative_to(folder).as_posix(),
-                properties={"name": path.name, "contentSize": str(path.stat().st_size)},
-            )
-            for path in sorted((folder / place).iterdir())
-            if path.is_file()
-        ]
-        crate.add_dataset(
-            dest_path=place,
-            properties={
-                "name": entry.member.name,
-                "description": entry.member.about,
-                "identifier": entry.record["world_sha256"],
-                "license": spdx[entry.member.licence],
-                "creditText": entry.member.source,
-                "hasPart": files,
-            },
-        )
-    metadata: dict[str, Any] = crate.metadata.generate()
-    return metadata

@@ -31,8 +31,8 @@ from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, open_bundle
 from pipeline.mjcf.loading import load_model
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import certify, measure_containment
-from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.rebuilt.same_model import model_difference
+from pipeline.proof.rebuilt.whole_bundle import require_built
 
 CAUGHT, HARMLESS, OTHER_ROCK, MISSED, CRASHED = "caught", "harmless", "other rock", "MISSED", "CRASHED"
 _HEIGHTS_M, _BEARINGS, _SAME_M = (0.3, 0.5, 1.0, 1.5), 64, 1e-3

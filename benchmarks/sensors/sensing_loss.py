@@ -15,7 +15,7 @@ import numpy as np
 from baselines.base.environments import find_id
 from baselines.base.markdown import write_table
 from baselines.base.result_file import line_sha256
-from baselines.policies.found import Policy, make_policy, policy_sha256
+from baselines.policies.policy_lookup import Policy, make_policy, policy_sha256
 from baselines.scoring.degraded import DRIVEN, TRUE, Drives, degraded_table, keep_drives, read_degraded
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.odometry import fitted_odometry

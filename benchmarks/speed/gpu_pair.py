@@ -192,7 +192,7 @@ def _clearance_at(world: World, places_m: np.ndarray) -> np.ndarray:
 def drive_episodes(env: Any, policy: Any, seed: int) -> list[list[float]]:
     """Return return and coverage of the first episode of each robot of a vector environment with arrays.
 
-    Robot i has the seed `seed + i`; `policy` is one of `baselines.policies.found`.
+    Robot i has the seed `seed + i`; `policy` is one of `baselines.policies.policy_lookup`.
     """
     count = env.num_envs
     observation, info = env.reset(seed=seed)

@@ -22,7 +22,7 @@ from baselines.base.environments import find_id
 from baselines.base.errors import BaselineError
 from baselines.base.markdown import write_table
 from baselines.base.progress import Progress
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from benchmarks.speed.gpu_pair import Pair, compare_looks, compare_steps, drive_episodes, stress
 from benchmarks.speed.gpu_parity_page import EPISODES, rows, tables
 from minexplore.task import TaskParams

@@ -15,7 +15,6 @@ from pipeline.compose import compose
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
-from pipeline.stage import with_later
 from pipeline.store.codecs import encode
 from pipeline.types import Frame, Scale, Survey, Workings
 from stages.compile3d import compile_rock
@@ -82,4 +81,4 @@ def finish_world(
     for name, data in world.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
-    return rock, with_later(surface)
+    return rock, surface

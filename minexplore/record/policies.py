@@ -15,7 +15,7 @@ from minexplore.envs.env import MineEnv
 Drive = Callable[[np.ndarray, dict[str, Any]], np.ndarray]
 
 # Of a source checkout; the environment's own wheel has none.
-_EXPLORERS, _ERRORS = "baselines.policies.found", "baselines.base.errors"
+_EXPLORERS, _ERRORS = "baselines.policies.policy_lookup", "baselines.base.errors"
 _OWN = ("ahead", "random")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,9 @@ import yaml
 
 from minexplore.unfinished import CONTINUE, PARAMS
 from pipeline.errors import MemoryShortageError, MineError, describe_shortage, lacks_memory
-from pipeline.guard.forked import Forked
-from pipeline.memory import give_back
 from pipeline.params.config import Config
 from pipeline.places import CODE_HASHES, COMPOSED
-from pipeline.stage import ARTIFACTS, Stage, begin_artifacts, check_again, is_fresh, written_by
+from pipeline.stage import ARTIFACTS, Stage, check_again, is_fresh, make_artifacts, written_by
 from pipeline.store.files import recover_folder, write_atomically
 from pipeline.store.hashing import read_text_file
 from pipeline.store.manifest import REPORT_FILES
@@ -49,8 +47,7 @@ def make_world(config: Config, root: Path, progress: Progress = iter, again: str
     Raises
     ------
     MineError
-        If a stage fails. The artifacts of earlier stages are kept, and the next run continues from there. What a stage
-        writes later is awaited at the end; if that fails, the error is that of the earlier stage.
+        If a stage fails. The artifacts of earlier stages are kept, and the next run continues from there.
     MemoryShortageError
         If a stage needs more memory than there is.
     """
@@ -58,30 +55,15 @@ def make_world(config: Config, root: Path, progress: Progress = iter, again: str
     note = f"{CONTINUE}{again}\n" if again and again.isprintable() else ""
     write_atomically(root / PARAMS, f"{_HEAD}{note}{text}".encode())
     stages, ran = load_stages(), list[str]()
-    begun: dict[str, Forked[Any] | None] = {}
-    unfinished: dict[str, Callable[[], None]] = {}
-    try:
-        for stage in progress(stages):
-            params: Any = getattr(config, stage.name)
-            recover_folder(root / stage.name)
-            with _in_stage(stage.name):
-                if is_fresh(stage, params, root):
-                    check_again(stage, params, root)
-                    continue
-                for other in stages:
-                    if other.begins_with == stage.name:
-                        begun[other.name] = other.begin(getattr(config, other.name), root)
-                unfinished[stage.name] = begin_artifacts(stage, params, root, begun.pop(stage.name, None))
-                give_back()
+    for stage in progress(stages):
+        params: Any = getattr(config, stage.name)
+        recover_folder(root / stage.name)
+        with _in_stage(stage.name):
+            if is_fresh(stage, params, root):
+                check_again(stage, params, root)
+            else:
+                make_artifacts(stage, params, root)
                 ran.append(stage.name)
-    except Exception:
-        _end(begun)
-        _finish(unfinished)
-        raise
-    except BaseException:
-        _end(begun)
-        raise
-    _finish(unfinished)
     return ran
 
 
@@ -130,20 +112,6 @@ def remove_world(root: Path) -> None:
     if params.is_file() and params.read_bytes().startswith(_HEAD.encode()):
         params.unlink()
     remove_empty(root)
-
-
-def _end(begun: Mapping[str, Forked[Any] | None]) -> None:
-    """End what was begun for stages that do not run."""
-    for work in begun.values():
-        if work:
-            work.end()
-
-
-def _finish(unfinished: Mapping[str, Callable[[], None]]) -> None:
-    """Write what stages write later."""
-    for name, finish in unfinished.items():
-        with _in_stage(name):
-            finish()
 
 
 @contextmanager

@@ -1,10 +1,9 @@
-"""Maintenance commands: overrides, manifests, provenance, the registry, the regression gate."""
+"""Maintenance commands: overrides, manifests, the registry, the regression gate."""
 
 from __future__ import annotations
 
 import json
 import os
-from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -56,13 +55,6 @@ def verify(name: str) -> None:
     folder = world_folder(name)
     count = verify_chain(Path(), folder, COMPOSED if name == DEFAULT else folder / "params.yaml")
     print(f"{count} artifacts verified; world {verify_world(folder / 'realism/world')}")
-
-
-def provenance(out: Path, published: date | None) -> None:
-    """Write the default world with its inputs and stage runs as an RO-Crate."""
-    from pipeline.report.provenance import last_commit_date, write_crate
-
-    print(f"{out}: {write_crate(out, published or last_commit_date())} files")
 
 
 def register(path: Path, origin: str, licence: str) -> None:
@@ -118,10 +110,6 @@ def add_to(commands: Any) -> None:
     verifier = commands.add_parser("verify", help=verify.__doc__)
     verifier.add_argument("name", nargs="?", default="default", help="of a world that `list` shows")
     verifier.set_defaults(run=lambda a: verify(a.name))
-    crate = commands.add_parser("provenance", help=provenance.__doc__)
-    crate.add_argument("--out", type=Path, default=Path("artifacts/provenance"))
-    crate.add_argument("--date", type=date.fromisoformat, help="default: the date of the last commit")
-    crate.set_defaults(run=lambda a: provenance(a.out, a.date))
     add = commands.add_parser("register", help=register.__doc__)
     add.add_argument("path", type=Path)
     add.add_argument("--origin", default="unknown")

@@ -116,7 +116,6 @@ def _make(
     from minexplore.ends import uninterrupted
     from pipeline.compose import compose, floor_rules_of
     from pipeline.errors import LimitError
-    from pipeline.guard.forked import Forked
     from pipeline.import_mine import draft_import, import_mine
     from pipeline.params.floor_rules import reading_by
     from pipeline.worlds import WORLDS, describe_start, env_id
@@ -124,7 +123,6 @@ def _make(
     with reading_by(floor_rules_of(overrides)):
         draft = draft_import(name, source, stated)
     pictures, failure = dict[Path, str](), None
-    default = Forked(lambda: compose([]))  # for the report, while this process composes the mine's
     imported = import_mine(draft, origin, licence)
     try:
         if draft.picture is not None:
@@ -145,7 +143,7 @@ def _make(
         print(f"taken for workings: {WORLDS / name / DETECTED}", file=sys.stderr)
     print(f"world   {WORLDS / name / 'realism' / 'world'}")
     print("report ", end=" ")
-    write_report(name, default.result())
+    write_report(name, compose([]))
     print(f"start   {describe_start(WORLDS / name)}")
     print(f"env id  {env_id(name)}")
     if failure is not None:

@@ -108,7 +108,7 @@ def _of_plan(bundle: Path, contacts: int, overrides: list[str]) -> Certificate:
     from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
     from pipeline.proof.claims import allowed_claims
-    from pipeline.proof.rebuilt.built import require_built
+    from pipeline.proof.rebuilt.whole_bundle import require_built
 
     world, claims = open_bundle(bundle), read_made_by(bundle)
     params = allowed_claims(bundle, claims, limits_of_kind(claims.kind, overrides))

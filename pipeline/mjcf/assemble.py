@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -28,8 +27,6 @@ from minexplore.bundle import (
     TOPOLOGY,
     GeomGroup,
 )
-from pipeline.guard.forked import Forked
-from pipeline.memory import give_back
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
 from pipeline.mjcf.floor_cover import cover_floor
 from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
@@ -44,21 +41,10 @@ from pipeline.types import (
     DriftNetwork,
     FreeSpace,
     Image,
-    Mesh,
     SolidExtent,
     Spawn,
     Survey,
 )
-
-
-def begin_floor(
-    params: RealismParams, free_space: FreeSpace, topology: DriftNetwork, extent: SolidExtent
-) -> Forked[dict[str, Mesh]] | None:
-    """Let another process make the visible floor, whose meshes are the result by name; None: the mine has none."""
-    if params.floor is None:
-        return None
-    zones = tile_zones(params.zones, extent.world_m)
-    return Forked(partial(cover_floor, params.floor, free_space.polygon, topology, zones))
 
 
 def assemble_world(
@@ -76,13 +62,11 @@ def assemble_world(
     free_space_bt: bytes,
     map_png: bytes,
     map_yaml: bytes,
-    begun: Forked[dict[str, Mesh]] | None = None,
 ) -> dict[str, Bundle]:
     """Return `world`: the files of the bundle by name.
 
     `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
     without visible rock, which has no texture and no preview either. The last four files enter the bundle as they are.
-    `begun` is what `begin_floor` has returned, if it was called before.
     """
     chunks = _chunks(rough)
     zones = tile_zones(params.zones, extent.world_m)
@@ -102,18 +86,16 @@ def assemble_world(
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
         look=params.look,
-        fittings=_fittings(params, free_space, topology, extent, chunks, begun) if smooth else {},
+        fittings=_fittings(params, free_space, topology, extent, chunks) if smooth else {},
         puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
         water_m=wet.water_m if wet else 0.0,
         is_rough=params.rough_floor,
     )
-    give_back()  # of the fittings' making: compiling is what takes most
     files, spec = compile_bundle(scene)
     if spec is not None:
         visible = compile_visible(spec, Path(MODEL))
         seen = in_sight(visible, free_space.polygon, [np.array(scene.anchor_m)])
         model = compile_with(spec, Path(MODEL), seen)
-        give_back()
         files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
@@ -133,16 +115,15 @@ def _fittings(
     topology: DriftNetwork,
     extent: SolidExtent,
     rough: Bundle,
-    begun: Forked[dict[str, Mesh]] | None,
 ) -> Bundle:
     """Return the meshes of the visible floor and the furniture as `NAME.msh`."""
     found: Bundle = {}
-    floor = begun or begin_floor(params, free_space, topology, extent)
     if params.furnish != "off":
         ways, main_m = ways_of(topology, extent.height_m), on_level(topology.main_drift_m)
         found |= hang_furniture(params.furniture[params.furnish], ways, main_m, rough)
-    if floor:
-        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in floor.result().items()}
+    if params.floor is not None:
+        floor = cover_floor(params.floor, free_space.polygon, topology, tile_zones(params.zones, extent.world_m))
+        found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in floor.items()}
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
 

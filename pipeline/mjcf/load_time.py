@@ -1,4 +1,4 @@
-"""Time and memory to load a model in a process of its own, which reads the model's path from its standard input."""
+"""Time and memory to load a model in a process of its own."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -33,34 +31,24 @@ class LoadCost:
     load_memory_mb: int
 
 
-@contextmanager
-def prepared_load() -> Iterator[Callable[[Path], LoadCost]]:
-    """Start the process, which imports MuJoCo at once, and yield the function that measures a model.
+def measure_load(model: Path) -> LoadCost:
+    """Load a model several times in a process of its own, and return the time and memory.
 
-    That function loads the model several times and returns the time and memory. It raises an `ArtifactError` if the
-    process fails.
+    Raises
+    ------
+    ArtifactError
+        If the process fails.
     """
-    process = subprocess.Popen(
-        [sys.executable, "-m", __name__],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+    done = subprocess.run(
+        [sys.executable, "-m", __name__, model],
+        capture_output=True,
         text=True,
         env={**os.environ, "MUJOCO_GL": "disable"},  # it draws nothing, and OpenGL is a third of the import
     )
-
-    def measure(model: Path) -> LoadCost:
-        found, errors = process.communicate(f"{model}\n")
-        if process.returncode:
-            reason = errors.rpartition("Error: ")[2].strip()[-300:]
-            raise ArtifactError(f"{model}: a separate process cannot load it: {reason}")
-        return LoadCost(**json.loads(found))
-
-    with process:
-        try:
-            yield measure
-        finally:
-            process.kill()
+    if done.returncode:
+        reason = done.stderr.rpartition("Error: ")[2].strip()[-300:]
+        raise ArtifactError(f"{model}: a separate process cannot load it: {reason}")
+    return LoadCost(**json.loads(done.stdout))
 
 
 def _measure(model: Path) -> LoadCost:
@@ -93,4 +81,4 @@ def _peak_kib() -> int:
 
 
 if __name__ == "__main__":
-    print(json.dumps(asdict(_measure(Path(sys.stdin.readline().rstrip("\n"))))))
+    print(json.dumps(asdict(_measure(Path(sys.argv[1])))))

@@ -9,7 +9,6 @@ import numpy as np
 
 from minexplore.bundle import INERTIAL_QUAT, MINE_BODY, TriangleMesh, encode_msh, line_of
 from pipeline.errors import ArtifactError
-from pipeline.memory import give_back
 
 _MOST_MOVED_M = 1e-5
 STAND_IN = TriangleMesh(  # a tetrahedron in the place of a mesh that is not needed
@@ -31,9 +30,7 @@ def load_model(path: Path) -> mujoco.MjModel:
     ArtifactError
         If MuJoCo refuses the model; the message is MuJoCo's, on one line.
     """
-    model = compile_spec(read_spec(path), path)
-    give_back()  # 0.35 GB of the default mine's
-    return model
+    return compile_spec(read_spec(path), path)
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:

@@ -9,7 +9,7 @@ from minexplore.bundle import MADE_BY
 from pipeline.errors import ArtifactError
 from pipeline.params.made_by import MadeBy
 from pipeline.params.validation import ValidationParams
-from pipeline.proof.rebuilt.built import tolerance_of
+from pipeline.proof.rebuilt.whole_bundle import tolerance_of
 
 _FINER = 4.0  # times that a network may be finer than that of its kind
 

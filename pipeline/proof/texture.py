@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,6 @@ from scipy.spatial import cKDTree
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.errors import ArtifactError
-from pipeline.guard.forked import Forked
-from pipeline.memory import give_back
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.draws import mean_axes, mean_sweep, spread_of
 from pipeline.metrics.rock.planefit import Residuals, fit_voxel_planes
@@ -35,6 +31,7 @@ from pipeline.metrics.rock.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
+from pipeline.parallel import together
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.sampled import Sampled, number_of_points, sample_pieces
 from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
@@ -114,9 +111,10 @@ class MeasuredTexture:
 
 def report_texture(rock: SeenRock, params: TextureReportParams) -> TextureReport:
     """Measure the visible rock of a world on the paper's six axes, and the smooth surface for comparison."""
-    with Forked(lambda: measure_flat_texture(rock, params)) as smooth:
-        found = measure_texture(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, params)
-        flat = smooth.result()
+    found, flat = together(
+        lambda: measure_texture(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, params),
+        lambda: measure_flat_texture(rock, params),
+    )
     return repeatable(
         TextureReport(
             found.as_paper,
@@ -142,7 +140,7 @@ def measure_flat_texture(rock: SeenRock, params: TextureReportParams) -> Measure
     Smooth surfaces vary little.
     """
     one = part_of(params, 4).model_copy(update={"draws": 1})
-    return measure_texture(rock.smooth(WALLS), rock.smooth(ROOF), rock.drifts, one, apart=False)
+    return measure_texture(rock.smooth(WALLS), rock.smooth(ROOF), rock.drifts, one)
 
 
 def _short(scores: Scores) -> Scores:
@@ -162,34 +160,37 @@ def part_of(params: TextureReportParams, share: int) -> TextureReportParams:
 
 
 def measure_texture(
-    walls: np.ndarray, roof: np.ndarray, drifts: Drifts, params: TextureReportParams, apart: bool = True
+    walls: np.ndarray, roof: np.ndarray, drifts: Drifts, params: TextureReportParams
 ) -> MeasuredTexture:
     """Measure a surface, given as the triangles (n, 3, 3) of its walls and roof, m, in each draw of stretches.
 
     Both wavelengths are read once: as the paper from the whole mine, along the walls from the first draw, where they
-    differ least. If it is to be measured apart, forked processes read them, and each draw without noise: points are
-    drawn in one order all the same.
+    differ least.
     """
     rng = np.random.default_rng(params.seed)
     pieces = [split_long(piece) for piece in (walls, roof)]
     _require_both(pieces)
     everywhere = sample_triangles(walls, number_of_points(walls, params.wall_points, params.points_per_m2), rng)[0]
-    with ExitStack() as processes:
-        whole = processes.enter_context(Forked(partial(_read_whole, everywhere, params), apart))
-        del everywhere
-        give_back()  # sampling takes three times the memory of the points
-        draws: list[Draw] = []
-        for places in draws_of_places(drifts, params):
-            near = [faces_near(piece, places, _reach_m(places, drifts, params)) for piece in pieces]
-            _require_both(near)
-            on_walls, on_roof = sample_pieces(near, params, rng)
-            if not draws:
-                wall = between(on_walls.points, params.wall_z_m)
-                wall = wall[:: max(1, len(wall) // _WALL_POINTS)]
-                along = processes.enter_context(Forked(partial(wall_wavelength_m, wall, drifts.free), apart))
-            draws.append(_measure_draw(on_walls, on_roof, params, rng, apart))
-        (published_m, heat), along_m = whole.result(), along.result()
+    (published_m, heat), (draws, along_m) = together(
+        lambda: _read_whole(everywhere, params), lambda: _measure_draws(pieces, drifts, params, rng)
+    )
     return MeasuredTexture([draw.with_wavelengths(published_m, along_m) for draw in draws], heat)
+
+
+def _measure_draws(
+    pieces: list[np.ndarray], drifts: Drifts, params: TextureReportParams, rng: np.random.Generator
+) -> tuple[list[Draw], float | None]:
+    """Return the draws without wavelengths, and the wavelength along the walls of the first one."""
+    draws, along_m = list[Draw](), None
+    for places in draws_of_places(drifts, params):
+        near = [faces_near(piece, places, _reach_m(places, drifts, params)) for piece in pieces]
+        _require_both(near)
+        on_walls, on_roof = sample_pieces(near, params, rng)
+        if not draws:
+            wall = between(on_walls.points, params.wall_z_m)
+            along_m = wall_wavelength_m(wall[:: max(1, len(wall) // _WALL_POINTS)], drifts.free)
+        draws.append(_measure_draw(on_walls, on_roof, params, rng))
+    return draws, along_m
 
 
 def _read_whole(walls: np.ndarray, params: TextureReportParams) -> tuple[float | None, _Heat]:
@@ -202,20 +203,14 @@ def _require_both(pieces: list[np.ndarray]) -> None:
         raise ArtifactError("mine.xml: no visible walls or no roof near the stations; texture needs both")
 
 
-def _measure_draw(
-    walls: Sampled, roofs: Sampled, params: TextureReportParams, rng: np.random.Generator, apart: bool
-) -> Draw:
-    """Measure one draw without wavelengths: as it is, perhaps in a forked process, and with the paper's noise."""
-
-    def plain() -> tuple[TextureAxes, list[Residuals], float, float]:
-        rock = _rock_points(walls.points, roofs.points, params)
-        sigma = rock.sweep.bumps.sigma
-        bump_rms_m = float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0
-        return measure_axes(rock), rock.sweep.residuals, roof_unevenness_m(rock.roof), bump_rms_m
-
-    with Forked(plain, apart) as measured:
-        noisy = [cloud.with_noise(params, rng) for cloud in (walls, roofs)]
-        return Draw(measure_axes(_rock_points(noisy[0], noisy[1], params)), *measured.result())
+def _measure_draw(walls: Sampled, roofs: Sampled, params: TextureReportParams, rng: np.random.Generator) -> Draw:
+    """Measure one draw without wavelengths: with the paper's noise, and as it is."""
+    noisy = [cloud.with_noise(params, rng) for cloud in (walls, roofs)]
+    as_paper = measure_axes(_rock_points(noisy[0], noisy[1], params))
+    rock = _rock_points(walls.points, roofs.points, params)
+    sigma = rock.sweep.bumps.sigma
+    bump_rms_m = float(np.sqrt((sigma**2).mean())) if len(sigma) else 0.0
+    return Draw(as_paper, measure_axes(rock), rock.sweep.residuals, roof_unevenness_m(rock.roof), bump_rms_m)
 
 
 def _rock_points(walls: np.ndarray, roof: np.ndarray, params: TextureReportParams) -> RockPoints:

@@ -16,8 +16,6 @@ from minexplore.bundle import FREE_SPACE, MINE_BODY, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.outline.binarize import left_out
 from pipeline.geometry.outline.half_level import trace_half_level
-from pipeline.guard.forked import Forked
-from pipeline.memory import give_back
 from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.rock.relief import Relief
@@ -31,10 +29,11 @@ from pipeline.mjcf.bundle import (
     read_made_by,
 )
 from pipeline.mjcf.render import render_free_space
+from pipeline.parallel import together
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
-from pipeline.proof.rebuilt.built import require_rock, require_solid, tolerance_of
+from pipeline.proof.rebuilt.whole_bundle import require_rock, require_solid, tolerance_of
 from pipeline.proof.surface import SeenRock, WallBands, level_rock, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
@@ -55,14 +54,11 @@ class Validator:
         survey: Survey,
         checked: bool = True,
         traced: Polygon | None = None,
-        beside: bool = False,
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
         With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
-        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. With `beside`, other
-        processes take measures while this one goes on, see `await_measured`: those of visible rock from the start, and
-        the certificate's and the columns' once outline and model are those of the builder.
+        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
 
         Raises
         ------
@@ -77,45 +73,20 @@ class Validator:
         self._tracing = params.network_cell_m, params.network_min_leg_m
         self.free_space: FreeSpace = decode(bundle / FREE_SPACE, FreeSpace)
         self.network: DriftNetwork = decode(bundle / TOPOLOGY, DriftNetwork)
-        give_back()  # what the model was compiled from
-        self._beside, self._measured = beside, list[Forked[dict[str, Any]]]()
-        try:
-            if self.world.record.has_visible_rock:
-                self._measure_beside("texture")
-                self._measure_beside("relief", "walls")
-            if checked and params.extent == "full":
-                self._require_built()
-            else:
-                self._measure_solid()
-        except BaseException:
-            for measured in self._measured:
-                measured.end()
-            raise
-        give_back()  # what the world was made again with
+        if checked and params.extent == "full":
+            self._require_built()
 
     def _require_built(self) -> None:
         require_own_claims(self.bundle, read_made_by(self.bundle), self.params)
         self.free_space, grid = require_solid(self.bundle, self.world.record, self.params)
-        self._measure_solid()
         _require_survey(self.bundle, self.world, self.survey)
         _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
-        give_back()
         require_rock(self.bundle, self.world.record, self.free_space.polygon, grid, self.params)
 
-    def _measure_solid(self) -> None:
-        self._measure_beside("containment")
-        self._measure_beside("columns")
-
-    def _measure_beside(self, *names: str) -> None:
-        """Let another process take measures."""
-        if self._beside:
-            give_back()  # the other process starts with what this one holds
-            self._measured.append(Forked(lambda: {name: getattr(self, name) for name in names}))
-
-    def await_measured(self) -> None:
-        """Take over what other processes have measured, once they are done."""
-        while self._measured:
-            vars(self).update(self._measured.pop().result())
+    def measure_together(self) -> None:
+        """Take the measures that take longest, at the same time."""
+        rock = [lambda: self.texture, lambda: (self.relief, self.walls)] if self.world.record.has_visible_rock else []
+        together(*rock, lambda: self.containment, lambda: self.columns)
 
     @functools.cached_property
     def world_free(self) -> Mask:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 from pydantic import TypeAdapter
 
 from minexplore import __version__
-from pipeline.guard.forked import Forked
 from pipeline.metrics.limits import format_limit, is_time
 from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import Limit, ValidationParams
@@ -65,14 +63,12 @@ class _Figure:
 class WorldView:
     """What of a report depends on what a world is: its record, its plan, its 3D view (HTML), and the metrics' limits.
 
-    Another process makes the 3D view, which takes longest.
-
     `volume` is what of its survey one volume is.
     """
 
     record: Any
     plan: Figure
-    scene: Forked[str]
+    scene: str
     limits: dict[str, Limit]
     volume: dict[str, Any] | None = None
 
@@ -128,7 +124,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         mine_svg=svg[svg.index(b"<svg") :].decode(),
         glance=_pictures(root, _GLANCE),
         texture=_pictures(root, _TEXTURE),
-        scene=view.scene.result(),
+        scene=view.scene,
         groups=groups,
         held=sum(limited),
         limited=len(limited),
@@ -154,7 +150,7 @@ def _view(root: Path, survey: Survey, free_space: FreeSpace, network: DriftNetwo
     bundle = root / "realism" / "world"
     record = read_record(bundle)
     params = read_manifest(root / "validation" / "manifest.json").params
-    scene = Forked(partial(scene_page, bundle, record, free_space, network))
+    scene = scene_page(bundle, record, free_space, network)
     return WorldView(
         record,
         draw_mine(free_space.polygon, network, record),

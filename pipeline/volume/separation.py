@@ -8,13 +8,13 @@ from itertools import chain
 import numpy as np
 import shapely
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
 _CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most
 _CELLS = 1e6
 _TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
-_LEAST_SHARE = 4000  # bodies, of one process
+_LEAST_SHARE = 4000  # bodies, of one share
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from baselines import evaluate, score
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.result_file import RESULTS, read_results, replace_text
-from baselines.policies.found import find_checkpoint
+from baselines.policies.policy_lookup import find_checkpoint
 from baselines.policies.policy_source import require_checkpoint
 from baselines.scoring.split_file import read_parts
 

@@ -13,7 +13,7 @@ from baselines.oracle.bound import best_walk
 from baselines.oracle.network import TimeNetwork, time_network
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.tour import OracleTour, plan_tour
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from baselines.scoring.bounds import read_bounds, write_bound
 

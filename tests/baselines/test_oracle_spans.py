@@ -9,7 +9,7 @@ from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.span_views import free_heights
 from baselines.oracle.spans import network_over_spans, slowness, span_links, spans_of, tour_over_spans
 from baselines.oracle.tour import OracleTour
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.world import load_world

@@ -9,8 +9,8 @@ from baselines.explorers import EXPLORERS
 from baselines.explorers.frontier import NearestFrontier
 from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.pursuit import PathFollower, heading_errors
-from baselines.policies.found import _code_of, make_policy, policy_sha256, source_files
 from baselines.policies.map_observation import RINGS_M, MapObserver
+from baselines.policies.policy_lookup import _code_of, make_policy, policy_sha256, source_files
 from baselines.running.protocol import run_episodes
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
@@ -166,7 +166,7 @@ def test_the_explorer_of_the_documentation_drives_and_its_hash_covers_its_source
 def test_a_hash_covers_the_modules_that_a_policy_imports():
     files = {path.name for path in source_files(NearestFrontier)}
     assert {"frontier.py", "planner.py", "own_map.py", "pursuit.py", "beams.py"} <= files
-    assert not {"found.py", "wall_following.py", "evaluate.py"} & files
+    assert not {"policy_lookup.py", "wall_following.py", "evaluate.py"} & files
 
 
 def test_every_policy_has_a_hash_of_its_own_and_unknown_ones_are_refused_with_the_choices():

@@ -13,7 +13,7 @@ from baselines.evaluate import UNVERIFIED, evaluate, evaluate_all, is_current
 from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard, sections_of, with_sections
 from baselines.pages.split_page import UNVERIFIED_HEADING
-from baselines.policies.found import find_checkpoint, make_policy, policy_label
+from baselines.policies.policy_lookup import find_checkpoint, make_policy, policy_label
 from baselines.running.parallel import drive
 from baselines.running.protocol import SEEDS, head_of, run_episodes
 from baselines.sandbox.bubblewrap import require_sandbox
@@ -90,7 +90,7 @@ def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, short_
 @needs_sandbox
 def test_a_learned_row_is_driven_here_by_its_name(short_id, tmp_path, monkeypatch):
     name = "Tee-beams-mlp-1"
-    monkeypatch.setattr("baselines.policies.found.CHECKPOINTS", tmp_path)
+    monkeypatch.setattr("baselines.policies.policy_lookup.CHECKPOINTS", tmp_path)
     write_policy(tmp_path / f"{name}.safetensors", "mlp", hidden=64)
     out = tmp_path / "elsewhere" / f"{name}.jsonl"
     evaluate(str(tmp_path / f"{name}.safetensors"), short_id, list(SEEDS), out)

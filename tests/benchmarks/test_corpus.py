@@ -17,7 +17,6 @@ from benchmarks.corpus.metadata import read_entry, write_metadata
 from minexplore.splits import STYLES
 from pipeline.errors import ArtifactError
 from pipeline.store.hashing import sha256_bytes
-from tests.crates import cached_context, crate_issues
 from tests.mines import BuiltMine
 
 A_TEE = CorpusMember("tee", "surveyed", "A T.", "MIT", "nobody, and 1 more")
@@ -60,16 +59,6 @@ def test_croissant_reads_the_table_of_worlds(corpus):
     assert rows[0]["worlds/certificate"] is True
 
 
-@pytest.mark.slow
-def test_the_ro_crate_is_valid_and_gives_each_world_its_licence(corpus, tmp_path):
-    folder, entries = corpus
-    assert crate_issues(folder, cached_context(tmp_path), "ro-crate-1.1") == []
-    graph = {item["@id"]: item for item in json.loads((folder / "ro-crate-metadata.json").read_text())["@graph"]}
-    tee = graph["worlds/tee/"]
-    assert tee["license"] == {"@id": "https://spdx.org/licenses/MIT"}
-    assert tee["identifier"] == entries[0].record["world_sha256"]
-
-
 def test_a_source_with_a_comma_leaves_the_table_whole(corpus):
     with (corpus[0] / "worlds.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -86,7 +75,7 @@ def test_a_picture_of_one_pixel_is_no_evidence(tmp_path):
     assert "validation/views.png" not in found
 
 
-@pytest.mark.parametrize("name", ["README.md", "corpus.json", "worlds.csv", "croissant.json", "ro-crate-metadata.json"])
+@pytest.mark.parametrize("name", ["README.md", "corpus.json", "worlds.csv", "croissant.json"])
 def test_a_file_of_the_user_with_a_name_of_the_corpus_is_kept_and_named(corpus, tmp_path, name):
     folder = shutil.copytree(corpus[0], tmp_path / "corpus")
     write_metadata(folder, corpus[1], date(2026, 11, 27))  # our own are replaced

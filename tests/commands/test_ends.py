@@ -145,14 +145,13 @@ def test_an_interrupted_recording_is_one_line_and_leaves_nothing(tmp_path, small
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SIGNALS)
-def test_a_build_that_is_interrupted_with_its_children_is_one_line_and_goes_on(unbuilt, tmp_path, kind):
+def test_a_build_that_is_interrupted_is_one_line_and_goes_on(unbuilt, tmp_path, kind):
     project = unbuilt.copy(tmp_path / "mine")
     (project.folder / "own.csv").write_text(TINY_STATIONS)
     world = project.folder / "artifacts/worlds/own"
     words = ("pipeline", "new", "own", "--from", "own.csv", "preset=light")
     process = start(*words, folder=project.folder)
-    # Stage 6 measures in processes of its own.
-    wait_for(process, lambda: (world / "realism/manifest.json").exists() and len(processes_of_group(process.pid)) > 1)
+    wait_for(process, lambda: (world / "realism/manifest.json").exists())
     os.killpg(process.pid, kind)
     _, text = process.communicate(timeout=120)
     assert process.returncode == 130, text

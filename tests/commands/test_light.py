@@ -21,7 +21,7 @@ from pipeline.errors import ArtifactError, InputError
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.certificate import certify
 from pipeline.proof.groups import applying_limits, is_measured
-from pipeline.proof.rebuilt.built import require_built
+from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.figures.scene import scene_page
 from tests.composed import compose

@@ -2,15 +2,12 @@
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from pipeline.report.baseline import BASELINE, gated, regressions
 from pipeline.report.results import ROWS, read_limits, read_metrics, results_table
-from pipeline.reproduce import is_reproduced
 from stages.__main__ import STAGES
 from tests.project import ROOT, Project, message_of
 
@@ -125,50 +122,6 @@ def test_dvc_repro_runs_all_stages_once_then_none(repro, tmp_path):
     assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.json", "artifacts/code.json"}
     assert processes == []
     assert [name for name in imported if name.split(".")[0] in ("pipeline", "stages", "minexplore")] == []
-
-
-def test_make_starts_dvc_only_where_something_differs_from_the_lock(repro, tmp_path, monkeypatch):
-    project = repro.copy(tmp_path / "mine")
-    monkeypatch.chdir(project.folder)
-    assert is_reproduced()
-    cached = yaml.load(Path("dvc.lock").read_text(), yaml.CSafeLoader)["stages"]["report"]["outs"][0]["md5"]
-    changes = {
-        "stages/survey.py": lambda text: text + b"\n",  # an input
-        "artifacts/realism/world/mine.xml": lambda text: text + b" ",  # a file of a folder
-        "artifacts/validation/metrics.json": lambda text: text.replace(b"1", b"2", 1),  # an output that git stores
-        "artifacts/report/mine.png": None,  # a lost output
-        f".dvc/cache/files/md5/{cached[:2]}/{cached[2:]}": None,  # a lost copy
-        "dvc.yaml": lambda text: text.replace(b"prepared contours", b"prepared  contours"),
-        "dvc.lock": lambda text: text.replace(b"tolerance_m: ", b"tolerance_m: 1", 1),  # a parameter
-        "params.yaml": lambda text: b"overrides: look=wet\n",
-    }
-    for name, changed in changes.items():
-        file = Path(name)
-        before = file.read_bytes()
-        if changed:
-            assert changed(before) != before, name
-            file.unlink()  # copies may share their bytes
-            file.write_bytes(changed(before))
-        else:
-            file.unlink()
-        assert not is_reproduced(), name
-        file.unlink(missing_ok=True)
-        file.write_bytes(before)
-    assert is_reproduced()  # what was restored counts as before
-    more = Path("artifacts/surface/rough/more.txt")
-    more.write_text("")
-    assert not is_reproduced()
-    more.unlink()
-    assert project.module("pipeline.reproduce").stdout == "Data and pipelines are up to date.\n"
-
-
-@pytest.mark.slow
-def test_make_makes_a_lost_output_again(repro, tmp_path, monkeypatch):
-    project = repro.copy(tmp_path / "mine")
-    monkeypatch.chdir(project.folder)
-    Path("artifacts/report/mine.png").unlink()
-    assert "Stage 'validation' didn't change" in project.module("pipeline.reproduce").stdout
-    assert is_reproduced()
 
 
 @pytest.mark.slow

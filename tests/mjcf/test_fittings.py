@@ -40,9 +40,9 @@ from pipeline.mjcf.scene import ZoneStrip
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.config import Config
 from pipeline.params.fittings import FloorParams
-from pipeline.proof.rebuilt.built import require_built
 from pipeline.proof.rebuilt.fittings import _mesh_difference
 from pipeline.proof.rebuilt.visible import face_samples
+from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.types import DriftNetwork, Leg, Mesh
 from tests.composed import compose
 from tests.mines import BuiltMine, sealed

@@ -19,7 +19,7 @@ from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
-from pipeline.proof.rebuilt.built import require_built
+from pipeline.proof.rebuilt.whole_bundle import require_built
 from tests.composed import compose
 from tests.mines import BuiltMine, sealed
 

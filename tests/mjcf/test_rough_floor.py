@@ -20,7 +20,7 @@ from pipeline.errors import ArtifactError, ParamsError
 from pipeline.mjcf.bundle import obstacles, open_bundle, read_record
 from pipeline.mjcf.rough_floor import rough_tiles
 from pipeline.params.config import Config
-from pipeline.proof.rebuilt.built import require_built
+from pipeline.proof.rebuilt.whole_bundle import require_built
 from stages.realism import write_world
 from tests.composed import compose
 from tests.mines import BuiltMine, sealed

@@ -32,13 +32,3 @@ def test_the_ledger_and_the_results_state_the_same_load_time_and_size():
     ledger = re.search(r"\| load below 10 s \| ([\d.]+) s .* a bundle of ([\d.]+) MB", claims)
     table = [re.search(rf"\| {title} \| ([\d.]+) ", results) for title in ("MjModel load, the first.*?", "bundle, MB")]
     assert ledger.groups() == tuple(found[1] for found in table), "run `make report claims`"
-
-
-def test_the_scores_of_flat_walls_are_those_of_the_results_on_the_page_of_rocks():
-    results, rock = ((ROOT / "docs/evidence" / name).read_text() for name in ("results.md", "parts/rock.md"))
-    for axis in ("wall jaggedness", "bump Rq", "roughness integral", "roof irregularity", "wall heterogeneity"):
-        flat = re.search(rf"- {axis} \| [\d.]+ \(flat walls ([\d.]+)", results)[1]
-        assert abs(float(flat) - float(re.search(rf"- {axis} \| ([\d.]+)", rock)[1])) < 1e-3, (
-            axis,
-            "run `make report compare-rock`",
-        )

@@ -16,17 +16,17 @@ from pipeline.metrics.rock.roughness import SurfaceRoughness
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.visible import visible_triangles
-from pipeline.proof.rebuilt.built import require_built
+from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.proof.surface import drifts_of, level_rock, report_walls
 from pipeline.proof.texture import draws_of_places, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice, widen_spacing
-from pipeline.surface.built import wall_section
 from pipeline.surface.fit_rock import RockWalls, fit_rock
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.reference import measure_cloud, measure_sources
 from pipeline.surface.relief.spectrum import Roughness, band_edges
 from pipeline.surface.relief_source import bounds_of, choose_bands, choose_relief
+from pipeline.surface.roughness_report import wall_section
 from pipeline.types import DriftNetwork, FreeSpace
 from tests.composed import compose
 from tests.mines import BuiltMine

@@ -7,9 +7,9 @@ import shapely
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.metrics.clearance import measure_walls
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
-from pipeline.surface.built import wall_section
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import choose_relief
+from pipeline.surface.roughness_report import wall_section
 from tests.composed import compose
 
 

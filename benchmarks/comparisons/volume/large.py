@@ -27,7 +27,6 @@ from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import CASES, GateCase, within
 from benchmarks.resume import Row, resume, run_benchmark
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
-from pipeline.memory import keep_memory
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import SurveyNetwork
@@ -74,7 +73,6 @@ def measure(name: str) -> Row:
 
     The peak is that of the process and of one other that works for it, if both were largest at one time.
     """
-    keep_memory()
     kind, size = name.split()
     with tempfile.TemporaryDirectory() as folder:
         network = network_of_size(kind, float(size), Path(folder))

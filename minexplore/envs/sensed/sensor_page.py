@@ -21,7 +21,6 @@ beam that returns from dust sees no cell beyond it, and one without a return rea
 
 Images are 62 deg high, clouds are seen from above, and colours are labels. On the right are the IMU's three turn rates,
 and the way of a robot along a wall for two minutes, the true one in white and the counted one in red.
-`python -m benchmarks sensor-pictures` draws the picture.
 
 ```python
 env = gymnasium.make("MineXplore/ChileanMine-v0", sensors=("depth", "os1-64"), conditions="dusty")

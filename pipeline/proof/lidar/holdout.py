@@ -14,9 +14,9 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
-from pipeline.surface.built import report_roughness
 from pipeline.surface.reference import measure_sweeps
 from pipeline.surface.relief_source import choose_relief
+from pipeline.surface.roughness_report import report_roughness
 
 _DRIFT = shapely.box(0, 0, 80, 7)  # m; it holds many of the longest windows
 _HEIGHT_M = 3.5

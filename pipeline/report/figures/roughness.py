@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 
 from pipeline.metrics.rock.roughness import SurfaceRoughness
 from pipeline.report.figures.style import GREY, MOSS, OCHRE, ROCK, STEEL, new_figure, to_image
-from pipeline.surface.built import RoughnessReport
 from pipeline.surface.mesh.rough import RoughSurface
 from pipeline.surface.relief.spectrum import Bands, band_edges, band_wavelengths, fit_bands
 from pipeline.surface.relief.spectrum import Roughness as TargetRoughness
+from pipeline.surface.roughness_report import RoughnessReport
 from pipeline.types import Image, Mesh
 
 _COLOURS = {"published": OCHRE, "sweeps": STEEL, "cloud": MOSS}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -15,7 +15,6 @@ from shapely import Polygon
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.guard.forked import Forked
 from pipeline.surface.mesh.walls import Ring, WallColumns, outline_of, smoothstep
 from pipeline.types import Frame
 
@@ -42,8 +41,8 @@ class Lattice:
 
     Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
     (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
-    (n,) is the wall column at or nearest to a vertex. Another process triangulates the roof: its faces (k, 3) are over
-    wall columns and inner points, and `faces` and `piece` wait for them.
+    (n,) is the wall column at or nearest to a vertex. `roof_faces` (k, 3) are over wall columns and
+    inner points.
     """
 
     vertices: np.ndarray
@@ -52,7 +51,7 @@ class Lattice:
     column: np.ndarray
     walls: WallColumns
     rows: int
-    triangulated: Forked[np.ndarray]
+    roof_faces: np.ndarray
 
     @property
     def wall_vertices(self) -> int:
@@ -61,15 +60,9 @@ class Lattice:
 
     @cached_property
     def faces(self) -> np.ndarray:
-        """Return the faces (m, 3): those of the walls, then those of the roof.
-
-        Raises
-        ------
-        GeometryError
-            If two walls are nearer to each other than the spacing.
-        """
+        """Return the faces (m, 3): those of the walls, then those of the roof."""
         offset = (self.rows - 1) * len(self.walls.xy)  # the first points of the roof are the walls' top row
-        roof = self.triangulated.result()[:, ::-1] + offset
+        roof = self.roof_faces[:, ::-1] + offset
         return np.concatenate([_wall_faces(self.walls, self.rows), roof]).astype(np.int32)
 
     @cached_property
@@ -91,6 +84,11 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
     profile : CrossSection
     spacing_m, roof_spacing_m : float
         Greatest distance of neighbouring points up the walls, and in plan on the roof.
+
+    Raises
+    ------
+    GeometryError
+        If two walls are nearer to each other than the spacing.
     """
     xy, inward = walls.xy, walls.inward
     top_m = profile.height_m - profile.arch_rise_m
@@ -98,7 +96,6 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
     toe = np.minimum(profile.floor_chamfer_m, _TOE_SHARE * walls.free_m)  # the floor chamfer, at 45 deg
     rows = [np.column_stack([xy + np.maximum(0.0, toe - z)[:, None] * inward, np.full(len(xy), z)]) for z in levels]
     grid = _roof_grid(walls, roof_spacing_m)
-    triangulated = Forked(partial(_roof_faces, walls, grid, roof_spacing_m))
     inner = grid.xy
     near, column = cKDTree(xy).query(inner, workers=2)
     roof = np.column_stack([inner, _arch(inner, near, profile, roof_spacing_m)])
@@ -113,7 +110,7 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
         column=np.concatenate([np.tile(np.arange(len(xy)), len(levels)), column]),
         walls=walls,
         rows=len(levels),
-        triangulated=triangulated,
+        roof_faces=_roof_faces(walls, grid, roof_spacing_m),
     )
 
 

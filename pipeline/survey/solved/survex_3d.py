@@ -8,13 +8,12 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
-from pipeline.survey.solved.ancient_3d import read_binary_items, read_text_items
 from pipeline.survey.solved.found_items import FoundItems
 from pipeline.survey.solved.labels import Cursor, read_label, read_old_label, trim_old_label
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey
 
-_MAGIC, _MAGIC_OF_DOS = b"Survex 3D Image File\n", b"Survex 3D Image File\r\n"
-_VERSIONS = {b"v0.01": 0, b"Bv0.01": 1, b"bv0.01": 1} | {f"v{number}".encode(): number for number in range(2, 9)}
+_MAGIC = b"Survex 3D Image File\n"
+_VERSIONS = {f"v{number}".encode(): number for number in range(3, 9)}
 _EXTENDED, _EXTENDED_TITLE = 0x80, " (extended)"
 _ERROR_BYTES = 20
 _KEPT = 0x20  # of a leg's code in version 8: the label stays
@@ -38,8 +37,7 @@ def read_3d(path: Path) -> SolvedSurvey:
     """Read a solved survey.
 
     Coordinates are whole centimetres, so positions are exact to 5 mm. A leg names no stations; its ends are the
-    stations at its coordinates. An end without a station becomes an anonymous station. Versions 0.01 to 2 have neither
-    cross-sections nor flags of stations, and version 0.01 none of legs.
+    stations at its coordinates. An end without a station becomes an anonymous station.
 
     Parameters
     ----------
@@ -53,40 +51,34 @@ def read_3d(path: Path) -> SolvedSurvey:
     Raises
     ------
     InputError
-        If the file is no `.3d` of versions 0.01 to 8, ends early, holds a reserved code, or exceeds a limit. The
+        If the file is no `.3d` of versions 3 to 8, ends early, holds a reserved code, or exceeds a limit. The
         message names the file and the byte.
 
     References
     ----------
-    Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm. Older versions are
-    as Survex's library for these files (img.c) reads them.
+    Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm.
     """
     cursor = Cursor(path, read_text_bytes(path))
     header = _read_header(cursor)
     found = FoundItems(path)
-    if header.version == 0:
-        read_text_items(cursor, found)
-    elif header.version < 3:
-        read_binary_items(cursor, found, header.version)
-    else:
-        _ItemReader(cursor, found, header.version).read()
+    _ItemReader(cursor, found, header.version).read()
     return found.survey(header.title, header.crs, header.date)
 
 
 def _read_header(cursor: Cursor) -> _Header:
-    of_dos = cursor.data.startswith(_MAGIC_OF_DOS)
-    magic = _MAGIC_OF_DOS if of_dos else _MAGIC
-    if cursor.take(min(len(magic), len(cursor.data))) != magic:
+    if cursor.take(min(len(_MAGIC), len(cursor.data))) != _MAGIC:
         raise InputError(f"{cursor.path}: not a Survex .3d file (it does not begin with {_MAGIC[:-1].decode()!r})")
     named = cursor.line()
-    version = _VERSIONS.get(named.removesuffix(b"\r") if of_dos else named)
-    if version is None or (of_dos and version > 0):
+    version = _VERSIONS.get(named)
+    if version is None:
         name = named[:12].decode("latin-1")
-        raise InputError(f"{cursor.path}: .3d version {name!r}; versions v0.01, Bv0.01 and v2 to v8 are read")
+        raise InputError(
+            f"{cursor.path}: .3d version {name!r}; v3 to v8 are read; `survexport --dxf` converts an older file"
+        )
     texts = cursor.line().split(b"\0")
-    title = (texts[0] if version >= 8 else b"\0".join(texts))[:1000].decode("utf-8", "replace").removesuffix("\r")
+    title = (texts[0] if version >= 8 else b"\0".join(texts))[:1000].decode("utf-8", "replace")
     crs = texts[1][:1000].decode("utf-8", "replace") if version >= 8 and len(texts) > 1 and texts[1] else None
-    date = cursor.line()[:100].decode("utf-8", "replace").removesuffix("\r")
+    date = cursor.line()[:100].decode("utf-8", "replace")
     if cursor.byte() & _EXTENDED if version >= 8 else title.endswith(_EXTENDED_TITLE):
         raise InputError(f"{cursor.path}: an extended elevation, which is a drawing; give the survey itself")
     return _Header(version, title, crs, date)

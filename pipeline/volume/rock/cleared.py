@@ -5,7 +5,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shapes import bodies_of
 from pipeline.volume.separation import ROUNDING_M, Facets
@@ -13,7 +13,7 @@ from pipeline.volume.union import Volume
 
 _PAIRS = 100_000  # tried together
 _TOGETHER = 1000  # bodies
-_LEAST_SHARE = 4000  # parts, of one process
+_LEAST_SHARE = 4000  # parts, of one share
 
 
 def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -> np.ndarray:

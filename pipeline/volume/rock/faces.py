@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 import shapely
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
@@ -20,7 +20,7 @@ _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
 _ON_EDGE_M = 1e-10  # a facet's corner that is so little outside a part's face is on its edge: rounding is 1e-13
 GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
-_LEAST_SHARE = 4000  # parts or facets, of one process
+_LEAST_SHARE = 4000  # parts or facets, of one share
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.guard.forked import in_shares
+from pipeline.parallel import in_shares
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
 
@@ -19,7 +19,7 @@ _PARALLEL = 1e-9  # of the cosine between facets of one plane
 _OF_EACH = 5e-6  # m, of all corners from the plane of each of its facets: the certificate takes 1e-5
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
-_LEAST_SHARE = 4000  # planes, of one process
+_LEAST_SHARE = 4000  # planes, of one share
 
 
 def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:

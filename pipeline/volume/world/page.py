@@ -11,7 +11,6 @@ import numpy as np
 from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.errors import first_few
-from pipeline.guard.forked import Forked
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.groups import applying_limits
 from pipeline.report.figures.mine import to_svg
@@ -56,7 +55,7 @@ def volume_view(root: Path) -> WorldView:
     middle = (volume.vertices.min(axis=0) + volume.vertices.max(axis=0)) / 2
     scan = _deviation(volume, decode(root / "survey/solid.npz", ClosedMesh))
     way = longest_way(legs) - middle
-    scene = Forked(lambda: walked_page(facet_scene(volume.vertices, volume.faces, volume.label, scan), way))
+    scene = walked_page(facet_scene(volume.vertices, volume.faces, volume.label, scan), way)
     return WorldView(
         record=record,
         plan=plan,

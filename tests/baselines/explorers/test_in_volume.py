@@ -14,7 +14,7 @@ from baselines.explorers.in_volume import NearestFrontierInVolume, body_axes
 from baselines.explorers.maps.volume_map import FREE, ROCK, VolumeMap
 from baselines.oracle.bound import best_walk
 from baselines.oracle.other_robots import network_of
-from baselines.policies.found import fits, known_sha256, make_policy
+from baselines.policies.policy_lookup import fits, known_sha256, make_policy
 from baselines.running.protocol import params_facts, run_episodes
 from baselines.scoring.verified_runs import was_driven_here
 from minexplore.envs.flyer_batch import FlyerBatch

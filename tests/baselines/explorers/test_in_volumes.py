@@ -2,7 +2,7 @@
 
 import pytest
 
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
 

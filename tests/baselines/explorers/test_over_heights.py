@@ -10,7 +10,7 @@ from baselines.explorers import EXPLORERS, Explorer
 from baselines.explorers.maps.layers import LayeredMap, Stance
 from baselines.explorers.maps.own_map import FREE, ROCK, UNKNOWN
 from baselines.explorers.reactive import Reactive
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.task import TaskParams

@@ -25,7 +25,7 @@ from baselines.graph.training.mines import make_simulator
 from baselines.graph.training.senses import Senses
 from baselines.graph.training.settings import compose_settings
 from baselines.graph.training.simulator import MapSimulator
-from baselines.policies.found import make_policy, trained_in
+from baselines.policies.policy_lookup import make_policy, trained_in
 from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.robot_batch import RobotBatch
@@ -416,7 +416,7 @@ def test_settings_that_cannot_be_are_refused(override, message):
 def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_path, monkeypatch, short_id):
     pytest.importorskip("torch")
     from baselines.graph.training import train
-    from baselines.policies import found as policies
+    from baselines.policies import policy_lookup as policies
 
     monkeypatch.setattr(train, "built_ids", lambda split, count: [short_id] * count)
     small = [
@@ -479,14 +479,3 @@ def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
     assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 10.0 | 20 |" in tables(curves)
     draw_curves(curves, tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 5_000
-
-
-def test_a_network_decides_the_same_while_it_is_timed(tmp_path, short_id):
-    from baselines.pages.simulator import time_decisions
-
-    file = tmp_path / "graph-1.safetensors"
-    write_network(file, random_arrays(SHAPE), SHAPE, 1, {})
-    timed = time_decisions(file, short_id, steps=80)
-    assert len(timed.decisions_s) > 3
-    assert len(timed.steps_s) == len(timed.decisions_s)
-    assert all(0 < alone < whole for alone, whole in zip(timed.decisions_s, timed.steps_s, strict=True))

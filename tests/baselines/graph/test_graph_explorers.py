@@ -7,7 +7,7 @@ from baselines.explorers.graph_explorer import _Driver
 from baselines.explorers.maps.map_graph import map_graph, worth_driving_to
 from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.tour import open_tour
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from baselines.base.errors import BaselineError, RejectedError
-from baselines.policies.found import checkpoint_sha256, make_policy
+from baselines.policies.policy_lookup import checkpoint_sha256, make_policy
 from baselines.policies.policy_source import find_source, read_source, source_sha256
 from baselines.sandbox.bubblewrap import Limits, require_sandbox
 from baselines.sandbox.confined import Confined, ConfinedPolicy

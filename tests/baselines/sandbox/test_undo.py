@@ -211,7 +211,12 @@ def undoing(tmp_path_factory):
     secret = folder / "secret.txt"
     secret.write_text("a secret of the user")
     outside = [secret, folder / "undo.py", RESULTS / "driven_here.json", ROOT / "README.md", Path("/etc/passwd")]
-    inside = ["/policy/undo.py", "/project/baselines/policies/found.py", "/project/minexplore/world.py", np.__file__]
+    inside = [
+        "/policy/undo.py",
+        "/project/baselines/policies/policy_lookup.py",
+        "/project/minexplore/world.py",
+        np.__file__,
+    ]
     stated = f"OUTSIDE, INSIDE = {[*map(str, outside)]}, {inside}\nOUTSIDE_PID, NAMES = {os.getpid()}, {NAMES}\n"
     (folder / "undo.py").write_text(stated + ATTEMPTS + POLICY)
     return folder
@@ -222,7 +227,7 @@ def state(folder):
     files = [
         *sorted(folder.iterdir()),
         RESULTS / "driven_here.json",
-        ROOT / "baselines/policies/found.py",
+        ROOT / "baselines/policies/policy_lookup.py",
         Path(np.__file__),
     ]
     about = [(path, path.stat()) for path in files]

@@ -9,7 +9,7 @@ from shapely.affinity import rotate
 from pipeline.errors import ArtifactError
 from pipeline.geometry.rock.collision import exact_prisms, footprint_errors
 from pipeline.geometry.rock.partition import convex_partition, cut_lines, rock_around, tiled_rock, world_box
-from pipeline.proof.rebuilt.built import require_built
+from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.proof.validator import Validator
 from tests.composed import compose
 from tests.mines import TEE, BuiltMine, random_mine

@@ -16,7 +16,7 @@ import shapely
 
 import minexplore  # noqa: F401  registers the environments
 from baselines.explorers import EXPLORERS
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from minexplore.task import TaskParams
 from pipeline.errors import InputError, LimitError
 from pipeline.metrics.limits import require_limits

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from minexplore.envs.env import MineEnv
 from minexplore.record.policies import find_drive
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from baselines.policies.found import make_policy
+from baselines.policies.policy_lookup import make_policy
 from minexplore.envs.env import MineEnv
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.vector import MineVectorEnv

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from shapely import Polygon
 
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
-from pipeline.guard.forked import Forked
 from pipeline.mjcf.bundle import WorldRecord
+from pipeline.parallel import together
 from pipeline.params.made_by import MadeBy
 from pipeline.proof.rebuilt.fittings import hang_again, require_floor, require_furniture
 from pipeline.proof.rebuilt.remake import read_free_space, require_remade
@@ -59,11 +58,11 @@ def require_solid(folder: Path, record: WorldRecord, params: MadeBy) -> tuple[Fr
 def require_rock(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy, params: MadeBy) -> None:
     """Refuse a bundle whose visible rock, floor or furniture the builder does not write.
 
-    Parameters and errors as `require_built`; `free` and `grid` are by `require_solid`. Another process makes the floor
-    again meanwhile.
+    Parameters and errors as `require_built`; `free` and `grid` are by `require_solid`.
     """
     if record.has_visible_rock:
-        with Forked(partial(require_floor, folder, record, free, params.fittings.floor)) as floor:
-            require_visible(folder, record, free, grid, require_smooth(folder, record, free))
-            require_furniture(folder, record.files, params.fittings.furniture, hang_again(folder, record))
-            floor.result()
+        together(
+            lambda: require_visible(folder, record, free, grid, require_smooth(folder, record, free)),
+            lambda: require_furniture(folder, record.files, params.fittings.furniture, hang_again(folder, record)),
+            lambda: require_floor(folder, record, free, params.fittings.floor),
+        )
