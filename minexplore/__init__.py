@@ -89,7 +89,7 @@ def load(world: str | Path, source: str | Path | None = None, sha256: str | None
     FileNotFoundError
         If there is no such world.
     BundleError
-        If the world is not what its hashes or the tables of `minexplore.schema` say.
+        If it is no sealed bundle, see `minexplore.sealed`; `python -m pipeline certify` checks all that it holds.
     """
     from minexplore.corpus import PREFIX, open_corpus
     from minexplore.world import find_world, load_world

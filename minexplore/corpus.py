@@ -21,9 +21,9 @@ from tqdm import tqdm
 from minexplore.bundle import RECORD, BundleError
 from minexplore.download import Transfer, keep_file, read_address
 from minexplore.limits import UnreadableError, read_plain_file
-from minexplore.schema.files import MOST_BUNDLE_BYTES, is_known
-from minexplore.schema.readers.json_text import read_json
-from minexplore.schema.sizes import most_bytes
+from minexplore.sealed.files import is_known
+from minexplore.sealed.json_text import read_json
+from minexplore.sealed.sizes import MOST_BUNDLE_BYTES, most_bytes
 from minexplore.world import World, load_world
 
 PREFIX = "corpus:"
@@ -59,7 +59,7 @@ class Corpus:
             If the corpus has no world of this name; the message lists some of its names.
         BundleError
             If a file cannot be fetched or comes too slowly, is larger than a world's may be, has another hash than the
-            index or the world's record says, or the tables of `minexplore.schema` refuse the bundle.
+            index or the world's record says, or the bundle is none that `minexplore.sealed` opens.
         """
         if name not in self.records:
             known = ", ".join(sorted(self.records)[:10])

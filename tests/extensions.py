@@ -253,7 +253,6 @@ def test_the_camera_is_a_choice_and_described():
             ],
             "conf/look/lit.yaml": (ROOT / "conf/look/dry.yaml").read_text().replace("look: dry", "look: lit"),
             "tests/mjcf/test_lit.py": """
-from minexplore.schema import record
 from pipeline.compose import compose
 
 

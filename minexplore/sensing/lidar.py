@@ -18,7 +18,6 @@ import numpy as np
 from minexplore.bundle import (
     MESHES,
     GeomGroup,
-    decode_msh,
     fitting_geom,
     has_visible_rock,
     is_fitting,
@@ -56,7 +55,7 @@ def surface_meshes(world: World) -> Meshes:
     spec = world.spec()
     seen = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
     shown = [g for g in seen if stops_beams(g.meshname)]
-    meshes = {g.name: decode_msh(world.read(spec.mesh(g.meshname).file)) for g in shown}
+    meshes = {g.name: world.mesh(spec.mesh(g.meshname).file) for g in shown}
     return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
 
 
@@ -92,7 +91,7 @@ def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
     if not has_visible_rock(world.record):
         return facet_meshes(facets)
     names = [mesh_of(name) for name in world.record["files"] if name.startswith(MESHES)]
-    seen = {name: decode_msh(world.read(mesh_file(name))) for name in names if stops_beams(name)}
+    seen = {name: world.mesh(mesh_file(name)) for name in names if stops_beams(name)}
     geoms = {name: fitting_geom(name) if is_fitting(name) else surface_geom(name) for name in seen}
     rock = {geoms[name]: (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
     return rock | facet_meshes(facets, [FacetLabel.FLOOR])

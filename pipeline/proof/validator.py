@@ -59,7 +59,7 @@ class Validator:
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
-        With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
+        With `extent=certificate` the tables of `pipeline.schema` are applied, but nothing is made again. `traced` is
         the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. With `beside`, other
         processes take measures while this one goes on, see `await_measured`: those of visible rock from the start, and
         the certificate's and the columns' once outline and model are those of the builder.

@@ -13,7 +13,7 @@ from minexplore.bundle import COVER_M, HFIELDS, VOLUME, BundleError, decode_msh,
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
 from minexplore.placing.place import place
-from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.sealed.files import read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError, ParamsError
@@ -23,7 +23,7 @@ from pipeline.params.config import Config
 from pipeline.proof.rebuilt.built import require_built
 from stages.realism import write_world
 from tests.composed import compose
-from tests.mines import BuiltMine, sealed
+from tests.mines import BuiltMine, require_allowed, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 ROUGH = [
@@ -65,7 +65,7 @@ def covers(files) -> dict[str, bytes]:
 def refusal(files: dict[str, bytes]) -> str:
     changed = sealed(files)
     with pytest.raises(BundleError) as caught:
-        check_files("w", changed, hash_files(changed))
+        require_allowed("w", changed)
     return str(caught.value)
 
 
