@@ -99,7 +99,7 @@ class LevelSite:
 
     def rise(self, stance: RobotStance, foot_m: np.ndarray, turn: np.ndarray) -> float:
         """Return how far a rough floor rises; see `Site`."""
-        return self._models.rough.highest_m(foot_m[:2], stance.radius_m)
+        return self._models.highest_m(foot_m[:2], stance.radius_m)
 
 
 class VolumeSite:

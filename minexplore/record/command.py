@@ -11,13 +11,13 @@ import numpy as np
 
 from minexplore.ends import uninterrupted
 from minexplore.envs.env import MineEnv
-from minexplore.envs.sensed.sensor_suite import check_sensors, sensor_names
 from minexplore.physics.robots import find_robot
 from minexplore.record.episode import SensedStep, frames_of
 from minexplore.record.live import LiveView, require_viser
 from minexplore.record.mcap_file import McapFile, require_mcap, require_new
 from minexplore.record.policies import Ahead, Drive, find_drive
 from minexplore.sensing.params import preset_names
+from minexplore.sensors.table import check_sensors, sensor_names
 
 _LAST_PORT = 65_535  # of TCP
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from minexplore.envs.env import MineEnv
 from minexplore.record.policies import Drive
-from minexplore.sensing.scanners import Pose3D
+from minexplore.sensing.mount import Pose3D
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ def frames_of(
             given = {**info, "pose_m_rad": info["true_pose_m_rad"]} if true_pose and wheels else info
             observation, _, _, truncated, info = env.step(drive(observation, given))
         looks = sensors if step % every == 0 else ()
-        counted = level_pose(info["pose_m_rad"]) if wheels else env.suite.robot_pose()
+        counted = level_pose(info["pose_m_rad"]) if wheels else env.suite.pose()
         turn = float((info["pose_m_rad"][2] - yaw + np.pi) % (2 * np.pi) - np.pi)
         yield SensedStep(
             time_ns=step * step_ns,
-            robot=env.suite.robot_pose(),
+            robot=env.suite.pose(),
             counted=counted,
             speed_mps=moved_between(last or counted, counted) / env.task.control_s,
             turn_radps=turn / env.task.control_s,

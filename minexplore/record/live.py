@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.envs.sensed.sensor_suite import SensorSuite
 from minexplore.record.episode import SensedStep
 from minexplore.rotations import quaternion
 from minexplore.sensing.scanners import PointCloud
+from minexplore.sensors.suite import SensorSuite
+from minexplore.sensors.table import sensor_space
 
 _MAP_M, _MOST = 0.25, 200_000  # size of the map's cells; points that a browser still turns smoothly
 _LABEL_COLOURS = np.random.default_rng(5).integers(70, 255, (32, 3), dtype=np.uint8)
@@ -52,12 +53,12 @@ class LiveView:
         for name, reading in frame.readings.items():
             if isinstance(reading, PointCloud):
                 self._add_cloud(name, reading, frame)
-            elif name != "imu":
+            elif reading.ndim > 1:
                 self._show_image(name, reading)
         self._text.content = f"{frame.time_ns / 1e9:.1f} s, coverage {100 * frame.coverage:.2f} %"
 
     def _add_cloud(self, name: str, cloud: PointCloud, frame: SensedStep) -> None:
-        points = self._suite.scanner(name).mount.on(frame.robot).points(cloud.points_m)
+        points = self._suite.mount(name).on(frame.robot).points(cloud.points_m)
         colours = _LABEL_COLOURS[cloud.label]
         self._server.scene.add_point_cloud(f"/{name}", points, colours, point_size=0.03)
         cells, first = np.unique(np.floor(points / _MAP_M).astype(int), axis=0, return_index=True)
@@ -72,7 +73,8 @@ class LiveView:
         if reading.ndim == 3:
             shown = reading
         elif reading.dtype.kind == "f":
-            grey = (255 * np.clip(reading / self._suite.camera.depth_m, 0, 1)).astype(np.uint8)
+            farthest = sensor_space(name).high.max() / 2  # the other half is for noise
+            grey = (255 * np.clip(reading / farthest, 0, 1)).astype(np.uint8)
             shown = np.repeat(grey[..., None], 3, axis=2)
         else:
             shown = _LABEL_COLOURS[reading]

@@ -10,26 +10,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from minexplore.envs.sensed.sensor_suite import CAMERA_IMAGES, SensorSuite
 from minexplore.record.episode import SensedStep, composed, inverse
-from minexplore.record.ros_messages import (
-    OPTICAL_AXES,
-    Message,
-    camera_info_of,
-    cloud_of,
-    definition_of,
-    image_of,
-    imu_of,
-    message_types,
-    odometry_of,
-    stamp_of,
-    transform_of,
-)
-from minexplore.sensing.scanners import Mount, Pose3D
+from minexplore.record.ros_messages import clock_of, odometry_of, transforms_of
+from minexplore.sensing.mount import Pose3D
+from minexplore.sensors.ros import RosMessage
+from minexplore.sensors.suite import SensorSuite
 
-_CAMERA = "camera_optical"
 _PACKAGES = ("mcap", "mcap_ros2")
 
 
@@ -60,10 +46,10 @@ def require_new(path: Path) -> None:
 
 
 class McapFile:
-    """Writes frames. Topics: /clock, /tf, /odom, /imu, /camera/*, and one for each LiDAR.
+    """Writes frames. Topics: /clock, /tf, /odom, and those of the sensors.
 
     Frames of `tf`: `map` is the mine frame; `odom` is where the counted poses are, placed so that `base_link`, on the
-    floor under the robot's middle, is at its true place in `map`; LiDARs and the camera's optical frame are on it.
+    floor under the robot's middle, is at its true place in `map`; the frames of sensors are on it.
     """
 
     def __init__(self, path: Path, suite: SensorSuite) -> None:
@@ -82,10 +68,10 @@ class McapFile:
         with self._writing():
             self._stream = self._partial.open("xb")
         self._time_ns = 0
+        self._schemas: dict[str, Any] = {}  # by the name of the message type
         try:
             with self._writing():
                 self._writer: Any = Writer(self._stream)
-                self._schemas = {k: self._writer.register_msgdef(k, definition_of(k)) for k in message_types()}
         except ValueError:
             self.drop()
             raise
@@ -100,46 +86,32 @@ class McapFile:
 
     def add(self, frame: SensedStep) -> None:
         """Write one control step."""
-        self._time_ns = frame.time_ns
-        self._write("/clock", "rosgraph_msgs/msg/Clock", {"clock": stamp_of(frame.time_ns)})
-        self._write("/tf", "tf2_msgs/msg/TFMessage", {"transforms": self._transforms(frame)})
-        odometry = odometry_of(frame.time_ns, frame.counted, frame.speed_mps, frame.turn_radps)
-        self._write("/odom", "nav_msgs/msg/Odometry", odometry)
+        time_ns = self._time_ns = frame.time_ns
+        self._write(clock_of(time_ns))
+        self._write(transforms_of(time_ns, self._poses(frame)))
+        self._write(odometry_of(time_ns, frame.counted, frame.speed_mps, frame.turn_radps))
         for name, reading in frame.readings.items():
-            self._add_reading(frame.time_ns, name, reading)
+            for message in self._suite.sensor(name).messages(name, time_ns, reading):
+                self._write(message)
 
-    def _add_reading(self, time_ns: int, name: str, reading: Any) -> None:
-        if name == "imu":
-            self._write("/imu", "sensor_msgs/msg/Imu", imu_of(time_ns, "base_link", reading))
-        elif name in CAMERA_IMAGES:
-            camera = self._suite.camera
-            info = camera_info_of(time_ns, _CAMERA, camera.width_px, camera.height_px, camera.focal_px)
-            self._write(f"/camera/{name}/image", "sensor_msgs/msg/Image", image_of(time_ns, _CAMERA, reading))
-            self._write(f"/camera/{name}/camera_info", "sensor_msgs/msg/CameraInfo", info)
-        else:
-            frame = topic_of(name)
-            self._write(f"/{frame}/points", "sensor_msgs/msg/PointCloud2", cloud_of(time_ns, frame, reading))
-
-    def _transforms(self, frame: SensedStep) -> list[Message]:
-        """Return the transforms of a step: the frames of the sensors that it reads, too."""
-        time_ns = frame.time_ns
-        corrected = composed(frame.robot, inverse(frame.counted))
-        camera = pose_of(self._suite.camera.mount)
-        optical = Pose3D(camera.place_m, camera.axes @ OPTICAL_AXES)
-        scanners = [name for name in frame.readings if name != "imu" and name not in CAMERA_IMAGES]
+    def _poses(self, frame: SensedStep) -> list[tuple[str, str, Pose3D]]:
+        """Return the frames of a step: those of the sensors that it reads, too."""
+        sensors = {
+            child: pose for name in frame.readings for child, pose in self._suite.sensor(name).frames(name).items()
+        }
         return [
-            transform_of(time_ns, "map", "odom", corrected),
-            transform_of(time_ns, "odom", "base_link", frame.counted),
-            transform_of(time_ns, "base_link", _CAMERA, optical),
-            *(
-                transform_of(time_ns, "base_link", topic_of(name), pose_of(self._suite.scanner(name).mount))
-                for name in scanners
-            ),
+            ("map", "odom", composed(frame.robot, inverse(frame.counted))),
+            ("odom", "base_link", frame.counted),
+            *(("base_link", child, pose) for child, pose in sensors.items()),
         ]
 
-    def _write(self, topic: str, message_type: str, message: Message) -> None:
+    def _write(self, message: RosMessage) -> None:
+        name = message.type.name
         with self._writing():
-            self._writer.write_message(topic, self._schemas[message_type], message, self._time_ns, self._time_ns)
+            if name not in self._schemas:
+                self._schemas[name] = self._writer.register_msgdef(name, message.type.definition)
+            schema, time_ns = self._schemas[name], self._time_ns
+            self._writer.write_message(message.topic, schema, message.content, time_ns, time_ns)
 
     def close(self) -> None:
         """Write the index, close the file and give it its name.
@@ -159,13 +131,3 @@ class McapFile:
         with suppress(OSError):  # what is buffered finds no place on a full disk
             self._stream.close()
         self._partial.unlink(missing_ok=True)
-
-
-def topic_of(scanner: str) -> str:
-    """Return the frame and the topic of a LiDAR: ROS's names have no hyphens."""
-    return scanner.replace("-", "_")
-
-
-def pose_of(mount: Mount) -> Pose3D:
-    """Return the pose of a mount in the robot's frame."""
-    return mount.on(Pose3D(np.zeros(3), np.eye(3)))

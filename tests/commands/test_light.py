@@ -204,7 +204,7 @@ def test_the_viewer_which_looks_from_above_leaves_the_roof_of_a_light_world_out(
 def test_a_camera_that_looks_up_in_a_light_world_sees_its_roof(light):
     env = MineEnv(light.bundle)
     env.reset(seed=4)
-    env.suite.camera = CameraParams(mount=Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0))
+    env.suite.sensor("rgb").params = CameraParams(mount=Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0))
     assert (env.capture("labels") == NUMBERS["roof"]).mean() > 0.2
     assert (env.capture("depth") > 0).all()
     env.close()

@@ -151,7 +151,7 @@ def test_the_default_robot_drives_over_it_and_rocks(rough: BuiltMine):
 def test_a_local_model_holds_what_a_robot_reaches_of_it(rough: BuiltMine):
     world = load_world(rough.bundle)
     models = LocalModels(world, TaskParams(), RobotParams())
-    whole = models.rough.highest_m(np.array([16.0, 8.0]), 50.0)
+    whole = models.highest_m(np.array([16.0, 8.0]), 50.0)
     assert 0.03 < whole <= COVER_M
     model = models.model((8, 4))
     near = [model.geom(k).name for k in range(model.ngeom) if is_rough_floor(model.geom(k).name)]

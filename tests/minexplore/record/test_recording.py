@@ -199,7 +199,7 @@ def test_a_quadrotor_is_recorded_at_its_own_height_and_counts_no_pose(small_worl
     assert frames[-1].robot.place_m[2] > frames[0].robot.place_m[2] + 0.1 > 1.1
     assert frames[-1].speed_mps[2] > 0.2  # it climbs
     cloud = frames[-1].readings["vlp-16"]
-    places = env.suite.scanner("vlp-16").mount.on(frames[-1].robot).points(cloud.points_m)
+    places = env.suite.mount("vlp-16").on(frames[-1].robot).points(cloud.points_m)
     assert np.abs(places[np.array(LABELS)[cloud.label] == "floor", 2]).max() < 0.05
     assert path.stat().st_size > 100_000
     env.close()

@@ -21,7 +21,8 @@ from minexplore.bundle import (
 )
 from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.sealed.files import read_folder
-from minexplore.sensing.lidar import Lidar, volume_meshes
+from minexplore.sensing.facet_meshes import volume_meshes
+from minexplore.sensing.lidar import Lidar
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError
 from pipeline.export.extract_volume import read_volume_scene

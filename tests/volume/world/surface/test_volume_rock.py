@@ -15,7 +15,8 @@ from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.looks import cover_rgba
 from minexplore.sealed.files import read_folder
 from minexplore.sealed.world import hash_files
-from minexplore.sensing.lidar import Lidar, facet_meshes, volume_meshes
+from minexplore.sensing.facet_meshes import facet_meshes, volume_meshes
+from minexplore.sensing.lidar import Lidar
 from minexplore.world import load_world
 from pipeline.schema import check_world
 from pipeline.store.codecs import decode

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import textwrap
 
-from minexplore.envs.sensed.sensor_suite import CAMERA_IMAGES, sensor_space
 from minexplore.pictures.cameras import CameraParams
 from minexplore.sensing.odometry import fitted_odometry
 from minexplore.sensing.params import preset_names, preset_numbers
 from minexplore.sensing.scanners import LABELS, load_pattern, pattern_names
+from minexplore.sensors.table import kind_of, sensor_names
 
 _WIDE = 118  # characters of a line
 _PAGE = """## Sensors
@@ -89,7 +89,7 @@ def sensors_section() -> str:
     """Return the section on sensors as Markdown."""
     camera, fit = CameraParams(), fitted_odometry()
     return _PAGE.format(
-        sensors="\n".join(_sensor_row(name) for name in [*CAMERA_IMAGES, "imu", *pattern_names()]),
+        sensors="\n".join(_sensor_row(name) for name in sensor_names()),
         width_px=camera.width_px,
         height_px=camera.height_px,
         fovy_deg=camera.fovy_deg,
@@ -108,12 +108,9 @@ def sensors_section() -> str:
 
 
 def _sensor_row(name: str) -> str:
-    space = sensor_space(name)
-    given = {
-        **{"rgb": "the picture", "depth": "the depths, m", "labels": "the labels"},
-        "imu": "three turn rates, then three forces",
-    }.get(name, "a `PointCloud`; the observation holds the ranges of all rays, 0 for none")
-    return f"| `{name}` | {space.shape} {space.dtype} | {given} |"
+    kind = kind_of(name)
+    space = kind.space(name)
+    return f"| `{name}` | {space.shape} {space.dtype} | {kind.gives(name)} |"
 
 
 def _lidar_row(name: str) -> str:

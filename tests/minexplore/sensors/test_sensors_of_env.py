@@ -9,7 +9,6 @@ from gymnasium.utils.env_checker import check_env
 
 from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
-from minexplore.sensing.imu import Imu
 from minexplore.sensing.odometry import OdometryFit, WheelOdometry, fitted_odometry, wrapped, zone_slip
 from minexplore.sensing.params import sensor_params
 
@@ -129,18 +128,19 @@ def test_slip_grows_as_friction_falls():
     np.testing.assert_allclose(zone_slip(0.04, np.array([1.0, 0.5, 1e-9])), [0.04, 0.08, 0.9])
 
 
-def test_an_imu_at_rest_reads_gravity_and_the_noise_of_its_data_sheet():
-    rng, params = np.random.default_rng(0), sensor_params("typical")
-    imu = Imu(params, 0.1)
-    imu.begin(rng, np.zeros(3))
-    found = np.array(
-        [np.r_[r.gyro_radps, r.force_mps2] for r in (imu.read(np.eye(3), np.zeros(3), rng) for _ in range(3000))]
-    )
-    assert found[:, 5].mean() == pytest.approx(9.81, abs=0.1)
+def test_an_imu_at_rest_reads_gravity_and_the_noise_of_its_data_sheet(small_world):
+    params = sensor_params("typical")
+    env = MineEnv(small_world, conditions=params)
+    env.reset(seed=0)
+    found = np.array([env.capture("imu") for _ in range(3000)])
+    gravity = env.suite.axes.T @ [0.0, 0.0, 9.81]
+    np.testing.assert_allclose(found[:, 3:].mean(axis=0), gravity, atol=0.15)
     assert found[:, 0].std() == pytest.approx(params.gyro_noise_radps_rthz / np.sqrt(0.1), rel=0.1)
     assert found[:, 3].std() == pytest.approx(params.accel_noise_mps2_rthz / np.sqrt(0.1), rel=0.1)
-    imu.advance(np.array([0.1, 0, 0]))
-    assert imu.read(np.eye(3), np.zeros(3), rng).force_mps2[0] == pytest.approx(1.0, abs=0.15)
+    env.suite.velocity_mps = env.suite.before_mps + 0.1 * env.suite.axes[:, 0]  # 0.1 m/s faster ahead in 0.1 s
+    faster = np.array([env.capture("imu")[3] for _ in range(300)])
+    assert faster.mean() - found[:, 3].mean() == pytest.approx(1.0, abs=0.05)
+    env.close()
 
 
 def test_the_vector_form_reads_no_sensors_and_says_which_does(small_world):
