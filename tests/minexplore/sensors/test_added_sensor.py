@@ -11,65 +11,16 @@ from minexplore.record.mcap_file import McapFile
 from minexplore.sensors.kind import KINDS
 from minexplore.sensors.page import sensors_section
 from minexplore.sensors.table import check_sensors, sensor_names
-
-ALTIMETER = '''"""How high the floor under the robot is in the mine frame."""
-
-import gymnasium
-import numpy as np
-
-from minexplore.sensors.kind import SensorKind
-from minexplore.sensors.ros import MessageType, RosMessage, header_of, vector_of
-
-_MESSAGE = MessageType(
-    "geometry_msgs/msg/PointStamped",
-    "std_msgs/Header header\\ngeometry_msgs/Point point",
-    ("std_msgs/Header", "geometry_msgs/Point"),
-)
-
-
-class Altimeter(SensorKind):
-    """A barometer with noise of a decimetre and an error of a metre that an episode keeps."""
-
-    CHANGES = ("_own", "_error_m")
-
-    @classmethod
-    def names(cls):
-        """Return its name."""
-        return ("altimeter",)
-
-    @classmethod
-    def space(cls, name):
-        """Return the space of a height, m."""
-        return gymnasium.spaces.Box(-1e4, 1e4, (1,), np.float32)
-
-    @classmethod
-    def gives(cls, name):
-        """Return what `capture` gives."""
-        return "the height of the floor, m"
-
-    def begin(self, rng):
-        """Draw the error of an episode."""
-        self._own = rng.spawn(1)[0]
-        self._error_m = self._own.normal()
-
-    def read(self, name, rng):
-        """Return the height."""
-        return np.array([self.robot.pose().place_m[2] + self._error_m + self._own.normal(0.0, 0.1)])
-
-    def messages(self, name, time_ns, reading):
-        """Return the height as a point."""
-        point = vector_of(np.array([0.0, 0.0, reading[0]]))
-        yield RosMessage("/altimeter", _MESSAGE, {"header": header_of(time_ns, "map"), "point": point})
-'''
+from tests.extensions import blocks
 
 
 @pytest.fixture
 def altimeter(tmp_path):
-    """Import the file as any module; afterwards the table is as it was."""
+    """Import the file of docs/reference/extending.md as any module; afterwards the table is as it was."""
     sensor_names()
     before = list(KINDS)
     file = tmp_path / "altimeter.py"
-    file.write_text(ALTIMETER)
+    file.write_text(blocks("A sensor")[0])
     spec = importlib.util.spec_from_file_location("altimeter", file)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
