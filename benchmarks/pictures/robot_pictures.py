@@ -17,10 +17,10 @@ import numpy as np
 from benchmarks.resume import run_benchmark
 from benchmarks.sensors.pictures import SPAN_M, draw_cloud
 from minexplore.envs.env import MineEnv
+from minexplore.extra.placing.place import PlacementWarning, place
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.pictures.opengl import new_renderer
 from minexplore.pictures.render import Renderer
-from minexplore.placing.place import PlacementWarning, place
 from minexplore.world import World, find_world, load_world
 from pipeline.store.files import write_atomically
 

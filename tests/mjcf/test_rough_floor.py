@@ -10,9 +10,9 @@ import pytest
 import shapely
 
 from minexplore.bundle import COVER_M, HFIELDS, VOLUME, BundleError, decode_msh, is_cover, is_rough_floor
+from minexplore.extra.placing.place import place
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
-from minexplore.placing.place import place
 from minexplore.sealed.files import read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world

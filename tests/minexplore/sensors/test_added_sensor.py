@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from minexplore.envs.env import MineEnv
-from minexplore.record.episode import frames_of
-from minexplore.record.mcap_file import McapFile
+from minexplore.extra.record.episode import frames_of
+from minexplore.extra.record.mcap_file import McapFile
 from minexplore.sensors.kind import KINDS
 from minexplore.sensors.page import sensors_section
 from minexplore.sensors.table import check_sensors, sensor_names
