@@ -131,9 +131,9 @@ def test_a_light_world_with_a_file_of_visible_rock_is_refused(light, tee, name):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"overlay": "none"', '"overlay": "rough"', "preview.png: missing"),
+        ('"overlay": "none"', '"overlay": "rough"', "textures/rock.png: missing"),
         ('"overlay": "none"', '"overlay": "some"', "overlay = 'some': want 'rough' or 'none'"),
-        ('\n  "overlay": "none",', "", "overlay: missing"),
+        ('\n  "overlay": "none",', "", "overlay = None: want 'rough' or 'none'"),
     ],
 )
 def test_a_record_says_what_overlay_the_world_has(light, old, new, words):

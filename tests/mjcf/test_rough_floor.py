@@ -176,7 +176,7 @@ def test_files_and_geoms_of_a_rough_floor_that_a_world_cannot_have_are_refused(f
     name = next(name for name in files if name.startswith(HFIELDS))
     stem = name.removeprefix(HFIELDS).removesuffix(".png")
     text, record = files["mine.xml"].decode(), json.loads(files["world.json"])
-    assert "want one geom and one file" in refusal({k: v for k, v in files.items() if k != name})
+    assert f"file: {name!r}, want a file of the bundle" in refusal({k: v for k, v in files.items() if k != name})
     assert "want one geom and one file" in refusal(files | {f"{HFIELDS}rough_000_99_99.png": files[name]})
     del record["rough_floor"]
     assert "rough_floor = true" in refusal(files | {"world.json": json.dumps(record).encode()})

@@ -10,8 +10,8 @@ import time
 import pytest
 import requests
 
-from minexplore import download
 from minexplore.bundle import BundleError
+from minexplore.extra import download
 from minexplore.extra.download import Transfer, keep_file, read_address
 
 DATA = b"a world's file"

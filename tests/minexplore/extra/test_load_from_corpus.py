@@ -13,8 +13,8 @@ import gymnasium
 import pytest
 
 import minexplore
-from minexplore import corpus
 from minexplore.bundle import MADE_BY, RECORD, BundleError
+from minexplore.extra import corpus
 from minexplore.extra.corpus import FORMAT, open_corpus
 from tests.mines import BuiltMine
 

@@ -14,7 +14,6 @@ from minexplore.extra.record.episode import composed, frames_of, inverse, level_
 from minexplore.extra.record.live import LiveView
 from minexplore.extra.record.mcap_file import McapFile
 from minexplore.extra.record.policies import find_drive
-from minexplore.extra.record.ros_messages import definition_of, message_types
 from minexplore.sensing.lidar import surface_meshes
 from minexplore.sensing.scanners import LABELS, Pose3D
 from minexplore.world import load_world
@@ -38,7 +37,7 @@ def turned(x, y, z, w):
 
 @pytest.fixture(scope="module")
 def recorded(small_world, tmp_path_factory):
-    """Return the frames of an episode and all messages of its recording, as rosbags reads them, with topic and time."""
+    """Return an episode's frames, and its recording as rosbags reads it: topics, times and messages, and definitions."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
@@ -55,7 +54,8 @@ def recorded(small_world, tmp_path_factory):
             (connection.topic, time, reader.deserialize(raw, connection.msgtype))
             for connection, time, raw in reader.messages()
         ]
-    return frames, messages
+        definitions = {connection.msgtype: connection.msgdef.data for connection in reader.connections}
+    return frames, messages, definitions
 
 
 def of_topic(recorded, topic):
@@ -69,12 +69,13 @@ def test_every_topic_is_read_back_at_its_rate(recorded):
     assert [m.clock.nanosec for m in of_topic(recorded, "/clock")][:3] == [0, 100_000_000, 200_000_000]
 
 
-def test_definitions_are_those_of_ros_2():
+def test_definitions_are_those_of_ros_2(recorded):
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    for name in message_types():
-        for kind, definition in get_types_from_msg(definition_of(name), name).items():
+    assert len(recorded[2]) == 7
+    for name, text in recorded[2].items():
+        for kind, definition in get_types_from_msg(text, name).items():
             assert definition == store.fielddefs[kind], kind
 
 
