@@ -37,7 +37,7 @@ def turned(x, y, z, w):
 
 @pytest.fixture(scope="module")
 def recorded(small_world, tmp_path_factory):
-    """Return an episode's frames, and its recording as rosbags reads it: topics, times and messages, and definitions."""
+    """Return an episode's frames, and what rosbags reads of its recording: topics, times, messages, and definitions."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
