@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from minexplore.bundle import MODEL, BundleError
+from minexplore.bundle import HFIELDS, MESHES, MODEL, ROCK_TEXTURE, BundleError
 from minexplore.sealed.xml import BoundedReader, walk_xml
 
 
@@ -29,6 +29,8 @@ NUMBERS = _words(
     "fogstart fovy friction group mass offheight offwidth pos priority quat reflectance rgba shininess size specular "
     "texcoord vertex xyaxes zfar znear"
 )
+_FILES = {"mesh": MESHES, "hfield": HFIELDS, "texture": ROCK_TEXTURE}  # what the files of an element begin with
+_CONTENTS = ("model/vnd.mujoco.msh", "image/png")  # MuJoCo reads others by other readers
 _BUFFER = ("offwidth", "offheight")  # of the renderer, in pixels
 _MOST_PIXELS = 4096
 _MOST_TEXT, _SHOWN = 200, 60  # characters
@@ -73,8 +75,11 @@ class _NameReader(BoundedReader):
                 raise BundleError(f"{self._at(name[:_SHOWN], value)} is not allowed; worlds have {known}")
             elif len(value) > _MOST_TEXT:
                 raise BundleError(f"{self._at(name, value)}, want at most {_MOST_TEXT} characters")
-        if "file" in attributes and attributes["file"] not in self._files:
-            raise BundleError(f"{self._at('file', attributes['file'])}, want a file of the bundle")
+        file, content = attributes.get("file"), attributes.get("content_type")
+        if file is not None and not (file in self._files and tag in _FILES and file.startswith(_FILES[tag])):
+            raise BundleError(f"{self._at('file', file)}, want a file of the bundle for a <{tag}>")
+        if content is not None and content not in _CONTENTS:
+            raise BundleError(f"{self._at('content_type', content)}, want {' or '.join(_CONTENTS)}")
 
     def _at(self, attribute: str, value: str) -> str:
         shown = value if len(value) <= _SHOWN else value[:_SHOWN] + "..."

@@ -8,6 +8,7 @@ from typing import Any
 
 from minexplore.bundle import FORMAT, NO_OVERLAY, RECORD, ROUGH_OVERLAY, VOLUME_FORMAT, BundleError, is_volume
 from minexplore.limits import Span
+from minexplore.sealed.sizes import MOST_ZONES
 
 _REACH_M = 1e6  # of any coordinate
 _PLACE, _LENGTH = Span(-_REACH_M, _REACH_M), Span(0, _REACH_M)
@@ -44,6 +45,9 @@ def check_record(record: Mapping[str, Any]) -> None:
         raise _refusal("name", record.get("name"), "1 to 64 letters, digits, _ and -")
     if record.get("overlay") not in (ROUGH_OVERLAY, NO_OVERLAY):
         raise _refusal("overlay", record.get("overlay"), f"{ROUGH_OVERLAY!r} or {NO_OVERLAY!r}")
+    zones = record.get("zones")
+    if not isinstance(zones, list) or not 1 <= len(zones) <= MOST_ZONES:
+        raise _refusal("zones", zones, f"a list of 1 to {MOST_ZONES} zones")
     for path, (span, shape) in {**_NUMBERS, **(_VOLUME if is_volume(record) else _LEVEL)}.items():
         value: Any = record
         for name in path.split("."):

@@ -79,11 +79,11 @@ def _open(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> SealedWorld:
         if name not in files:
             raise BundleError(f"{name}: missing")
     check_names(files[MODEL], files)
-    for name in files:
-        if name == ROCK_TEXTURE:
-            _check_picture(name, files[name], (RGB, PALETTE), MOST_PIXELS[name])
-        elif name.startswith(HFIELDS):
-            _check_picture(name, files[name], (GREY,), MOST_TILE_PIXELS)
+    if ROCK_TEXTURE in files:
+        _check_picture(ROCK_TEXTURE, files[ROCK_TEXTURE], (RGB, PALETTE), MOST_PIXELS[ROCK_TEXTURE])
+    left_px = MOST_CELLS
+    for name in sorted(name for name in files if name.startswith(HFIELDS)):
+        left_px -= _check_picture(name, files[name], (GREY,), min(MOST_TILE_PIXELS, left_px))
     if not is_volume(record):
         return SealedWorld(record, files, _read_grid(files.get(CLEARANCE_GRID), record["world_m"]))
     from minexplore.sealed.volume import read_volume
@@ -94,11 +94,12 @@ def _open(files: Mapping[str, bytes], hashes: Mapping[str, str]) -> SealedWorld:
     return SealedWorld(record, files, grid, volume)
 
 
-def _check_picture(name: str, data: bytes, colours: tuple[int, ...], most_px: int) -> None:
-    """Refuse a picture that MuJoCo would not unpack, or to more than its header says."""
-    check_png(name, data, colours, most_px)
+def _check_picture(name: str, data: bytes, colours: tuple[int, ...], most_px: int) -> int:
+    """Refuse a picture that MuJoCo would not unpack, or to more than its header says; return its pixels."""
+    width, height = check_png(name, data, colours, most_px)
     for _ in image_blocks(name, data):
         pass
+    return width * height
 
 
 def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:

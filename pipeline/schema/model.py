@@ -28,13 +28,14 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, LOOKS
+from minexplore.sealed.sizes import MOST_ZONES
 from pipeline.schema.attributes import Attribute, Element, any_of, constant, named, required
 from pipeline.schema.fittings import BODY, MATERIALS, MESH
 from pipeline.schema.readers.rules import exactly, matching, numbers, points, unit_vector
 from pipeline.schema.rough_floor import FIELD, GEOM
 
 REACH_M = 1e6  # of any coordinate
-MOST_ZONES, MOST_LIGHTS, MOST_PARTS, MOST_MESHES = 1000, 10_000, 100_000, 100_000
+MOST_LIGHTS, MOST_PARTS, MOST_MESHES = 10_000, 100_000, 100_000
 WORLD_NAME = r"[A-Za-z0-9_-]{1,64}"
 ZONE_NAME = r"[a-z][a-z0-9_]{0,63}"
 

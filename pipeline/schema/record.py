@@ -17,7 +17,8 @@ from minexplore.bundle import (
     has_rough_floor,
 )
 from minexplore.looks import LOOKS
-from pipeline.schema.model import MOST_LIGHTS, MOST_PARTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
+from minexplore.sealed.sizes import MOST_ZONES
+from pipeline.schema.model import MOST_LIGHTS, MOST_PARTS, REACH_M, WORLD_NAME, ZONE_NAME
 from pipeline.schema.readers.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]

@@ -15,10 +15,10 @@ from minexplore.bundle import (
     ground_material,
 )
 from minexplore.looks import EXTENT_M, LOOKS
-from minexplore.sealed.sizes import MOST_VOLUME_PARTS
+from minexplore.sealed.sizes import MOST_VOLUME_PARTS, MOST_ZONES
 from minexplore.sealed.volume import MOST_OF_PART
 from pipeline.schema.attributes import Attribute, Element, any_of, constant, named, required
-from pipeline.schema.model import MOST_LIGHTS, MOST_ZONES, REACH_M, WORLD_NAME, ZONE_NAME
+from pipeline.schema.model import MOST_LIGHTS, REACH_M, WORLD_NAME, ZONE_NAME
 from pipeline.schema.readers.rules import exactly, matching, numbers, points, unit_vector
 
 FLOOR_NAMES = rf"{floor_geom(ZONE_NAME)}_\d{{5,6}}"

@@ -65,6 +65,18 @@ def test_a_world_that_differs_from_its_hashes_or_has_other_files_is_refused(file
         ('<asset><hfield name="h" nrow="90000" ncol="90000" size="1 1 1 1"/></asset>', "@nrow: '90000' is not allowed"),
         ('<asset><mesh name="m" file="../secret.msh"/></asset>', "mesh[m]@file: '../secret.msh', want a file of the"),
         ('<asset><mesh name="m" file="/etc/passwd"/></asset>', "mesh[m]@file: '/etc/passwd', want a file of the"),
+        (
+            '<asset><texture name="t" file="preview.png"/></asset>',
+            "@file: 'preview.png', want a file of the bundle",
+        ),
+        (
+            '<asset><texture name="t" file="meshes/smooth_walls.msh" content_type="image/png"/></asset>',
+            "texture[t]@file: 'meshes/smooth_walls.msh', want a file of the bundle for a <texture>",
+        ),
+        (
+            '<asset><mesh name="m" file="meshes/smooth_walls.msh" content_type="model/obj"/></asset>',
+            "mesh[m]@content_type: 'model/obj', want model/vnd.mujoco.msh or image/png",
+        ),
         ('<compiler meshdir="/etc"/>', "compiler@meshdir: '/etc' is not allowed"),
         ('<visual><global offwidth="99999"/></visual>', "global@offwidth: '99999', want at most 4096"),
         ('<visual><global offwidth="1e9"/></visual>', "global@offwidth: '1e9', want plain numbers"),
@@ -113,6 +125,7 @@ def test_elements_and_attributes_are_those_of_the_tables_of_certify():
         (lambda r: r.update(T_world_mine=[[1]]), "T_world_mine = [[1]]: want a list of 4"),
         (lambda r: r.pop("spawn"), "spawn.anchor_clearance_m = None: want a number"),
         (lambda r: r["spawn"].update(anchor_m=[1e5, 0.0]), "spawn.anchor_m = [100000.0, 0.0]: want a place in"),
+        (lambda r: r.update(zones=r["zones"] * 1000), "want a list of 1 to 1000 zones"),
         (lambda r: r.update(overlay="seen"), "overlay = 'seen': want 'rough' or 'none'"),
     ],
 )
