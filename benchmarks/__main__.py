@@ -55,7 +55,7 @@ _RERUN = (
     "python -m baselines.leaderboard"
 )
 _TRAINING_TESTS = "pytest tests/baselines/ppo/test_ppo.py tests/baselines/graph/test_graph.py"
-_GPU_TESTS = "pytest tests/minexplore/warp/test_warp.py tests/baselines/ppo/test_ppo_on_warp.py"
+_GPU_TESTS = "pytest tests/minexplore/extra/warp/test_warp.py tests/baselines/ppo/test_ppo_on_warp.py"
 _ENV_PAGE = "python -m minexplore page > docs/reference/.new; mv docs/reference/.new docs/reference/environment.md"
 
 BENCHMARKS: tuple[Benchmark, ...] = (

@@ -26,7 +26,7 @@ for step in range(arguments.steps):
     rays += cloud.fired
     dusty += cloud.counts().get("dust", 0)
     # A filter of particles would have to find what the simulation knows by its label.
-    scanner = mine.suite.scanner("os1-64").mount.on(mine.suite.robot_pose())
+    scanner = mine.suite.mount("os1-64").on(mine.suite.pose())
     points.append(scanner.points(cloud.points_m)[cloud.without("dust")])
 print(f"{len(points)} scans, {100 * dusty / rays:.1f} % of the rays returned from dust")
 

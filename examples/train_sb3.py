@@ -16,7 +16,7 @@ except ImportError:
     print("train_sb3: Stable-Baselines3 is not installed; run `pip install 'minexplore[sb3]'`", file=sys.stderr)
     sys.exit(2)
 
-from minexplore.envs.sb3 import MineVecEnv
+from minexplore.extra.sb3 import MineVecEnv
 
 # All robots step in one call; MineVecEnv is the vector environment under the interface of Stable-Baselines3.
 env = VecMonitor(MineVecEnv("MineXplore/ChileanMineEntrance-v0", arguments.robots))

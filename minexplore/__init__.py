@@ -17,9 +17,15 @@ if TYPE_CHECKING:
     from minexplore.world import World
 
 __version__ = "0.2.0"
-__all__ = ["FAMILY", "ROBOT_TASKS", "WORLDS", "Pose", "environments", "is_built_in", "load", "place"]
+__all__ = ["FAMILY", "ROBOT_TASKS", "WORLDS", "MineVecEnv", "Pose", "environments", "is_built_in", "load", "place"]
 
 FAMILY = "MineXplore/Family-v0"
+_EXTRA = {
+    "MineVecEnv": "sb3",
+    "Pose": "placing.place",
+    "place": "placing.place",
+}  # and the modules in `extra`
+_CORPUS = "corpus:"  # begins the name of a world of a corpus
 ENTRY_POINT, VECTOR_ENTRY_POINT = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
@@ -80,7 +86,7 @@ def load(world: str | Path, source: str | Path | None = None, sha256: str | None
     world : str or Path
         A bundle's folder, the name of a world that ships with the package, or `corpus:NAME`.
     source : str or Path, optional
-        The folder or address of the corpus, see `minexplore.corpus.open_corpus`.
+        The folder or address of the corpus, see `minexplore.extra.corpus.open_corpus`.
     sha256 : str, optional
         Of the corpus's index.
 
@@ -89,21 +95,22 @@ def load(world: str | Path, source: str | Path | None = None, sha256: str | None
     FileNotFoundError
         If there is no such world.
     BundleError
-        If the world is not what its hashes or the tables of `minexplore.schema` say.
+        If it is no sealed bundle, see `minexplore.sealed`; `python -m pipeline certify` checks all that it holds.
     """
-    from minexplore.corpus import PREFIX, open_corpus
+    if str(world).startswith(_CORPUS):
+        from minexplore.extra.corpus import open_corpus
+
+        return open_corpus(source, sha256).load(str(world).removeprefix(_CORPUS))
     from minexplore.world import find_world, load_world
 
-    if str(world).startswith(PREFIX):
-        return open_corpus(source, sha256).load(str(world).removeprefix(PREFIX))
     return load_world(find_world(world))
 
 
 def __getattr__(name: str) -> Any:
-    """Import `place` and `Pose` when they are first asked for: they need MuJoCo."""
-    if name not in ("place", "Pose"):
+    """Import a name of `_EXTRA` when it is first asked for: it needs MuJoCo, or packages of an extra."""
+    if name not in _EXTRA:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("minexplore.placing.place"), name)
+    return getattr(import_module(f"minexplore.extra.{_EXTRA[name]}"), name)
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():

@@ -19,11 +19,11 @@ from minexplore import FAMILY, environments, full_id
 from minexplore.bundle import BundleError, is_volume
 from minexplore.ends import run_command
 from minexplore.envs.env import MineEnv
+from minexplore.extra.record.command import add_arguments, check_least, given_of, record
+from minexplore.extra.record.policies import spread_command
 from minexplore.page import page
 from minexplore.physics.robots import ROBOTS
 from minexplore.pictures.opengl import DisplayError
-from minexplore.record.command import add_arguments, check_least, given_of, record
-from minexplore.record.policies import spread_command
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys

@@ -23,9 +23,9 @@ def make_vector_env(num_envs: int = 1, backend: str = "mujoco", **kwargs: Any) -
         return MineVectorEnv(num_envs, **kwargs)
     if backend != "warp":
         raise ValueError(f"backend = {backend!r}: valid choices are mujoco, warp")
-    from minexplore.warp import require_packages
+    from minexplore.extra.warp import require_packages
 
     require_packages()
-    from minexplore.warp.env import MineWarpEnv
+    from minexplore.extra.warp.env import MineWarpEnv
 
     return MineWarpEnv(num_envs, **kwargs)

@@ -84,6 +84,11 @@ ROCK_NAMES, SPOT_NAMES = rf"{_ROCK}\d{{4,6}}", rf"{_SPOT}\d{{2,5}}"
 SHADE_NAMES, COVER_MESHES = rf"{_SHADE}\d", rf"{_COVER}\d{{3,4}}_\d{{2,4}}_\d{{2,4}}"
 ROUGH_FLOORS = r"rough_\d{3,4}_\d{2,4}_\d{2,4}"
 STOREY_MAPS = rf"{_MAP}\d{{2,4}}\.(?:yaml|png)"
+SMOOTH_MESHES = tuple(f"{_SMOOTH}{piece}" for piece in (FLOOR_CHAMFER, WALLS, ROOF))
+ROUGH_MESH = rf"(?:{WALLS}|{ROOF})_\d{{2,4}}_\d{{2,4}}"
+VISIBLE_MESH = rf"(?:{ROUGH_MESH}|{'|'.join(SMOOTH_MESHES)})"
+FURNITURE_MESH = rf"(?:{'|'.join(FURNITURE)})_\d{{2,4}}_\d{{2,4}}"
+FITTING_MESH = rf"(?:{COVER_MESHES}|{FURNITURE_MESH})"
 
 _MOST_MESSAGE = 2000  # characters of an error
 

@@ -15,7 +15,7 @@ import numpy as np
 EXTENT_M = 10.0  # of every world; MuJoCo states the haze in multiples of it
 PLAIN = "plain"
 NO_HAZE_M = (30.0, 100.0)  # MuJoCo's own values, which a plain world keeps
-LAMP_ABOVE_M, LAMP_CUTOFF_DEG = 0.05, 45.0  # a headlamp is on top of the scanner; half of its cone
+LAMP_CUTOFF_DEG = 45.0  # half of a headlamp's cone
 CUT_MATERIAL, CUT_RGBA = "cut", (0.8, 0.72, 0.64, 1.0)  # rock's collision parts, seen from above in a cut-away view
 # Colour and highlight of each kind of furniture; colour and reflectance of water. Clear planes darken ruts and hollows
 # step by step: their colour, which MuJoCo lays on twice a plane, and their heights as shares of the water's. The first

@@ -9,9 +9,9 @@ import mujoco
 
 from minexplore import ROBOT_TASKS, WORLDS
 from minexplore.envs.env import MineEnv
-from minexplore.envs.sensed.sensor_page import sensors_section
 from minexplore.physics.local_models import ALONE, physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
+from minexplore.sensors.page import sensors_section
 from minexplore.task import TaskParams
 
 _ROBOT = "robot"

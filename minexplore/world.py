@@ -9,16 +9,19 @@ import threading
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MODEL, RECORD, BundleError, line_of
+from minexplore.bundle import MODEL, RECORD, BundleError, TriangleMesh, decode_msh, line_of
 from minexplore.floors.floor_zones import FloorZone, read_zones
-from minexplore.floors.volume_arrays import VolumeArrays
-from minexplore.schema import CheckedWorld, check_files, hash_files, read_folder
+from minexplore.sealed.files import read_folder
+from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from minexplore.unfinished import command_to_end
+
+if TYPE_CHECKING:
+    from minexplore.floors.volume_arrays import VolumeArrays
 
 DEFAULT_WORLD = "chilean_mine"
 
@@ -93,6 +96,23 @@ class World:
             raise BundleError(f"{path}: changed since the world was loaded")
         return data
 
+    def mesh(self, name: str) -> TriangleMesh:
+        """Return a mesh of the bundle by its file.
+
+        Raises
+        ------
+        BundleError
+            As `read`, or if a place is not finite, or a face names a vertex that is not there.
+        """
+        try:
+            mesh = decode_msh(self.read(name))
+        except ValueError as error:
+            raise error if isinstance(error, BundleError) else BundleError(f"{self.folder / name}: {error}") from error
+        highest = int(mesh.faces.view(np.uint32).max(initial=0))
+        if highest >= len(mesh.vertices) or not np.isfinite(mesh.vertices).all():
+            raise BundleError(f"{self.folder / name}: a place that is not finite, or a face of a vertex that is absent")
+        return mesh
+
     def places_m(self, clearance_m: float) -> np.ndarray:
         """Return the centres (n, 2) m, plan, of the grid's cells that have at least this clearance."""
         row, col = np.nonzero(self.clearance_m >= clearance_m)
@@ -158,21 +178,21 @@ def _find(world: str | Path | None) -> Path:
 
 
 def load_world(folder: Path) -> World:
-    """Check a bundle and read it.
+    """Open a bundle and read it.
 
     Every call reads and hashes all files, so that a change is noticed. Equal content is checked once a process.
 
     Raises
     ------
     BundleError
-        If the tables of `minexplore.schema` do not allow all of the bundle, or a floor zone is not whole.
+        If it is no sealed bundle, see `minexplore.sealed`, or a floor zone is not whole.
     """
     files = read_folder(folder)
     hashes = hash_files(files)
     key = (folder, tuple(hashes.items()))
     with _LOADING:
         if key not in _LOADED:
-            _LOADED[key] = _read(folder, check_files(folder, files, hashes))
+            _LOADED[key] = _read(folder, open_files(folder, files, hashes))
         _LOADED.move_to_end(key)
         while len(_LOADED) > _KEPT:
             _LOADED.popitem(last=False)
@@ -191,9 +211,9 @@ def checked_world(folder: Path, world_sha256: str) -> World:
     return load_world(folder)
 
 
-def _read(folder: Path, checked: CheckedWorld) -> World:
-    record, grid = checked.record, checked.grid
+def _read(folder: Path, sealed: SealedWorld) -> World:
+    record, grid = sealed.record, sealed.grid
     zones = read_zones(folder / RECORD, record.get("zones"))
     transform = np.array(record["T_world_mine"])
     origin, cell = grid["origin_m"], float(grid["cell_m"])
-    return World(folder, record, transform, grid["clearance_m"], origin, cell, zones, checked.volume)
+    return World(folder, record, transform, grid["clearance_m"], origin, cell, zones, sealed.volume)

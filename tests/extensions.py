@@ -210,6 +210,18 @@ def test_the_method_gives_a_hull_a_tile():
     assert len(collision_parts(config.compile3d, [shapely.box(0, 0, 40, 40)], (0, 0, 40, 40))) == 4
 """,
         },
+        "a sensor": {
+            "minexplore/sensors/kinds/altimeter.py": blocks("A sensor")[0],
+            "tests/minexplore/sensors/test_altimeter.py": """
+from minexplore.sensors.page import sensors_section
+from minexplore.sensors.table import sensor_names
+
+
+def test_the_sensor_is_a_choice_and_has_a_row():
+    assert "altimeter" in sensor_names()
+    assert "| `altimeter` | (1,) float32 |" in sensors_section()
+""",
+        },
         "an observation": {
             "tests/minexplore/test_with_tilt.py": blocks("An observation")[0]
             + """
@@ -253,8 +265,8 @@ def test_the_camera_is_a_choice_and_described():
             ],
             "conf/look/lit.yaml": (ROOT / "conf/look/dry.yaml").read_text().replace("look: dry", "look: lit"),
             "tests/mjcf/test_lit.py": """
-from minexplore.schema import record
 from pipeline.compose import compose
+from pipeline.schema import record
 
 
 def test_the_look_is_a_choice_that_a_record_may_state():

@@ -17,8 +17,10 @@ from shapely import LineString, MultiPolygon, Polygon
 
 from benchmarks.worlds.small_world import finish_world
 from minexplore.bundle import UNSEALED, world_sha256
+from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.config import Config
+from pipeline.schema import check_tables
 from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
 from stages.contours import trace_free_space
 
@@ -100,6 +102,11 @@ def sealed(files: dict[str, bytes], **fields: Any) -> dict[str, bytes]:
     record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in sealed_files.items()}
     record["world_sha256"] = world_sha256(record)
     return {**files, "world.json": json.dumps(record).encode()}
+
+
+def require_allowed(folder: Path | str, files: dict[str, bytes]) -> SealedWorld:
+    """Open a bundle of these files as `minexplore` does, then apply the tables, as `certify` does."""
+    return check_tables(Path(folder), open_files(Path(folder), files, hash_files(files)))
 
 
 def end_build(root: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from baselines.ppo.training_env import FIGURES
-from minexplore.warp.env import MineWarpEnv
+from minexplore.extra.warp.env import MineWarpEnv
 
 
 class DeviceTrainingEnv:

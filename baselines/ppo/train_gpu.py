@@ -15,7 +15,7 @@ from baselines.ppo.history import History
 from baselines.ppo.run_folder import RunFolder
 from baselines.ppo.settings import TrainSettings, compose_settings
 from baselines.ppo.train import train
-from minexplore.warp import require_device, require_packages
+from minexplore.extra.warp import require_device, require_packages
 
 # A control step launches about 2,300 kernels, whatever the number of robots: many robots are needed to fill a device.
 # Fewer epochs, as each batch is as large. Any of them can be given again.

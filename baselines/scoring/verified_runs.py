@@ -8,7 +8,7 @@ from pathlib import Path
 
 from baselines.base.errors import BaselineError
 from baselines.base.result_file import Episode, Head, chain, replace_text
-from minexplore.schema.readers.json_text import describe_json_error
+from minexplore.sealed.json_text import describe_json_error
 
 RECORD = "driven_here.json"  # in the folder of all results: a file's path below it, and the hash of its contents
 

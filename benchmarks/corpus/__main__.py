@@ -15,7 +15,7 @@ from tqdm import tqdm
 from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, Workshop, copy_evidence, generated, with_heights
 from benchmarks.corpus.metadata import CorpusEntry, read_entry, require_ours, write_metadata
 from minexplore.bundle import RECORD
-from minexplore.corpus import BUNDLE, WORLDS
+from minexplore.extra.corpus import BUNDLE, WORLDS
 from pipeline.errors import ArtifactError, run_command
 
 OUT = Path("artifacts/corpus")

@@ -18,7 +18,7 @@ from baselines.base.markdown import markdown_table
 from benchmarks.corpus.members import CorpusMember
 from minexplore import __version__
 from minexplore.bundle import RECORD
-from minexplore.corpus import BUNDLE, FORMAT, INDEX, WORLDS
+from minexplore.extra.corpus import BUNDLE, FORMAT, INDEX, WORLDS
 from pipeline.errors import ArtifactError
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import read_text_file, sha256_bytes, sha256_file

@@ -20,7 +20,7 @@ from benchmarks.faults.random_faults import reseal
 from benchmarks.faults.random_model_faults import Files
 from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, prove
 from minexplore.bundle import MESHES, VOLUME
-from minexplore.schema import read_folder
+from minexplore.sealed.files import read_folder
 from pipeline.commands.proofs import limits_of_kind
 from pipeline.errors import MineError
 from pipeline.mjcf.bundle import read_made_by

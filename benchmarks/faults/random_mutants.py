@@ -17,11 +17,10 @@ import numpy as np
 from benchmarks.faults.random_faults import random_mutant
 from benchmarks.faults.random_model_faults import Files
 from benchmarks.worlds.small_world import build_small_world
-from minexplore.bundle import MODEL, BundleError, GeomGroup
+from minexplore.bundle import MODEL, SMOOTH_MESHES, BundleError, GeomGroup
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
-from minexplore.schema import read_folder
-from minexplore.schema.model import SMOOTH_MESHES
+from minexplore.sealed.files import read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.compose import compose
@@ -84,8 +83,8 @@ def judge(good: Path, params: ValidationParams, seed: int) -> Verdict:
 
 def _outcome(good: Path, folder: Path, files: Files, changed: Files, params: ValidationParams) -> tuple[str, str]:
     try:
-        _drive(folder)
         world = prove(folder, params)
+        _drive(folder)
     except MineError as error:
         return CAUGHT, str(error).replace(str(folder), "w")
     except Exception as error:  # the fault that this benchmark looks for
@@ -124,7 +123,7 @@ def prove(folder: Path, params: ValidationParams) -> OpenedBundle:
 
 
 def _drive(folder: Path) -> None:
-    """Load the bundle as the environment does; what it accepts must compile without a warning."""
+    """Load a bundle that was judged as the environment does; it must compile without a warning."""
     warnings: list[str] = []
     mujoco.set_mju_user_warning(warnings.append)
     try:

@@ -12,6 +12,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, stops_beams
 from minexplore.envs.env import MineEnv
+from minexplore.pictures.cameras import CameraParams
 from minexplore.sensing.params import preset_names, sensor_params
 from minexplore.sensing.scanners import Mount, Pose3D, scanner_of
 from minexplore.world import World
@@ -99,7 +100,7 @@ def peer_rates(world: World) -> list[list[str]]:
 def image_rates(env: MineEnv) -> list[list[str]]:
     """Return rows of frames/s of the camera's images, by the OpenGL library of this machine."""
     env.reset(seed=0)
-    camera = env.suite.camera
+    camera = CameraParams.on(env.robot)
     size = f"{camera.width_px} x {camera.height_px}"
     images = ("rgb", "depth", "labels")
     return [[name, size, f"{best_rate(partial(env.capture, name), 1, _IMAGES):.1f}"] for name in images]

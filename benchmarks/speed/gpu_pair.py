@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from minexplore.envs.robot_batch import RobotBatch
+from minexplore.extra.warp import require_device
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.task import TaskParams
-from minexplore.warp import require_device
 from minexplore.world import World
 
 RANGE_LIMIT_M = 1e-3
@@ -24,8 +24,8 @@ class Pair:
 
     def __init__(self, world: World, count: int, device: str, task: TaskParams | None = None) -> None:
         """Make both."""
-        from minexplore.warp.batch import WarpBatch
-        from minexplore.warp.graph import Replayed
+        from minexplore.extra.warp.batch import WarpBatch
+        from minexplore.extra.warp.graph import Replayed
 
         calm = [dataclasses.replace(zone, speed_noise_mps=0.0) for zone in world.floor_zones]
         self.world = dataclasses.replace(world, floor_zones=calm)
@@ -83,7 +83,7 @@ class Pair:
 
     def faults(self) -> dict[str, int]:
         """Return of how many robots the state was not finite, the place outside of the mine, or contacts left out."""
-        from minexplore.warp.kernels.faults import NOT_FINITE, OUTSIDE
+        from minexplore.extra.warp.kernels.faults import NOT_FINITE, OUTSIDE
 
         fault = self.warp.arrays["fault"].numpy()
         return {

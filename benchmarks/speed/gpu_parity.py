@@ -25,8 +25,8 @@ from baselines.base.progress import Progress
 from baselines.policies.policy_lookup import make_policy
 from benchmarks.speed.gpu_pair import Pair, compare_looks, compare_steps, drive_episodes, stress
 from benchmarks.speed.gpu_parity_page import EPISODES, rows, tables
+from minexplore.extra.warp import require_device, require_packages
 from minexplore.task import TaskParams
-from minexplore.warp import require_device, require_packages
 from minexplore.world import find_world, load_world
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import import_closure, sha256_file, sha256_named
@@ -167,7 +167,7 @@ def main() -> int:
 def _versions() -> dict[str, str]:
     """Return MuJoCo Warp's version, and the hashes of the world and of the sources that the figures depend on."""
     root = Path(__file__).resolve().parents[2]
-    modules = ("minexplore/warp/env.py", "minexplore/envs/vector.py", "benchmarks/speed/gpu_pair.py")
+    modules = ("minexplore/extra/warp/env.py", "minexplore/envs/vector.py", "benchmarks/speed/gpu_pair.py")
     sources = {path for module in modules for path in import_closure(root / module, root)}
     return {
         "mujoco_warp": version("mujoco-warp"),

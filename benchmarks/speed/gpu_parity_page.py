@@ -12,7 +12,7 @@ from baselines.base.markdown import markdown_table
 
 FLAGS_LIMIT = 0.999
 REWARD_LIMIT = 1e-4
-ITERATIONS = 20  # of MuJoCo Warp's solver, at which it gives up; see `minexplore.warp.physics`
+ITERATIONS = 20  # of MuJoCo Warp's solver, at which it gives up; see `minexplore.extra.warp.physics`
 KS_LIMIT = 0.01  # p-value below which two samples are taken to differ
 _DECIMALS = 5  # of samples: far below one cell of coverage, far above the digits of 32 bits
 EPISODES = "episodes-"  # a part's name begins so, and ends with a policy's

@@ -22,9 +22,9 @@ import numpy as np
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.speed.time_env import bare_floor, steps_per_s
 from minexplore.envs.vector import MineVectorEnv
+from minexplore.extra.warp import require_device, require_packages
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
-from minexplore.warp import require_device, require_packages
 from minexplore.world import World, find_world, load_world
 from pipeline.store.files import write_atomically
 
@@ -45,7 +45,7 @@ class DeviceBench:
 
     def __init__(self, world: World, count: int, device: str) -> None:
         """Scatter the robots and drive them for a second."""
-        from minexplore.warp.batch import WarpBatch
+        from minexplore.extra.warp.batch import WarpBatch
 
         self.count, self.device = count, require_device(device)
         self._before = self._used_bytes()
@@ -85,7 +85,7 @@ class DeviceBench:
 
     def measure(self, runs: int) -> dict[str, float]:
         """Return the rates of a step with and without beams, the shares of its parts, and the memory in use."""
-        from minexplore.warp.graph import Replayed
+        from minexplore.extra.warp.graph import Replayed
 
         batch, physics, a = self.batch, self.batch.physics, self.batch.arrays
         pieces = {
@@ -115,8 +115,8 @@ class DeviceBench:
         import mujoco_warp as mjw
         import warp as wp
 
-        from minexplore.warp.graph import Replayed
-        from minexplore.warp.physics import put_model
+        from minexplore.extra.warp.graph import Replayed
+        from minexplore.extra.warp.physics import put_model
 
         task = TaskParams()
         model = bare_floor(task, RobotParams(), self.batch.models.T_world_mine)

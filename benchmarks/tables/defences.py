@@ -36,7 +36,8 @@ DEFENCES = (
         "plain texts, never evaluated",
         ("pipeline/guard/plain_file.py", "pipeline/guard/plain_number.py"),
     ),
-    Defence("a bundle holds what no builder writes", "the table of bundles", ("minexplore/schema",)),
+    Defence("a bundle reaches outside its folder, or fills memory", "what a load checks", ("minexplore/sealed",)),
+    Defence("a bundle holds what no builder writes", "the table of bundles", ("pipeline/schema",)),
     Defence(
         "a bundle's model differs from its record",
         "the model that the builder makes again",

@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
+from benchmarks.tables.loaded import DEFAULT_BUNDLE, loaded_modules, module_of
 from pipeline.store.hashing import import_closure
 from stages.__main__ import STAGES
 
@@ -49,6 +50,7 @@ class ProjectFiles:
     """The text files of the project at one commit, by their paths."""
 
     texts: dict[str, str]
+    commit: str = ""
 
     @classmethod
     def at(cls, commit: str) -> ProjectFiles:
@@ -59,12 +61,9 @@ class ProjectFiles:
         BaselineError
             If it has no such commit, as in a clone without history.
         """
-        packed = subprocess.run(["git", "archive", commit], capture_output=True)
-        if packed.returncode:
-            raise BaselineError(f"{commit}: not a commit of this clone; `git fetch --unshallow`, or --before COMMIT")
-        with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
+        with tarfile.open(fileobj=io.BytesIO(_archived(commit))) as archive:
             found = ((member.name, archive.extractfile(member)) for member in archive if _is_text(member.name))
-            return cls({name: stream.read().decode() for name, stream in found if stream is not None})
+            return cls({name: stream.read().decode() for name, stream in found if stream is not None}, commit)
 
     def modules(self, *packages: str) -> list[str]:
         """Return the paths of the modules of packages."""
@@ -94,6 +93,29 @@ class ProjectFiles:
     def classes(self) -> int:
         """Return how many classes the product has."""
         return sum(isinstance(node, ast.ClassDef) for tree in self.trees.values() for node in ast.walk(tree))
+
+    def number_constants(self) -> int:
+        """Return how many constants at the top of the product's modules are numbers."""
+        return sum(_numbers_of(node) for tree in self.trees.values() for node in tree.body)
+
+    def with_one_importer(self) -> int:
+        """Return how many modules of the product one other module of it imports, also inside a function."""
+        names = {module_of(path): path for path in self.trees}
+        importers: Counter[str] = Counter()
+        for path, tree in self.trees.items():
+            importers.update({names[name] for name in _imported(tree) if name in names} - {path})
+        return sum(count == 1 for count in importers.values())
+
+    def loaded_lines(self) -> str:
+        """Return how many lines an environment loads up to its first observation; "-" without a commit or world."""
+        if not self.commit:
+            return "-"
+        with TemporaryDirectory() as folder:
+            root = Path(folder)
+            with tarfile.open(fileobj=io.BytesIO(_archived(self.commit, "minexplore"))) as archive:
+                archive.extractall(root, filter="data")
+            found = sum(loaded_modules(DEFAULT_BUNDLE.resolve(), root).values())
+        return f"{found:,}" if found else "-"
 
     def registries(self) -> int:
         """Return how many public constants of the product are dicts of functions, classes or their results."""
@@ -141,6 +163,43 @@ class ProjectFiles:
                 yield {path.as_posix() for path in import_closure(root / stage, root)}
 
 
+def _archived(commit: str, *paths: str) -> bytes:
+    """Return a tar archive of paths, or all files, of a commit."""
+    packed = subprocess.run(["git", "archive", commit, *paths], capture_output=True)
+    if packed.returncode:
+        raise BaselineError(f"{commit}: not a commit of this clone; `git fetch --unshallow`, or --before COMMIT")
+    return packed.stdout
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    """Yield the names that a module imports; a name of a package may be a module of it."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def _numbers_of(node: ast.stmt) -> int:
+    """Return how many constants of a statement are numbers."""
+    if isinstance(node, ast.AnnAssign) and node.value is not None:
+        return int(_is_number(node.value))
+    if not isinstance(node, ast.Assign):
+        return 0
+    several = isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)
+    return sum(map(_is_number, node.value.elts if several else [node.value]))  # type: ignore[attr-defined]
+
+
+def _is_number(node: ast.expr) -> bool:
+    """Return whether a value is a number, or arithmetic on numbers."""
+    if isinstance(node, ast.BinOp):
+        return _is_number(node.left) and _is_number(node.right)
+    if isinstance(node, ast.UnaryOp):
+        return _is_number(node.operand)
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float)
+
+
 def _is_text(name: str) -> bool:
     return name.endswith(".py") or name in ("Makefile", "mkdocs.yml", "pyproject.toml", "docs/index.md")
 
@@ -181,6 +240,9 @@ def layout_table(before: ProjectFiles, after: ProjectFiles) -> str:
         row("folders of more than 15 modules", lambda files: str(files.crowded())),
         *(row(f"lines of `{package}/`", lines(package)) for package in (*PRODUCT, "benchmarks", "tests")),
         row("classes", lambda files: str(files.classes())),
+        row("module constants that are numbers", lambda files: f"{files.number_constants():,}"),
+        row("modules that one other imports", lambda files: str(files.with_one_importer())),
+        row("lines loaded before the default's first observation", ProjectFiles.loaded_lines),
         row("registries: public dicts of functions or classes", lambda files: str(files.registries())),
         row("import contracts", lambda files: str(files.contracts())),
         row("targets of `make`", lambda files: str(files.targets())),

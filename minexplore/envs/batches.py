@@ -5,10 +5,8 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 
-from minexplore.envs.flyer_batch import flyer_space
+from minexplore.envs.call_checks import check_pose
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.sensed.degraded_batch import check_pose, driving_batch, flying_batch
-from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot_kind import Robot
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.observation import observation_space
@@ -37,16 +35,27 @@ def make_batch(
     """
     check_pose(pose)
     batch = (world, task, robot, count, threads, lidar, whole)
-    if not isinstance(robot, QuadrotorParams):
-        return driving_batch(pose, conditions, *batch)
-    if pose != "true":
-        raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
-    return flying_batch(conditions, *batch)
+    if robot.FLIES:
+        if pose != "true":
+            raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
+        from minexplore.envs.sensed.degraded_batch import flying_batch
+
+        return flying_batch(conditions, *batch)
+    if pose == "true" and conditions.is_ideal:
+        return RobotBatch(*batch)
+    from minexplore.envs.sensed.degraded_batch import driving_batch
+
+    return driving_batch(pose, conditions, *batch)
 
 
 def observations_of(task: TaskParams, robot: Robot) -> gymnasium.spaces.Box:
     """Return the space of one robot's observation."""
-    return flyer_space(task, robot) if isinstance(robot, QuadrotorParams) else observation_space(task)
+    if not robot.FLIES:
+        return observation_space(task)
+
+    from minexplore.envs.flyer_batch import flyer_space
+
+    return flyer_space(task, robot)
 
 
 def commands_of(robot: Robot) -> gymnasium.spaces.Box:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+POSES = ("true", "odometry")  # what infos hold as a robot's pose
+_DEFAULT_CAMERA = "chase"
 _DEEPEST = 4  # lists in lists; a list may hold itself
 
 _PLAIN = (np.dtype(np.float32), np.dtype(np.float64))
@@ -49,6 +51,34 @@ def _is_masked(value: Any, depth: int = _DEEPEST) -> bool:
 
 def _shown(value: Any) -> str:
     return " ".join(repr(value).split())[:200]
+
+
+def check_pose(pose: object) -> None:
+    """Refuse a pose that is not one of `POSES`.
+
+    Raises
+    ------
+    ValueError
+        Naming the choices.
+    """
+    if not isinstance(pose, str) or pose not in POSES:
+        raise ValueError(f"pose = {pose!r}: valid choices are {', '.join(POSES)}")
+
+
+def check_camera(camera: object) -> None:
+    """Refuse a camera that draws no pictures.
+
+    Raises
+    ------
+    ValueError
+        Naming the choices.
+    """
+    if camera == _DEFAULT_CAMERA:  # what draws is loaded for others, or when it draws
+        return
+    from minexplore.pictures.render import CAMERAS
+
+    if not isinstance(camera, str) or camera not in CAMERAS:
+        raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
 
 
 def check_options(options: Any, known: Sequence[str]) -> None:

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import gymnasium
 import numpy as np
 
 from minexplore.bundle import GeomGroup
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import check_options, numbers_of, one_seed
+from minexplore.envs.call_checks import check_camera, check_options, check_pose, numbers_of, one_seed
 from minexplore.envs.outcome import StepOutcome, info_of_robot
-from minexplore.envs.sensed.degraded_batch import check_pose
-from minexplore.envs.sensed.sensor_suite import SensorSuite, check_sensors, observed_space
 from minexplore.physics.robots import RobotChoice, find_robot
-from minexplore.pictures.opengl import prepare_opengl
-from minexplore.pictures.render import CAMERAS, Renderer, shown_groups
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.params import SensorParams, sensor_params
+from minexplore.sensors.suite import SensorSuite
+from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
+
+if TYPE_CHECKING:
+    from minexplore.pictures.render import Renderer
 
 _DEFAULTS = {"render_mode": None, "camera": "chase", "lidar": "auto"}
 
@@ -133,6 +134,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         given |= {"pose": pose, "sensors": sensors, "conditions": conditions}
         check_arguments(given)
         if render_mode is not None:
+            from minexplore.pictures.opengl import prepare_opengl
+
             prepare_opengl(render_mode)
         self.task, self.robot = coerce_params(TaskParams, task), find_robot(robot)
         self.render_mode, self.camera = render_mode, camera
@@ -182,7 +185,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         return self._observed(outcome), float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
 
     def capture(self, sensor: str) -> Any:
-        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.envs.sensed.sensor_suite`.
+        """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.sensors.kind`.
 
         Raises
         ------
@@ -209,6 +212,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def _drawing(self) -> Renderer:
         if self._renderer is None:
+            from minexplore.pictures.render import Renderer
+
             self._renderer = Renderer(self.world, self.robots.T_world_mine, self.grid, self.robot, 1)
         return self._renderer
 
@@ -218,6 +223,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             return
         model, data = self._drawing().place(self.robots.qpos)
         if self._viewer is None:
+            from minexplore.pictures.render import shown_groups
             from minexplore.pictures.viewer import Viewer
 
             groups = [group for group in shown_groups(self.world) if group is not GeomGroup.ROOF]  # seen from above
@@ -280,8 +286,7 @@ def check_arguments(arguments: Mapping[str, Any]) -> None:
     mode, camera, lidar = (arguments.get(name, default) for name, default in _DEFAULTS.items())
     if mode is not None and (not isinstance(mode, str) or mode not in MineEnv.metadata["render_modes"]):
         raise ValueError(f"render_mode = {mode!r}: valid choices are None, 'rgb_array', 'human'")
-    if not isinstance(camera, str) or camera not in CAMERAS:
-        raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+    check_camera(camera)
     if not isinstance(lidar, str) or lidar not in get_args(Backend):
         raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
     if not isinstance(arguments.get("whole", False), bool | np.bool_):

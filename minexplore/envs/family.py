@@ -14,9 +14,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from minexplore.envs.batches import commands_of, observations_of
 from minexplore.envs.call_checks import check_options, mask_of, numbers_of, one_seed, spread_seeds
 from minexplore.envs.env import MineEnv, check_arguments
-from minexplore.envs.sensed.sensor_suite import check_sensors, observed_space
 from minexplore.envs.vector import check_count, find_mode
 from minexplore.physics.robots import find_robot
+from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
 from minexplore.task import TaskParams, coerce_params
 

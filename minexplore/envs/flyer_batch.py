@@ -9,6 +9,7 @@ from minexplore.envs.flyer_ground import FlyerGround
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.robot_places import Stances
 from minexplore.physics.quadrotor import QuadrotorParams
+from minexplore.physics.robot_kind import Robot
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
@@ -111,8 +112,9 @@ class FlyerBatch(RobotBatch):
         return np.hstack([scaled, self.previous[robots]]).astype(np.float32)
 
 
-def flyer_space(task: TaskParams, robot: QuadrotorParams) -> gymnasium.spaces.Box:
+def flyer_space(task: TaskParams, robot: Robot) -> gymnasium.spaces.Box:
     """Return the space of one robot's observation, (beams + 4,) float32: ranges, then the previous command."""
+    assert isinstance(robot, QuadrotorParams)
     beams = len(robot.beams(task.beams))
     low = np.array([0.0] * beams + [-1.0] * robot.COMMANDS, dtype=np.float32)
     return gymnasium.spaces.Box(low, np.ones_like(low), dtype=np.float32)

@@ -13,7 +13,6 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.sensing.coverage import CellGrid, CoverageGrid
 from minexplore.task import TaskParams
-from minexplore.volume.ground import VolumeGround
 from minexplore.world import World
 
 
@@ -73,7 +72,7 @@ class PlanGround:
         """Return the pose of a robot at a place (2,) m of the plan; see `RobotGround`."""
         x, y = place_m[:2]
         pose = free_joint_qpos(self.T_world_mine, self.robot, x, y, yaw_rad)
-        pose[:3] += self.models.rough.highest_m(place_m[:2], self.robot.radius_m) * self.T_world_mine[:3, 2]
+        pose[:3] += self.models.highest_m(place_m[:2], self.robot.radius_m) * self.T_world_mine[:3, 2]
         return pose
 
     def brake(self, robots: np.ndarray, places_m: np.ndarray, qvel: np.ndarray) -> None:
@@ -97,4 +96,6 @@ def ground_of(world: World, task: TaskParams, robot: Robot, count: int, whole: b
     """Return what so many robots on wheels drive on in a world."""
     if world.volume is None:
         return PlanGround(world, task, robot, count, whole)
+    from minexplore.volume.ground import VolumeGround
+
     return VolumeGround(world, task, robot, count, whole)

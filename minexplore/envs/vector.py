@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -13,16 +13,17 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.call_checks import check_camera, check_options, mask_of, numbers_of, spread_seeds
 from minexplore.envs.outcome import StepOutcome
-from minexplore.envs.sensed.sensor_suite import check_sensors
 from minexplore.physics.robots import RobotChoice, find_robot
-from minexplore.pictures.opengl import prepare_opengl
-from minexplore.pictures.render import CAMERAS, Renderer
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.params import SensorParams, sensor_params
+from minexplore.sensors.table import check_sensors
 from minexplore.task import TaskParams, coerce_params
 from minexplore.world import find_world, load_world
+
+if TYPE_CHECKING:
+    from minexplore.pictures.render import Renderer
 
 _MOST = 65_536  # robots, or threads
 
@@ -75,12 +76,13 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
-        if camera not in CAMERAS:
-            raise ValueError(f"camera = {camera!r}: valid choices are {', '.join(CAMERAS)}")
+        check_camera(camera)
         mode = find_mode(autoreset_mode)
         self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         if render_mode is not None:
+            from minexplore.pictures.opengl import prepare_opengl
+
             prepare_opengl(render_mode)
         self.task = coerce_params(TaskParams, task)
         self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
@@ -163,6 +165,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             return None
         robots = self.robots
         if self._renderer is None:
+            from minexplore.pictures.render import Renderer
+
             self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
         poses = robots.poses()
         return tuple(

@@ -10,8 +10,7 @@ import numpy as np
 
 from minexplore.bundle import is_floor
 from minexplore.limits import Span, check_numbers
-from minexplore.looks import LAMP_ABOVE_M
-from minexplore.physics.robot_kind import DrivenRobot, attach_file, check_measures
+from minexplore.physics.robot_kind import LAMP_ABOVE_M, DrivenRobot, attach_file, check_measures
 
 # MuJoCo's contact time: the robot's weight presses its wheels in by 5 mm, as a tyre gives. On the rigid floor of 0.02 s
 # wheels that slip sideways hop at physics steps of 5 ms, and turning varies by a factor of two with the command.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -28,11 +28,13 @@ from minexplore.physics.robot import (
     stand_on_facets,
 )
 from minexplore.physics.robot_kind import Robot
-from minexplore.physics.rough_floor import read_rough_floor
 from minexplore.rotations import quaternion
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
 from minexplore.world import World
+
+if TYPE_CHECKING:
+    from minexplore.physics.rough_floor import RoughFloor
 
 TILE_M = 2.0
 MARGIN_M = 0.1  # beyond the robot's radius and one control step's travel; contacts need none of it
@@ -70,7 +72,11 @@ class LocalModels:
         absent = sorted(set(self._zones) - {geom.name for geom in self._slabs})
         if absent:
             raise BundleError(f"{world.folder / MODEL}: no geom {absent[0]!r} of a floor zone that {RECORD} names")
-        self.rough = read_rough_floor(world, self._spec)
+        self.rough: RoughFloor | None = None  # of a level floor
+        if self._spec.hfields:
+            from minexplore.physics.rough_floor import read_rough_floor
+
+            self.rough = read_rough_floor(world, self._spec)
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + MARGIN_M
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
@@ -98,7 +104,7 @@ class LocalModels:
         spec = self.rock_spec(box)
         for name in robots:
             self.robot.attach(spec, name)
-            if len(self.rough):
+            if self.rough:
                 stand_on_facets(spec, name)
             contact_sensor(spec, name)
         return spec
@@ -111,13 +117,18 @@ class LocalModels:
         solid = mine.add_body(name=ROCK_BODY)  # one pair test of bodies then rules the rock out for the wheels
         self._add_floor_and_roof(mine, solid, box)
         zones = self.world.active_zones(self.task.terrain)
-        for tile in self.rough.tiles if box is None else self.rough.within(box.low, box.high):
+        tiles = self.rough.within(box.low, box.high) if self.rough and box else self.rough.tiles if self.rough else []
+        for tile in tiles:
             tile.add_to(spec, mine, [zones[tile.zone].friction, 0.005, 0.0001])
         rock = self._spec.find_default(ROCK_CLASS).geom
         for part in self.parts if box is None else self._rock.within(box):
             _add_part(spec, solid, part, friction=rock.friction, group=rock.group)
         separate_contacts(spec)
         return spec
+
+    def highest_m(self, place_m: np.ndarray, radius_m: float) -> float:
+        """Return how high a rough floor reaches over its planes within a square of the plan; 0 on a level one."""
+        return self.rough.highest_m(place_m, radius_m) if self.rough else 0.0
 
     def _add_floor_and_roof(self, mine: mujoco.MjsBody, solid: mujoco.MjsBody, box: Box | None) -> None:
         """Add the floor zones and the roof that reach into a box; a floor's sliding friction is that of its zone."""

@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 
 from minexplore.limits import Span, check_numbers
-from minexplore.looks import LAMP_ABOVE_M
-from minexplore.physics.robot_kind import Robot, attach_file, check_measures
+from minexplore.physics.robot_kind import LAMP_ABOVE_M, Robot, attach_file, check_measures
 from minexplore.rotations import quaternion, rotate_inverse, rotation_matrices
 
 # Of mjcf/quadrotor.xml; a test compares them.

@@ -10,8 +10,7 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup, is_floor, is_rock, is_roof, is_rough_floor
 from minexplore.limits import Span, check_numbers
-from minexplore.looks import LAMP_ABOVE_M
-from minexplore.physics.robot_kind import DrivenRobot, Robot
+from minexplore.physics.robot_kind import LAMP_ABOVE_M, DrivenRobot, Robot
 from minexplore.rotations import quaternion, rotate_inverse
 
 ROCK_BODY = "rock"  # of a physics model; it holds what a chassis collides with

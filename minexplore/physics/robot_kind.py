@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 _FILES = Path(__file__).parent / "mjcf"
+LAMP_ABOVE_M = 0.05  # a headlamp is on top of the scanner
 _NARROWEST = 0.2  # of a wheel's radius, half its width where the wheels themselves stand out of the disc
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
-from minexplore.physics.husky import HuskyParams
-from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot import RobotParams
 from minexplore.physics.robot_kind import Robot
 from minexplore.task import coerce_params
 
-ROBOTS: dict[str, type[Robot]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
+ROBOTS = {"husky": ("husky", "HuskyParams"), "quadrotor": ("quadrotor", "QuadrotorParams")}  # module here, and class
 RobotChoice = str | Robot | dict[str, Any] | None  # what an environment takes as `robot`
 
 
@@ -25,7 +24,9 @@ def find_robot(robot: RobotChoice) -> Robot:
     if isinstance(robot, str):
         if robot not in ROBOTS:
             raise ValueError(f"robot = {robot!r}: want {', '.join(ROBOTS)}, RobotParams(...) or a dict of its fields")
-        return ROBOTS[robot]()
+        module, kind = ROBOTS[robot]
+        found: Robot = getattr(import_module(f"minexplore.physics.{module}"), kind)()
+        return found
     if isinstance(robot, Robot):
         return robot
     return coerce_params(RobotParams, robot)

@@ -68,17 +68,13 @@ class RoughTile:
 
 
 class RoughFloor:
-    """The tiles of a rough floor; a level floor has none."""
+    """The tiles of a rough floor."""
 
     def __init__(self, tiles: list[RoughTile]) -> None:
         """Index the tiles by their boxes."""
         self.tiles = tiles
         self._low = np.array([tile.corner_m for tile in tiles]).reshape(-1, 2)
         self._high = self._low + np.array([tile.size_m for tile in tiles]).reshape(-1, 2)
-
-    def __len__(self) -> int:
-        """Return how many tiles there are."""
-        return len(self.tiles)
 
     def within(self, low: np.ndarray, high: np.ndarray) -> list[RoughTile]:
         """Return the parts of the tiles that a box of the plan reaches."""
@@ -87,7 +83,7 @@ class RoughFloor:
         return [part for part in parts if part is not None]
 
     def highest_m(self, place_m: np.ndarray, radius_m: float) -> float:
-        """Return how high the floor reaches over its planes within a square of the plan; 0 without tiles."""
+        """Return how high the floor reaches over its planes within a square of the plan; 0 beside it."""
         parts = self.within(np.asarray(place_m) - radius_m, np.asarray(place_m) + radius_m)
         return max((float(part.heights_m.max()) for part in parts), default=0.0)
 
@@ -101,8 +97,6 @@ def read_rough_floor(world: World, spec: mujoco.MjSpec) -> RoughFloor:
         If a file has changed since the world was loaded.
     """
     fields = {field.name: field for field in spec.hfields}
-    if not fields:
-        return RoughFloor([])
     alone = mujoco.MjSpec()
     for field in fields.values():
         alone.add_hfield(name=field.name, file=field.file, size=field.size)

@@ -14,8 +14,8 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer, prepare_opengl
 from minexplore.pictures.render import Renderer, far_hidden, light_nearest, shown_groups
+from minexplore.sensing.mount import Mount, Pose3D
 from minexplore.sensing.scanners.labels import NOTHING, NUMBERS, WATER, label_of_mesh, label_of_zone
-from minexplore.sensing.scanners.mount import Mount, Pose3D
 from minexplore.world import World
 
 _SPANS = {

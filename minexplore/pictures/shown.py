@@ -27,7 +27,7 @@ from minexplore.bundle import (
 )
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.looks import floor_texture
-from minexplore.schema.readers.xml import walk_xml
+from minexplore.sealed.xml import walk_xml
 from minexplore.tiles import group_by_tile, tiles_at
 from minexplore.world import World
 

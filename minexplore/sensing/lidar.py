@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -16,19 +16,11 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import (
-    MESHES,
     GeomGroup,
-    decode_msh,
-    fitting_geom,
     has_visible_rock,
-    is_fitting,
     is_rock,
-    mesh_file,
-    mesh_of,
     stops_beams,
-    surface_geom,
 )
-from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.rotations import rotate_inverse
 from minexplore.sensing.planes import face_planes, plane_distances
 from minexplore.tiles import Tile, group_by_tile, tile_at, tiles_at
@@ -42,7 +34,6 @@ Cast = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarr
 
 _MODULES = {"embree": "embreex", "open3d": "open3d"}  # fastest first
 _TILE_M = 40.0
-_FACETS = {FacetLabel.FLOOR: "floor", FacetLabel.WALL: "rock", FacetLabel.ROOF: "roof"}  # names of a volume's meshes
 _BYTES_PER_FACE = {"embree": 90, "open3d": 135}  # of a scene; measured 85 and 132
 _SCENES_BYTES = 2 << 30  # kept by a process; all scenes of the embedded mine take 0.7 GB by Embree
 
@@ -56,7 +47,7 @@ def surface_meshes(world: World) -> Meshes:
     spec = world.spec()
     seen = [g for g in spec.geoms if g.group == GeomGroup.ROUGH_SURFACE and g.type == mujoco.mjtGeom.mjGEOM_MESH]
     shown = [g for g in seen if stops_beams(g.meshname)]
-    meshes = {g.name: decode_msh(world.read(spec.mesh(g.meshname).file)) for g in shown}
+    meshes = {g.name: world.mesh(spec.mesh(g.meshname).file) for g in shown}
     return {name: (mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
 
 
@@ -73,29 +64,6 @@ def collision_meshes(world: World) -> Meshes:
         faces = model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]]
         meshes[geom.name] = rotate_inverse(own, turn.reshape(3, 3).T) + geom.pos, faces.copy()
     return meshes
-
-
-def facet_meshes(facets: VolumeFacets, labels: Iterable[FacetLabel] = FacetLabel) -> Meshes:
-    """Return the facets of some labels, cut into pieces that lie in one square of the plan; see `surface_meshes`."""
-    meshes: Meshes = {}
-    for label in labels:
-        own = facets.faces[facets.label == label]
-        middles = facets.vertices[own].mean(axis=1)[:, :2]
-        for tile, rows in group_by_tile(tiles_at(middles, _TILE_M / 4)) if len(own) else ():
-            used, faces = np.unique(own[rows], return_inverse=True)
-            meshes[f"{_FACETS[label]} {tile}"] = facets.vertices[used], faces.reshape(-1, 3).astype(np.int32)
-    return meshes
-
-
-def volume_meshes(world: World, facets: VolumeFacets) -> Meshes:
-    """Return what beams end on in a world that is one volume: its floors with rock and furniture, or all its facets."""
-    if not has_visible_rock(world.record):
-        return facet_meshes(facets)
-    names = [mesh_of(name) for name in world.record["files"] if name.startswith(MESHES)]
-    seen = {name: decode_msh(world.read(mesh_file(name))) for name in names if stops_beams(name)}
-    geoms = {name: fitting_geom(name) if is_fitting(name) else surface_geom(name) for name in seen}
-    rock = {geoms[name]: (mesh.vertices, mesh.faces) for name, mesh in seen.items()}
-    return rock | facet_meshes(facets, [FacetLabel.FLOOR])
 
 
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
@@ -119,6 +87,8 @@ def _require_known(backend: object) -> None:
 def _shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     world = checked_world(folder, world_sha256)
     if world.volume is not None:
+        from minexplore.sensing.facet_meshes import volume_meshes
+
         return Lidar(volume_meshes(world, world.volume.facets), range_m, backend, floor_m=-np.inf)
     if has_visible_rock(world.record):
         return Lidar(surface_meshes(world), range_m, backend)

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from minexplore.schema.readers.json_text import describe_json_error
+from minexplore.sealed.json_text import describe_json_error
 from minexplore.splits import SEEDS, STYLES, mine_name
 from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world

@@ -14,7 +14,6 @@ from minexplore.bundle import (
     BundleError,
     GeomGroup,
     TriangleMesh,
-    decode_msh,
     ground_material,
     has_visible_rock,
     is_rough_floor,
@@ -132,7 +131,7 @@ def _surface(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, world: World) -> Surface
         label = water_label(next(zone for zone in zones if puddle_geom(zone) == geom.name))
         return Surface(geom.name, label.what, label.zone, geom.material, _rectangle(geom))
     label = surface_label(geom.meshname, zones)
-    mesh = decode_msh(world.read(spec.mesh(geom.meshname).file))
+    mesh = world.mesh(spec.mesh(geom.meshname).file)
     return Surface(geom.meshname, label.what, label.zone, geom.material, mesh)
 
 

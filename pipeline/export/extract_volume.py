@@ -15,7 +15,6 @@ from minexplore.bundle import (
     ROOF,
     WALLS,
     TriangleMesh,
-    decode_msh,
     fitting_material,
     ground_material,
     has_visible_rock,
@@ -121,7 +120,7 @@ def _chunks(world: World, names: list[str]) -> list[Surface]:
             surface_label(name, []).what,
             "",
             fitting_material(name, []) if is_fitting(name) else ROCK,
-            decode_msh(world.read(mesh_file(name))),
+            world.mesh(mesh_file(name)),
         )
         for name in names
     ]

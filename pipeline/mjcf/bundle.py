@@ -28,8 +28,8 @@ from minexplore.bundle import (
     line_of,
     world_sha256,
 )
-from minexplore.schema.files import read_bounded
-from minexplore.schema.readers.json_text import read_json
+from minexplore.sealed.files import read_bounded
+from minexplore.sealed.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.loading import read_spec, text_of
 from pipeline.mjcf.scene import MineScene, ZoneStrip
@@ -159,7 +159,7 @@ def read_made_by(folder: Path) -> MadeBy:
 def read_record(folder: Path, checked: bool = True) -> WorldRecord:
     """Check that a bundle holds what a world may, and read its record.
 
-    Without `checked`, neither the tables of `minexplore.schema` nor hashes are applied; see `open_bundle`.
+    Without `checked`, neither the tables of `pipeline.schema` nor hashes are applied; see `open_bundle`.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
 def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:
     """Check that a bundle holds what a world may, read its record and load its model.
 
-    Without `checked` the tables of `minexplore.schema` are not applied: the tests of the measures behind them need
+    Without `checked` the tables of `pipeline.schema` are not applied: the tests of the measures behind them need
     worlds that the tables refuse.
 
     Raises

@@ -57,7 +57,7 @@ class Validator:
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
-        With `extent=certificate` the tables of `minexplore.schema` are applied, but nothing is made again. `traced` is
+        With `extent=certificate` the tables of `pipeline.schema` are applied, but nothing is made again. `traced` is
         the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
 
         Raises

@@ -10,7 +10,7 @@ from typing import Any
 
 import cv2
 
-from minexplore.schema.readers.json_text import describe_json_error
+from minexplore.sealed.json_text import describe_json_error
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten, format_limit
 from pipeline.metrics.rock.paper import PAPER

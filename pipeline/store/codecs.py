@@ -19,7 +19,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
-from minexplore.schema.readers.json_text import read_json
+from minexplore.sealed.json_text import read_json
 from pipeline.errors import ArtifactError
 from pipeline.store.files import describe_field
 from pipeline.store.hashing import require_plain

@@ -8,9 +8,9 @@ from pathlib import Path
 import yaml
 
 from minexplore.bundle import BundleError
-from minexplore.schema import check_world
 from pipeline.errors import ArtifactError
 from pipeline.places import COMPOSED
+from pipeline.schema import check_world
 from pipeline.store.hashing import absence_of, read_text_file, sha256_file
 from pipeline.store.manifest import UNLISTED, Manifest, code_sha256, read_manifest
 from pipeline.store.registry import read_registry, verify_input

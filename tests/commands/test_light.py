@@ -11,7 +11,7 @@ from minexplore.bundle import VOLUME, BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.pictures.cameras import CameraParams
 from minexplore.pictures.render import shown_groups
-from minexplore.schema import check_files, check_world, hash_files, read_folder
+from minexplore.sealed.files import read_folder
 from minexplore.sensing.lidar import collision_meshes, shared_lidar
 from minexplore.sensing.scanners import Mount
 from minexplore.sensing.scanners.labels import NUMBERS
@@ -24,8 +24,9 @@ from pipeline.proof.groups import applying_limits, is_measured
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.figures.scene import scene_page
+from pipeline.schema import check_world
 from tests.composed import compose
-from tests.mines import TEE, BuiltMine, sealed
+from tests.mines import TEE, BuiltMine, require_allowed, sealed
 from tests.minexplore.sensing.test_lidar import nearest, rays
 
 
@@ -124,15 +125,15 @@ def test_a_world_with_rock_is_refused_where_there_must_be_none(tee, light_config
 def test_a_light_world_with_a_file_of_visible_rock_is_refused(light, tee, name):
     files = sealed({**read_folder(light.bundle), name: (tee.bundle / name).read_bytes()})
     with pytest.raises(BundleError, match=rf"{name}: world\.json says overlay = 'none'"):
-        check_files(light.bundle, files, hash_files(files))
+        require_allowed(light.bundle, files)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"overlay": "none"', '"overlay": "rough"', "preview.png: missing"),
+        ('"overlay": "none"', '"overlay": "rough"', "textures/rock.png: missing"),
         ('"overlay": "none"', '"overlay": "some"', "overlay = 'some': want 'rough' or 'none'"),
-        ('\n  "overlay": "none",', "", "overlay: missing"),
+        ('\n  "overlay": "none",', "", "overlay = None: want 'rough' or 'none'"),
     ],
 )
 def test_a_record_says_what_overlay_the_world_has(light, old, new, words):
@@ -141,7 +142,7 @@ def test_a_record_says_what_overlay_the_world_has(light, old, new, words):
     assert old in record
     files = sealed({**files, "world.json": record.replace(old, new).encode()})
     with pytest.raises(BundleError, match=words):
-        check_files(light.bundle, files, hash_files(files))
+        require_allowed(light.bundle, files)
 
 
 def test_a_light_world_with_a_surface_body_or_another_colour_is_refused(light):
@@ -153,7 +154,7 @@ def test_a_light_world_with_a_surface_body_or_another_colour_is_refused(light):
         assert old in files["mine.xml"].decode()
         changed = sealed({**files, "mine.xml": files["mine.xml"].replace(old.encode(), new.encode(), 1)})
         with pytest.raises(BundleError, match=words):
-            check_files(light.bundle, changed, hash_files(changed))
+            require_allowed(light.bundle, changed)
 
 
 def test_a_light_world_with_a_wrong_figure_is_refused_by_the_proof(light, light_config, tmp_path):
@@ -203,7 +204,7 @@ def test_the_viewer_which_looks_from_above_leaves_the_roof_of_a_light_world_out(
 def test_a_camera_that_looks_up_in_a_light_world_sees_its_roof(light):
     env = MineEnv(light.bundle)
     env.reset(seed=4)
-    env.suite.camera = CameraParams(mount=Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0))
+    env.suite.sensor("rgb").params = CameraParams(mount=Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0))
     assert (env.capture("labels") == NUMBERS["roof"]).mean() > 0.2
     assert (env.capture("depth") > 0).all()
     env.close()

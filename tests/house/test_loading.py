@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.tables.loaded import DEFAULT_BUNDLE, loaded_modules
 from tests.project import ROOT
 
 # Libraries that one kind of world or survey needs, and the seconds that they took to load, measured with process time.
@@ -105,3 +106,13 @@ def test_importing_a_mine_or_building_a_volume_loads_only_what_it_needs():
         "assert not {'open3d', 'dash'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
+
+
+def test_the_default_environment_loads_at_most_five_thousand_lines():
+    bundle = ROOT / DEFAULT_BUNDLE
+    if not bundle.is_dir():
+        pytest.skip("the default world is not built")
+    loaded = loaded_modules(bundle, ROOT)
+    assert "minexplore.envs.env" in loaded
+    assert sum(loaded.values()) <= 5_000
+    assert not [name for name in loaded if name.startswith(("minexplore.extra", "minexplore.pictures"))]

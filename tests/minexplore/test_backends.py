@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-import minexplore.warp
+import minexplore.extra.warp
 from benchmarks.speed import gpu_parity, time_gpu
 from minexplore.backends import make_vector_env
 from minexplore.envs.vector import MineVectorEnv
@@ -19,7 +19,7 @@ def bare(monkeypatch):
     """Hide Warp and torch."""
     found = importlib.util.find_spec
     hidden = ("warp", "torch")
-    monkeypatch.setattr(minexplore.warp, "find_spec", lambda name: None if name in hidden else found(name))
+    monkeypatch.setattr(minexplore.extra.warp, "find_spec", lambda name: None if name in hidden else found(name))
 
 
 def test_without_a_backend_the_cpus_environment_is_made(tee: BuiltMine):
@@ -49,7 +49,9 @@ def test_measurements_say_that_there_is_no_device_and_end_with_code_3(bare, caps
 
 
 def test_the_default_set_up_needs_nothing_of_the_extra():
-    code = "import sys, minexplore.backends, minexplore.warp; sys.exit(bool({'warp', 'torch'} & sys.modules.keys()))"
+    code = (
+        "import sys, minexplore.backends, minexplore.extra.warp; sys.exit(bool({'warp', 'torch'} & sys.modules.keys()))"
+    )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
     lock = (ROOT / "requirements" / "dev.txt").read_text()
     assert not [name for name in ("warp-lang==", "mujoco-warp==", "rsl-rl-lib==") if name in lock]

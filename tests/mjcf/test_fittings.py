@@ -26,7 +26,7 @@ from minexplore.looks import SHADE_LEVELS
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
 from minexplore.pictures.render import far_hidden
-from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.sealed.files import read_folder
 from minexplore.sensing.lidar import Lidar, surface_meshes
 from minexplore.task import TaskParams
 from minexplore.world import load_world
@@ -45,7 +45,7 @@ from pipeline.proof.rebuilt.visible import face_samples
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.types import DriftNetwork, Leg, Mesh
 from tests.composed import compose
-from tests.mines import BuiltMine, sealed
+from tests.mines import BuiltMine, require_allowed, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 FITTED = [
@@ -84,7 +84,7 @@ def fittings(files) -> dict[str, TriangleMesh]:
 def refusal(files: dict[str, bytes]) -> str:
     changed = sealed(files)
     with pytest.raises(BundleError) as caught:
-        check_files("w", changed, hash_files(changed))
+        require_allowed("w", changed)
     return str(caught.value)
 
 
@@ -282,7 +282,7 @@ def test_a_visible_floor_of_a_plain_world_is_refused(files):
     record = {k: v for k, v in json.loads(files["world.json"]).items() if k != "look"}
     changed = sealed({**files, "world.json": json.dumps(record).encode()})
     with pytest.raises(BundleError):
-        check_files("w", changed, hash_files(changed))
+        require_allowed("w", changed)
 
 
 def test_a_floor_that_is_lifted_or_furniture_that_is_lowered_is_refused(files):

@@ -12,7 +12,7 @@ from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, cover_rgba
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.pictures.atmosphere import add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.render import Renderer, far_hidden
-from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.sealed.files import read_folder
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.world import load_world
 from pipeline.mjcf.bundle import open_bundle
@@ -21,7 +21,7 @@ from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from tests.composed import compose
-from tests.mines import BuiltMine, sealed
+from tests.mines import BuiltMine, require_allowed, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])
 COARSE = [
@@ -54,7 +54,7 @@ def refusal(files: dict[str, bytes], **fields) -> str:
     """Return the message with which a sealed world is refused by the tables."""
     changed = sealed(files, **fields)
     with pytest.raises(BundleError) as caught:
-        check_files("w", changed, hash_files(changed))
+        require_allowed("w", changed)
     return str(caught.value)
 
 

@@ -10,10 +10,10 @@ import pytest
 import shapely
 
 from minexplore.bundle import COVER_M, HFIELDS, VOLUME, BundleError, decode_msh, is_cover, is_rough_floor
+from minexplore.extra.placing.place import place
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
-from minexplore.placing.place import place
-from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.sealed.files import read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError, ParamsError
@@ -23,7 +23,7 @@ from pipeline.params.config import Config
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from stages.realism import write_world
 from tests.composed import compose
-from tests.mines import BuiltMine, sealed
+from tests.mines import BuiltMine, require_allowed, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 ROUGH = [
@@ -65,7 +65,7 @@ def covers(files) -> dict[str, bytes]:
 def refusal(files: dict[str, bytes]) -> str:
     changed = sealed(files)
     with pytest.raises(BundleError) as caught:
-        check_files("w", changed, hash_files(changed))
+        require_allowed("w", changed)
     return str(caught.value)
 
 
@@ -151,7 +151,7 @@ def test_the_default_robot_drives_over_it_and_rocks(rough: BuiltMine):
 def test_a_local_model_holds_what_a_robot_reaches_of_it(rough: BuiltMine):
     world = load_world(rough.bundle)
     models = LocalModels(world, TaskParams(), RobotParams())
-    whole = models.rough.highest_m(np.array([16.0, 8.0]), 50.0)
+    whole = models.highest_m(np.array([16.0, 8.0]), 50.0)
     assert 0.03 < whole <= COVER_M
     model = models.model((8, 4))
     near = [model.geom(k).name for k in range(model.ngeom) if is_rough_floor(model.geom(k).name)]
@@ -176,7 +176,7 @@ def test_files_and_geoms_of_a_rough_floor_that_a_world_cannot_have_are_refused(f
     name = next(name for name in files if name.startswith(HFIELDS))
     stem = name.removeprefix(HFIELDS).removesuffix(".png")
     text, record = files["mine.xml"].decode(), json.loads(files["world.json"])
-    assert "want one geom and one file" in refusal({k: v for k, v in files.items() if k != name})
+    assert f"file: {name!r}, want a file of the bundle" in refusal({k: v for k, v in files.items() if k != name})
     assert "want one geom and one file" in refusal(files | {f"{HFIELDS}rough_000_99_99.png": files[name]})
     del record["rough_floor"]
     assert "rough_floor = true" in refusal(files | {"world.json": json.dumps(record).encode()})

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from benchmarks.faults.random_mutants import prove
 from minexplore.bundle import MADE_BY, BundleError
-from minexplore.schema import check_world, read_folder
-from minexplore.schema.readers.json_text import read_json
+from minexplore.sealed.files import read_folder
+from minexplore.sealed.json_text import read_json
 from pipeline.errors import MineError
+from pipeline.schema import check_world
 from tests.composed import compose
 from tests.mines import sealed
 

@@ -13,7 +13,7 @@ from benchmarks.faults.injection import edit_record, seal
 from benchmarks.faults.random_faults import random_mutant
 from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, judge, prove
 from minexplore.bundle import MODEL, TriangleMesh, decode_msh, encode_msh
-from minexplore.schema import read_folder
+from minexplore.sealed.files import read_folder
 from pipeline.errors import ArtifactError, MineError
 from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.mjcf.bundle import obstacles, open_bundle

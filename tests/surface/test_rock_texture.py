@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from minexplore.bundle import BundleError
-from minexplore.schema.readers.png import PALETTE, RGB, check_png, inflate_png
+from minexplore.sealed.png import PALETTE, RGB, check_png
 from pipeline.errors import ParamsError
+from pipeline.schema.readers.png import inflate_png
 from pipeline.store.codecs import decode
 from pipeline.store.palette_png import encode_palette_png
 from pipeline.surface.texture.coordinates import relax_texture

@@ -9,7 +9,7 @@ import numpy as np
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.sensed.odometry_batch import POSES, OdometryBatch
+from minexplore.envs.sensed.odometry_batch import OdometryBatch
 from minexplore.sensing.params import SensorParams
 from minexplore.sensing.scanners.caster import Hits, shared_caster
 from minexplore.sensing.scanners.degradation import degrade_hits
@@ -109,15 +109,3 @@ def driving_batch(pose: object, conditions: SensorParams, *arguments: Any, **nam
         return (OdometryBatch if pose == "odometry" else RobotBatch)(*arguments, **named)
     kind = DegradedOdometryBatch if pose == "odometry" else DegradedBatch
     return kind(*arguments, conditions=conditions, **named)
-
-
-def check_pose(pose: object) -> None:
-    """Refuse a pose that is not one of `POSES`.
-
-    Raises
-    ------
-    ValueError
-        Naming the choices.
-    """
-    if not isinstance(pose, str) or pose not in POSES:
-        raise ValueError(f"pose = {pose!r}: valid choices are {', '.join(POSES)}")

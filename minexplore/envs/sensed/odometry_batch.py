@@ -11,8 +11,6 @@ from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.sensing.odometry import WheelOdometry
 
-POSES = ("true", "odometry")
-
 
 class OdometryBatch(RobotBatch):
     """As `RobotBatch`, but infos hold the counted pose as `pose_m_rad`, and the true one as `true_pose_m_rad`.

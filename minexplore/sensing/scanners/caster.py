@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.bundle import has_visible_rock
-from minexplore.sensing.lidar import Backend, Lidar, collision_meshes, surface_meshes, volume_meshes
+from minexplore.sensing.facet_meshes import volume_meshes
+from minexplore.sensing.lidar import Backend, Lidar, collision_meshes, surface_meshes
 from minexplore.sensing.scanners.labels import FLOOR, NOTHING, ROOF, label_of_mesh, label_of_zone
 from minexplore.world import World, load_world
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minexplore.limits import Span
-from minexplore.schema.readers.json_text import read_json
+from minexplore.sealed.json_text import read_json
 from minexplore.sensing.scanners.pattern import ScanPattern
 
 _FOLDER = Path(__file__).parent / "patterns"

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.sensing.lidar import Backend
+from minexplore.sensing.mount import Mount, Pose3D
 from minexplore.sensing.params import IDEAL, SensorParams
 from minexplore.sensing.scanners.caster import Hits, SurfaceCaster, shared_caster
 from minexplore.sensing.scanners.cloud import PointCloud
 from minexplore.sensing.scanners.degradation import degrade_hits, reflectivities
 from minexplore.sensing.scanners.labels import DUST
-from minexplore.sensing.scanners.mount import Mount, Pose3D
 from minexplore.sensing.scanners.pattern import Rays, ScanPattern
 from minexplore.sensing.scanners.pattern_files import load_pattern
 from minexplore.world import World

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 from shapely import Polygon
 
 from minexplore.bundle import NAV2_PICTURE
-from minexplore.schema.sizes import MOST_CELLS
+from minexplore.sealed.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon

@@ -52,7 +52,7 @@ def require_remade(
     Parameters
     ----------
     folder : Path
-        A bundle that the tables of `minexplore.schema` allow.
+        A bundle that the tables of `pipeline.schema` allow.
     record : WorldRecord
     free_space : FreeSpace
         By `read_free_space`.

@@ -19,6 +19,7 @@ from minexplore.bundle import (
     MODEL,
     ROCK_TEXTURE,
     ROOF_GEOM,
+    SMOOTH_MESHES,
     TOPOLOGY,
     is_fitting,
     is_rock,
@@ -29,8 +30,6 @@ from minexplore.bundle import (
 )
 from minexplore.looks import SHADE_LEVELS
 from minexplore.physics.local_models import part_vertices
-from minexplore.schema import check_world
-from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord
@@ -39,6 +38,7 @@ from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.prisms import require_prisms
+from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 

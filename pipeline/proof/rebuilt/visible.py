@@ -12,9 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
-from minexplore.bundle import MESHES, RECORD, WALLS, is_fitting, mesh_file, mesh_of
+from minexplore.bundle import MESHES, RECORD, SMOOTH_MESHES, WALLS, is_fitting, mesh_file, mesh_of
 from minexplore.looks import PLAIN
-from minexplore.schema.model import SMOOTH_MESHES
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.same_surface import NearestFace

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-import minexplore.warp
+import minexplore.extra.warp
 from baselines.base.errors import BaselineError
 from baselines.policies.learned import LearnedPolicy, trained_in
 from baselines.ppo import train_gpu
@@ -86,7 +86,7 @@ def test_a_map_or_an_lstm_is_refused_on_a_device(settings):
 
 
 def test_training_without_the_extra_says_what_to_install(tmp_path, monkeypatch, tee_id, capsys):
-    monkeypatch.setattr(minexplore.warp, "find_spec", lambda name: None)
+    monkeypatch.setattr(minexplore.extra.warp, "find_spec", lambda name: None)
     monkeypatch.setattr(sys, "argv", ["train_gpu", f"env={tee_id.partition('/')[2].removesuffix('-v0')}"])
     monkeypatch.setattr(train_gpu, "TRAINED", tmp_path)
     monkeypatch.chdir(ROOT)

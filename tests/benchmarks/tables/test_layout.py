@@ -26,6 +26,18 @@ def test_lines_classes_registries_targets_pages_and_words_are_counted():
     assert (files.targets(), files.contracts(), files.pages(), files.index_words()) == (9, 1, 2, 3)
 
 
+def test_constants_that_are_numbers_and_modules_that_one_other_imports_are_counted():
+    files = ProjectFiles(
+        {
+            **TEXTS,
+            "pipeline/a/read.py": "A, B = 1, -2.5\nC: int = 1 << 20\nD = E = 3\nF = 'text'\nG = (1, 2)\nH = True\n",
+            "pipeline/b/cut.py": "def cut():\n    from pipeline.a import read\n",
+        }
+    )
+    assert files.number_constants() == 4
+    assert files.with_one_importer() == 2  # pipeline.a and pipeline.a.read
+
+
 def test_a_stage_that_enters_a_folder_again_returns_to_it():
     def importing(*modules):
         texts = {f"stages/{stage}.py": f"from {name} import x\n" for stage, name in zip(STAGES, modules, strict=True)}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from minexplore.schema.sizes import MOST_CELLS
+from minexplore.sealed.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.occupancy import cell_within_bundle, entrance_anchor, nav2_map, occupancy_grid
 from pipeline.remarks import collect_remarks

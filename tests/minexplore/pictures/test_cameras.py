@@ -22,8 +22,8 @@ def env(small_world):
 
 def pixel_rays(env):
     """Return the origin (3,) and unit directions (h, w, 3) of the pixels' rays in the mine frame."""
-    camera = env.suite.camera
-    pose = camera.mount.on(env.suite.robot_pose())
+    camera = env.suite.sensor("rgb").params
+    pose = camera.mount.on(env.suite.pose())
     right = np.arange(camera.width_px) + 0.5 - camera.width_px / 2
     down = np.arange(camera.height_px) + 0.5 - camera.height_px / 2
     u, v = np.meshgrid(right / camera.focal_px, down / camera.focal_px)

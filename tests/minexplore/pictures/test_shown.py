@@ -89,7 +89,7 @@ def test_cameras_see_the_roof_that_lidars_hit(ramp):
     env.reset(seed=0)
     suite = env.suite
     high = Mount(x_m=0.0, height_m=0.5, pitch_deg=-60.0)
-    suite.camera = CameraParams(mount=high)
+    suite.sensor("rgb").params = CameraParams(mount=high)
     assert set(np.unique(env.capture("labels"))) <= {NUMBERS["rock"], NUMBERS["roof"]}
     assert (env.capture("labels") == NUMBERS["roof"]).mean() > 0.2
     assert (env.capture("depth") > 0).all()

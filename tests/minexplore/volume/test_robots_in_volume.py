@@ -160,8 +160,8 @@ def test_every_robot_has_every_sensor_in_a_volume_and_each_hit_its_label(box, ro
     env.reset(seed=1)
     for name in ("rgb", "depth", "labels"):
         assert env.capture(name).shape[:2] == (240, 320)
-    cloud, pose = env.capture("vlp-16"), env.suite.robot_pose()
-    places = env.suite.scanner("vlp-16").mount.on(pose).points(cloud.points_m)
+    cloud, pose = env.capture("vlp-16"), env.suite.pose()
+    places = env.suite.mount("vlp-16").on(pose).points(cloud.points_m)
     names = np.array(LABELS)[cloud.label]
     assert set(names) <= {"rock", "roof", "floor", "wet floor", "water"}
     floor = np.isin(names, ["floor", "wet floor", "water"])

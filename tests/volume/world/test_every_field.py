@@ -13,7 +13,7 @@ from benchmarks.faults.judge_fields import CLAIM, judge_fields, prove_volume
 from benchmarks.faults.random_mutants import CAUGHT
 from minexplore.bundle import MESHES, MODEL, RECORD, TOPOLOGY, BundleError, TriangleMesh, decode_msh, encode_msh
 from minexplore.floors.volume_arrays import FacetLabel
-from minexplore.schema import check_files, hash_files, read_folder
+from minexplore.sealed.files import read_folder
 from pipeline.errors import ArtifactError, MineError
 from pipeline.proof.claims import STATED
 from pipeline.proof.rebuilt.same_model import model_difference
@@ -25,7 +25,7 @@ from pipeline.volume.world.proof.certificate import open_volume
 from pipeline.volume.world.proof.remade import require_remade
 from pipeline.volume.world.topology import LegNetwork, LegRecord
 from tests.composed import compose
-from tests.mines import sealed
+from tests.mines import require_allowed, sealed
 from tests.volume_worlds import HEADER, VolumeWorld, proof, with_rock, write
 
 BENT = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,22,0,0,2,2,3,0\nA,3,44,8,-2,1.5,2,2.5,0\n"
@@ -161,7 +161,7 @@ def test_a_station_beyond_the_mesh_is_refused_before_its_leg_is_laid_out(light, 
 
     changed = sealed(with_json(read_folder(light), TOPOLOGY, move))
     with pytest.raises(BundleError, match=r"topology\.json: stations_m\['3'\] = .* at most 10 m beyond the mesh"):
-        check_files(Path("w"), changed, hash_files(changed))
+        require_allowed(Path("w"), changed)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_a_station_beyond_the_mesh_is_refused_before_its_leg_is_laid_out(light, 
 def test_a_network_that_no_survey_of_the_mesh_has_is_refused(light, change, message):
     changed = sealed(with_json(read_folder(light), TOPOLOGY, change))
     with pytest.raises(BundleError, match=message):
-        check_files(Path("w"), changed, hash_files(changed))
+        require_allowed(Path("w"), changed)
 
 
 def test_a_mesh_with_more_floor_than_spans_is_refused_before_cells_are_made(light):
@@ -190,7 +190,7 @@ def test_a_mesh_with_more_floor_than_spans_is_refused_before_cells_are_made(ligh
     cells = dataclasses.replace(cells, clearance_m=cells.clearance_m[:9], storey=np.zeros(9, np.int32))
     changed = sealed({**read_folder(light), "cells.npz": encode(Path("cells.npz"), cells)})
     with pytest.raises(BundleError, match=r"cells\.npz: cell_m = 0\.25 and 9 spans: the mesh has floors of"):
-        check_files(Path("w"), changed, hash_files(changed))
+        require_allowed(Path("w"), changed)
 
 
 def test_a_network_whose_lists_have_the_order_of_another_file_is_made_again(light, tmp_path, params):

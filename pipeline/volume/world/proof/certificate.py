@@ -71,7 +71,7 @@ class VolumeBundle:
 def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
     """Check that a bundle holds what a volume world may, and read its record.
 
-    Without `checked` neither the tables of `minexplore.schema` nor hashes are applied: the tests of the measures need
+    Without `checked` neither the tables of `pipeline.schema` nor hashes are applied: the tests of the measures need
     worlds that they refuse.
 
     Raises

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from minexplore.bundle import MINE_BODY, MODEL
 from minexplore.floors.volume_arrays import Parts
-from minexplore.schema.readers.xml import walk_xml
+from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.volume.world.model import part_names

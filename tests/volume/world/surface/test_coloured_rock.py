@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from minexplore.bundle import MINE_BODY, MODEL, ROCK_TEXTURE, decode_msh
 from minexplore.floors.volume_arrays import VolumeFacets
-from minexplore.schema import check_world
 from pipeline.export.exporter import export_world
 from pipeline.params.survey import CloudSurveyParams
+from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.survey.load import _read
 from pipeline.volume.world.bundle import bundle_volume

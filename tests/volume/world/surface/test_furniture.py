@@ -20,17 +20,20 @@ from minexplore.bundle import (
     mesh_of,
 )
 from minexplore.floors.volume_arrays import FloorSpans
-from minexplore.schema import check_files, check_world, hash_files, read_folder
-from minexplore.sensing.lidar import Lidar, volume_meshes
+from minexplore.sealed.files import read_folder
+from minexplore.sensing.facet_meshes import volume_meshes
+from minexplore.sensing.lidar import Lidar
 from minexplore.world import load_world
 from pipeline.errors import ArtifactError
 from pipeline.export.extract_volume import read_volume_scene
 from pipeline.geometry.polyline import FloorLine
 from pipeline.proof.rebuilt.fittings import require_furniture
+from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.volume.world.surface.furnished import Drift, drifts_along, hang_again, lines_through
 from pipeline.volume.world.topology import LegNetwork
 from tests.heights import HEADER
+from tests.mines import require_allowed
 from tests.volume.world.surface.test_volume_rock import resealed
 from tests.volume_worlds import WITH_ROCK, VolumeWorld, with_rock
 from tests.volumes import build_volume
@@ -171,7 +174,7 @@ def test_the_schema_refuses_furniture_among_robots_and_a_visible_floor(slope, tm
     def refusal(**changes):
         changed = resealed(read_folder(slope), **changes)
         with pytest.raises(BundleError) as error:
-            check_files(tmp_path, changed, hash_files(changed))
+            require_allowed(tmp_path, changed)
         return str(error.value)
 
     name, mesh = next((name, mesh) for name, mesh in furniture_of(slope).items() if name.startswith("bolts"))

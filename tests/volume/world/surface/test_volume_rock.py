@@ -13,9 +13,12 @@ from scipy.spatial import cKDTree
 from minexplore.bundle import ROCK_TEXTURE, BundleError, ground_material, is_floor, surface_geom, world_sha256
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.looks import cover_rgba
-from minexplore.schema import check_files, check_world, hash_files, read_folder
-from minexplore.sensing.lidar import Lidar, facet_meshes, volume_meshes
+from minexplore.sealed.files import read_folder
+from minexplore.sealed.world import hash_files
+from minexplore.sensing.facet_meshes import facet_meshes, volume_meshes
+from minexplore.sensing.lidar import Lidar
 from minexplore.world import load_world
+from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
@@ -30,6 +33,7 @@ from pipeline.volume.world.topology import LegNetwork
 from stages.surface import model_surface
 from tests.composed import compose
 from tests.heights import HEADER
+from tests.mines import require_allowed
 from tests.volume_worlds import WITH_ROCK as CONFIG
 from tests.volume_worlds import VolumeWorld, with_rock
 from tests.volumes import BOX, TEE
@@ -186,7 +190,7 @@ def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(files, 
     def refusal(**changes):
         changed = resealed(files, **changes)
         with pytest.raises(BundleError) as error:
-            check_files(tmp_path, changed, hash_files(changed))
+            require_allowed(tmp_path, changed)
         return str(error.value)
 
     chunk = next(name for name in files if name.startswith("meshes/walls"))

@@ -12,10 +12,10 @@ from typing import Self
 import numpy as np
 from scipy.spatial import cKDTree
 
-from minexplore.schema.readers.rules import numbers_in
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.scene import SpotLight
 from pipeline.params.realism import LightParams
+from pipeline.schema.readers.rules import numbers_in
 from pipeline.volume.world.bundle import lights_of
 from pipeline.volume.world.topology import LegNetwork
 

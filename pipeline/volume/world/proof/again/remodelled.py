@@ -11,9 +11,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from minexplore.bundle import MESHES, MINE_BODY, MODEL, RECORD, mesh_of
-from minexplore.schema.readers.rules import numbers_in
-from minexplore.schema.readers.xml import walk_xml
+from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
+from pipeline.schema.readers.rules import numbers_in
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_tree
 from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
@@ -28,7 +28,7 @@ _MINE, _LIGHT = f"body[{MINE_BODY}]", "/light["
 def require_same_model(folder: Path, world: VolumeBundle) -> None:
     """Compare all elements and attributes of the model, but those of parts, with those that the builder writes.
 
-    The compiled model follows from these and from the files that they name; `minexplore.schema` has compared the parts.
+    The compiled model follows from these and from the files that they name; `pipeline.schema` has compared the parts.
     Taken from the model are height, pitch, cut-off angle and distance of the lights. All else follows from
     `world.json`, the network and the mesh.
 

@@ -1,0 +1,264 @@
+"""Worlds that no builder writes are refused before MuJoCo sees them, with the path of what is wrong."""
+
+import io
+import json
+import os
+import shutil
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.faults.injection import edit_model, seal
+from minexplore.bundle import BundleError
+from minexplore.sealed.files import read_folder
+from minexplore.world import load_world
+from pipeline.schema import check_world
+from pipeline.schema.agreement import comparison
+from pipeline.schema.agreement.comparison import vertices_of
+from pipeline.schema.readers.xml import Node
+from tests.mines import BuiltMine, require_allowed, sealed
+
+FOLDER = Path("w")
+
+
+@pytest.fixture(scope="module")
+def files(tee: BuiltMine) -> dict[str, bytes]:
+    return read_folder(tee.bundle)
+
+
+def refusal(files: dict[str, bytes]) -> str:
+    """Return the message with which a sealed world is refused."""
+    changed = sealed(files)
+    with pytest.raises(BundleError) as caught:
+        require_allowed(FOLDER, changed)
+    return str(caught.value)
+
+
+def replaced(files: dict[str, bytes], name: str, old: str, new: str, count: int = 1) -> dict[str, bytes]:
+    assert old.encode() in files[name], old
+    return {**files, name: files[name].replace(old.encode(), new.encode(), count)}
+
+
+def test_a_world_of_the_builder_is_allowed_and_so_is_its_text_written_again(tee: BuiltMine, tmp_path):
+    check_world(tee.bundle)
+    shutil.copytree(tee.bundle, tmp_path / "w")
+    edit_model(lambda spec: None)(tmp_path / "w")
+    seal(tmp_path / "w")
+    check_world(tmp_path / "w")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('<compiler angle="radian"/>', '<compiler angle="degree"/>', "compiler@angle: 'degree', want 'radian'"),
+        ('angle="radian"', 'angle="radian" meshdir="/etc"', "compiler@meshdir: '/etc' is not allowed"),
+        ("<visual>", '<option gravity="0 0 -4"/><visual>', "option: <option> is not allowed"),
+        ("<visual>", '<option timestep="0.1"/><visual>', "option: <option> is not allowed"),
+        ("<visual>", '<size memory="1G"/><visual>', "size: <size> is not allowed"),
+        ("<visual>", '<include file="more.xml"/><visual>', "include: <include> is not allowed"),
+        ("<visual>", '<extension><plugin plugin="x"/></extension><visual>', "extension: <extension> is not allowed"),
+        ("<worldbody>", '<keyframe><key name="k"/></keyframe><worldbody>', "keyframe: <keyframe> is not allowed"),
+        ("<worldbody>", '<contact><exclude body1="mine" body2="surface"/></contact><worldbody>', "contact: <contact>"),
+        ("<worldbody>", "<sensor/><worldbody>", "sensor: <sensor> is not allowed"),
+        ('<body name="mine"', '<geom type="plane" size="1 1 1"/><body name="mine"', "worldbody/geom: <geom>"),
+        ('<geom name="floor_dry"', '<joint/><geom name="floor_dry"', "body[mine]/joint: <joint> is not allowed"),
+        ('<geom name="floor_dry"', '<geom name="floor_dry" group="1"', "geom[floor_dry]@group: '1' is not allowed"),
+        ('<geom name="floor_dry"', '<geom name="floor_dry" margin="1"', "geom[floor_dry]@margin: '1' is not allowed"),
+        ('<geom name="rock_0000"', '<geom name="rock_0000" friction="0.1"', "geom[rock_0000]@friction: '0.1'"),
+        ('<geom name="rock_0000"', '<geom name="rock_0000" solref="1 1"', "geom[rock_0000]@solref: '1 1'"),
+        ('<geom name="rock_0000"', '<geom name="rock_0000" contype="0"', "geom[rock_0000]@contype: '0'"),
+        ('<geom name="rock_0000"', '<geom name="prop_1"', "geom[prop_1]: <geom> is not allowed"),
+        ('geom group="3" material', 'geom group="3" solimp="0 0 0" material', "default[rock]/geom@solimp"),
+        ('geom group="3" material', 'geom group="2" material', "default[rock]/geom@group: '2', want '3'"),
+        ('contype="0" conaffinity="0" group="2"', 'contype="1" conaffinity="0" group="2"', "geom@contype: '1'"),
+        ('priority="1"', 'priority="0"', "@priority: '0', want '1'"),
+        ('friction="0.55"', 'friction="0.5"', "geom[floor_mud]@friction: 0.5, world.json gives 0.55"),
+        ('inertia="shell"', 'inertia="exact"', "@inertia: 'exact', want 'shell'"),
+        ('file="meshes/smooth_walls.msh"', 'file="../secret.msh"', "mesh[smooth_walls]@file: '../secret.msh', want"),
+        ('file="meshes/smooth_walls.msh"', 'file="meshes/smooth_roof.msh"', "mesh[smooth_walls]@file"),
+        ('file="textures/rock.png"', 'file="/etc/passwd"', "texture[rock]@file: '/etc/passwd'"),
+        ('castshadow="false"', 'castshadow="true"', "light[spot_00]@castshadow: 'true', want 'false'"),
+        ('zfar="200"', 'zfar="2"', "visual/map@zfar: '2', want 200"),
+        ('extent="10"', 'extent="nan"', "statistic@extent: 'nan', want plain numbers"),
+        ('fovy="70"', 'fovy="1_0"', "camera[entrance]@fovy: '1_0'"),
+        ('name="surface_smooth_walls" class="surface"', 'name="surface_smooth_walls" class="rock"', "@class: 'rock'"),
+        ("</mujoco>", "<!-- more --></mujoco>", "line 1"),
+        ("<mujoco ", "<!DOCTYPE mujoco><mujoco ", "'<!' is not allowed"),
+        ("<mujoco ", '<?xml version="1.0" encoding="utf-16"?><mujoco ', "'<?' is not allowed"),
+        ('model="test"', 'model="&#116;est"', "'&' is not allowed"),
+        ('model="test"', 'model="other"', "mujoco@model: 'other', world.json says 'test'"),
+        ("<visual>", "text<visual>", "text 'text'; a world has none"),
+        ("</mujoco>", "</mujoco", "not XML from line "),
+    ],
+)
+def test_what_the_builder_never_writes_is_refused_with_its_path(files, old, new, message):
+    found = refusal(replaced(files, "mine.xml", old, new))
+    assert found.startswith("w/mine.xml: ")
+    assert message.replace("line 1", "'<!' is not allowed") in found
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.update(more=1), "more = 1: unknown"),
+        (lambda r: r.pop("loops"), "loops: missing"),
+        (lambda r: r.update(tilt_deg=4.0), "T_world_mine[0][0]"),
+        (lambda r: r.update(tilt_deg=True), "tilt_deg = True: want a number from -30 to 30"),
+        (lambda r: r.update(height_m=1e9), "height_m = 1000000000.0: want a number from 0.5 to 50"),
+        (lambda r: r.update(lights=3.0), "lights = 3.0: want a whole number"),
+        (lambda r: r.update(collision_parts=2), "'rock_0002', want 'none' (world.json: collision_parts)"),
+        (lambda r: r.update(rock_friction=0.5), "default[rock]/geom@friction: 1, world.json gives 0.5"),
+        (lambda r: r.update(name="a/b"), "name = 'a/b': want 1 to 64 letters"),
+        (lambda r: r["frames"].update(mine="other"), "frames = "),
+        (lambda r: r["geom_groups"].update(collision=1), "geom_groups = "),
+        (lambda r: r["gain_m"].update(whole_frame=1.0), "gain_m.whole_frame = 1.0: want"),
+        (lambda r: r["spawn"].update(anchor_m=[1e5, 0.0]), "spawn.anchor_m = [100000.0, 0.0]: want a place in"),
+        (lambda r: r["spawn"].update(radius_m="15"), "spawn.radius_m = '15': want a number"),
+        (lambda r: r["zones"][0].update(friction=0), "zones[0].friction = 0: want"),
+        (lambda r: r["zones"][1].update(name="Mud"), "zones[1].name = 'Mud': want"),
+        (lambda r: r["zones"].reverse(), "zones"),
+        (lambda r: r.update(T_world_mine=[[1]]), "T_world_mine = [[1]]: want a list of 4"),
+        (lambda r: r.update(format="minexplore-world/9"), "format 'minexplore-world/9'"),
+    ],
+)
+def test_a_record_with_other_fields_or_values_is_refused_with_the_field(files, change, message):
+    record = json.loads(files["world.json"])
+    change(record)
+    found = refusal({**files, "world.json": json.dumps(record).encode()})
+    assert found.startswith("w/")
+    assert message in found
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "[" * 100_000, '{"a": NaN}', '{"a": 1, "a": 2}', "\xff", '{"files": {}}', "9" * 5000]
+)
+def test_a_record_that_is_no_record_is_one_error(files, text):
+    changed = {**files, "world.json": text.encode("latin1")}
+    with pytest.raises(BundleError, match=r"^w/world\.json: "):
+        require_allowed(FOLDER, changed)
+
+
+def mesh_with(data: bytes, at: int, value: bytes) -> bytes:
+    return data[:at] + value + data[at + len(value) :]
+
+
+def grid_with(files: dict[str, bytes], **values: np.ndarray) -> bytes:
+    with np.load(io.BytesIO(files["occupancy.npz"])) as grid:
+        arrays = {name: grid[name] for name in grid.files} | values
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def test_binary_files_are_checked_before_anything_decodes_them(files):
+    mesh, nan = files["meshes/smooth_walls.msh"], np.float32(np.nan).tobytes()
+    far, face = np.float32(1e6).tobytes(), np.int32(10**6).tobytes()
+    zeros = np.zeros((30_000, 10_000), dtype=bool)
+    for name, data, message in (
+        ("meshes/smooth_walls.msh", mesh_with(mesh, 16, nan), "vertices from nan"),
+        ("meshes/smooth_walls.msh", mesh_with(mesh, 16, far), "the rock ends at"),
+        ("meshes/smooth_walls.msh", mesh_with(mesh, len(mesh) - 4, face), "a face of vertex"),
+        ("meshes/smooth_walls.msh", mesh[:-4], "do not match its size"),
+        ("occupancy.npz", b"no archive", "cannot be read: no archive of arrays, or damaged"),
+        ("occupancy.npz", b"MZ" + files["occupancy.npz"], "holds other bytes than its arrays"),
+        ("occupancy.npz", files["occupancy.npz"] + bytes(1000), "holds other bytes than its arrays"),
+        ("occupancy.npz", grid_with(files, free=zeros), "at most 100000000 values"),
+        ("occupancy.npz", grid_with(files, cell_m=np.array(1e-9)), "cell_m = 1e-09, want 0.05 to 2"),
+        ("occupancy.npz", grid_with(files, more=np.zeros(1)), "holds"),
+        ("occupancy.npz", grid_with(files, origin_m=np.array([1.0, 2.0])), "from [1.0, 2.0] m"),
+        ("preview.png", files["preview.png"][:-20], "a chunk ends beyond the file"),
+        ("textures/rock.png", mesh_with(files["textures/rock.png"], 60, b"\0\1\2"), "checksum"),
+        ("map.yaml", files["map.yaml"].replace(b"map.png", b"/etc/passwd"), "want image: map.png"),
+    ):
+        found = refusal({**files, name: data})
+        assert found.startswith(f"w/{name}: "), found
+        assert message in found, found
+
+
+def test_a_negative_shape_does_not_unpack_what_follows_it(files):
+    """A size below zero must not read as no limit: three megabytes of the archive unpack to three gigabytes."""
+    with zipfile.ZipFile(io.BytesIO(files["occupancy.npz"])) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    header = np.lib.format.header_data_from_array_1_0(np.zeros((1, 5), np.float32)) | {"shape": (-1, 5)}
+    array, packed = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(array, header)
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in (members | {"clearance_m.npy": array.getvalue() + bytes(100_000_000)}).items():
+            archive.writestr(name, data)
+    tracemalloc.start()
+    assert "of shape (-1, 5)" in refusal({**files, "occupancy.npz": packed.getvalue()})
+    assert tracemalloc.get_traced_memory()[1] < 50_000_000
+    tracemalloc.stop()
+
+
+def test_what_a_file_says_adds_neither_lines_nor_control_characters_to_an_error(files):
+    record = json.loads(files["world.json"]) | {"a\nb\x1b[31m": 1}
+    found = refusal({**files, "world.json": json.dumps(record).encode()})
+    assert "a\\nb\\x1b[31m" in found
+    assert found.isprintable()
+    assert len(str(BundleError("x" * 10_000))) < 2_100
+
+
+def test_a_picture_of_a_billion_pixels_is_refused_by_its_header(files):
+    head = b"IHDR" + (40_000).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
+    picture = b"\x89PNG\r\n\x1a\n" + (13).to_bytes(4, "big") + head + zlib.crc32(head).to_bytes(4, "big")
+    assert "40000 x 40000 px" in refusal({**files, "preview.png": picture})
+
+
+def test_a_picture_of_countless_empty_chunks_is_refused_before_they_are_read(files):
+    empty = bytes(4) + b"IDAT" + zlib.crc32(b"IDAT").to_bytes(4, "big")
+    picture = files["preview.png"]
+    many = picture[:33] + empty * 100_000 + picture[33:]
+    assert "chunks in" in refusal({**files, "preview.png": many})
+
+
+def picture_of(image: bytes, size_px: int) -> bytes:
+    """Return a square picture of three colours whose image holds these bytes."""
+    head = struct.pack(">IIBBBBB", size_px, size_px, 8, 2, 0, 0, 0)
+    chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(image, 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks
+    )
+
+
+@pytest.mark.parametrize("name", ["textures/rock.png", "preview.png"])
+def test_a_picture_that_unpacks_to_more_than_its_header_says_is_refused_at_load(files, name):
+    """MuJoCo would unpack all of it: 6 MB of the texture became 6.5 GB."""
+    bomb = picture_of(bytes(200_000_000), 256)
+    tracemalloc.start()
+    assert "the image has" in refusal({**files, name: bomb})
+    assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    tracemalloc.stop()
+    assert "want 196864" in refusal({**files, name: picture_of(bytes(1000), 256)})
+
+
+def test_vertices_of_more_corners_than_a_world_may_have_are_refused(monkeypatch):
+    monkeypatch.setattr(comparison, "MOST_VOLUME_PARTS", 1)
+    meshes = [Node("mesh", f"rock_{k}", {"vertex": " ".join(["1"] * 3 * 10)}, "") for k in range(2)]
+    assert len(vertices_of(meshes[:1])[0]) == 10
+    with pytest.raises(BundleError, match=r"^mine\.xml: more than 16 vertices of collision parts$"):
+        vertices_of(meshes)
+
+
+def test_a_world_that_was_edited_after_it_was_loaded_is_noticed_at_the_next_load(tee: BuiltMine, tmp_path):
+    world = tmp_path / "w"
+    shutil.copytree(tee.bundle, world)
+    loaded = load_world(world)
+    assert load_world(world) is loaded
+    path = world / "mine.xml"
+    before = path.stat()
+    path.write_bytes(path.read_bytes().replace(b'zfar="200"', b'zfar="201"'))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    with pytest.raises(BundleError, match=r"mine\.xml: sha256"):
+        load_world(world)
+    with pytest.raises(BundleError, match=r"mine\.xml: changed since the world was loaded"):
+        loaded.spec()
+    seal(world)
+    assert load_world(world) is not loaded
+    with pytest.raises(BundleError, match=r"visual/map@zfar: '201', want 200"):
+        check_world(world)

@@ -1,0 +1,237 @@
+"""Bundles of volumes that no builder writes are refused before anything uses them, with what is wrong."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from minexplore.bundle import BundleError
+from minexplore.sealed.files import read_folder
+from minexplore.sealed.sizes import most_bytes
+from pipeline.schema import check_world
+from tests.mines import require_allowed, sealed
+
+FOLDER = Path("w")
+
+
+@pytest.fixture(scope="module")
+def files(box) -> dict[str, bytes]:
+    return read_folder(box)
+
+
+def refusal(files: dict[str, bytes]) -> str:
+    """Return the message with which a sealed world is refused."""
+    changed = sealed(files)
+    with pytest.raises(BundleError) as caught:
+        require_allowed(FOLDER, changed)
+    message = str(caught.value)
+    assert message.startswith("w/")
+    assert "\n" not in message
+    return message
+
+
+def with_arrays(files: dict[str, bytes], name: str, **changes) -> dict[str, bytes]:
+    """Return the files with other arrays in an archive; None leaves one out."""
+    with np.load(io.BytesIO(files[name])) as archive:
+        arrays = {key: archive[key].copy() for key in archive.files}
+    for key, change in changes.items():
+        arrays[key] = change(arrays[key]) if callable(change) else change
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{key: value for key, value in arrays.items() if value is not None})
+    return {**files, name: stream.getvalue()}
+
+
+def at(place, value):
+    """Return a change of one number of an array."""
+
+    def change(array):
+        array[place] = value
+        return array
+
+    return change
+
+
+def test_a_volume_of_the_builder_is_allowed(box):
+    found = check_world(box)
+    assert len(found.volume.parts) == found.record["collision_parts"]
+
+
+def test_files_that_are_missing_or_that_a_volume_has_not_are_refused(files):
+    for name in ("volume.npz", "parts.npz", "cells.npz", "mine.xml", "topology.json", "free_space.bt"):
+        assert f"{name}: missing" in refusal({key: data for key, data in files.items() if key != name})
+    assert "map_00.png: missing" in refusal({key: data for key, data in files.items() if key != "map_00.png"})
+    for name in ("occupancy.npz", "map_01.png", "preview.png", "meshes/smooth_walls.msh"):
+        assert f"{name}: no file of a world that is one volume" in refusal({**files, name: b"1"})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"vertices": None}, "holds ["),
+        ({"more": np.zeros(3)}, "holds ["),
+        ({"vertices": lambda a: a.astype("f4")}, "vertices is <f4"),
+        ({"vertices": lambda a: a[:, :2].copy()}, "shapes {"),
+        ({"label": lambda a: a[:-1].copy()}, "shapes {"),
+        ({"vertices": at((0, 0), np.nan)}, "vertices: want finite numbers"),
+        ({"vertices": at((0, 0), 1e9)}, "vertices: want finite numbers"),
+        ({"faces": at((0, 0), 99)}, "faces[0, 0] = 99: want 0 to"),
+        ({"faces": at((0, 0), -1)}, "faces[0, 0] = -1: want 0 to"),
+        ({"label": at(0, 3)}, "label[0] = 3: want 0 to 2"),
+        ({"leg": at(0, -1)}, "leg[0] = -1: want 0 to"),
+        ({"label": lambda a: np.ones_like(a)}, "no facet is a floor"),
+        ({"faces": lambda a: np.vstack([a[:1, ::-1], a[1:]])}, "the mesh is not closed"),
+        ({"faces": lambda a: np.vstack([a[1:], a[1:2]])}, "the mesh is not closed"),
+        ({"faces": lambda a: a[:, ::-1].copy()}, "normals point into the free space"),
+        ({"faces": at((0, slice(None)), 0)}, "names vertex 0 twice"),
+        ({"vertices": lambda a: np.vstack([a, a[:1]])}, "vertices: 1 belong to no facet"),
+        ({"vertices": lambda a: a * [1, 1, 2]}, "volume.high_m = 3.0: the bundle's arrays have 6.0"),
+    ],
+)
+def test_a_mesh_that_is_not_closed_or_whose_arrays_are_others_is_refused(files, changes, message):
+    assert message in refusal(with_arrays(files, "volume.npz", **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"corners": at((3, 1), np.inf)}, "part 0 has a corner at"),
+        ({"corners": at((3, 1), 90.0)}, "part 0 has a corner at"),
+        ({"corners": lambda a: a * [1, 1, 0]}, "part 0 is 0 m thick"),
+        ({"corners": lambda a: a + np.array([0, 0, 0.01])}, "mine.xml: "),
+        ({"first": at(1, 2)}, "first: want numbers from 0 to"),
+        ({"first": at(-1, 7)}, "first: want numbers from 0 to"),
+        ({"first": lambda a: a[:-1].copy()}, "shapes ("),
+        ({"label": at(0, -1)}, "label[0] = -1: want 0 to 2"),
+        ({"label": lambda a: np.where(a == 0, 1, a).astype("<i4")}, "volume.floors = "),
+    ],
+)
+def test_parts_without_a_volume_or_far_from_the_mine_are_refused(files, changes, message):
+    assert message in refusal(with_arrays(files, "parts.npz", **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"cell_m": np.array(0.0)}, "cell_m = 0.0, want 0.05 to 2"),
+        ({"cell_m": np.array(np.nan)}, "cell_m = nan, want 0.05 to 2"),
+        ({"origin_m": np.array([-1e6, 0.0])}, "origin_m = [-1000000.0, 0.0], want at most 10 m"),
+        ({"column": at(0, 10**6)}, "column[0] = 1000000: want 0 to"),
+        ({"row": at(0, -1)}, "row[0] = -1: want 0 to"),
+        ({"floor_m": at(0, np.nan)}, "span 0: floor_m = nan"),
+        ({"floor_m": at(0, -5.0)}, "span 0: floor_m = -5.0"),
+        ({"headroom_m": at(0, 50.0)}, "headroom_m = 50.0"),
+        ({"headroom_m": at(0, 0.0)}, "headroom_m = 0.0"),
+        ({"clearance_m": at(0, np.inf)}, "clearance_m = inf"),
+        ({"column": at(slice(0, 2), 0), "row": at(slice(0, 2), 0)}, "spans 0 and 1 are in one column and overlap"),
+        ({"storey": at(0, 10**9)}, "storey[0] = 1000000000: want -1 to"),
+        ({"storey": at(0, 5)}, "volume.storeys = 1: the bundle's arrays have 6"),
+        ({"row": lambda a: a[:-1].copy()}, "of which all arrays have as many"),
+    ],
+)
+def test_floors_outside_of_the_volume_are_refused(files, changes, message):
+    assert message in refusal(with_arrays(files, "cells.npz", **changes))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.update(more=1), "more = 1: unknown"),
+        (lambda r: r.update(height_m=3.0), "height_m = 3.0: unknown"),
+        (lambda r: r.update(heights={}), "heights = {}: unknown"),
+        (lambda r: r.pop("volume"), "volume: missing"),
+        (lambda r: r["volume"].update(facets=5), "volume.facets = 5: the bundle's arrays have"),
+        (lambda r: r["volume"].update(parts=5), "volume.parts = 5: want collision_parts"),
+        (lambda r: r["volume"].update(built_m=1e5), "volume.built_m = 100000.0: want at most"),
+        (lambda r: r["volume"].update(closed_ends=[{"station": 1}]), "volume.closed_ends[0] = "),
+        (lambda r: r["volume"].update(storeys=0), "storeys = 0: want a whole number"),
+        (lambda r: r["spawn"].update(anchor_m=[1.0, 2.0]), "spawn.anchor_m = [1.0, 2.0]: want a list of 3"),
+        (lambda r: r["spawn"].update(anchor_m=[1.0, 0.0, 90.0]), "spawn.anchor_m = [1.0, 0.0, 90.0]: want a place"),
+        (lambda r: r.update(tilt_deg=5.0), "tilt_deg = 5.0"),
+        (lambda r: r.update(overlay="seen"), "overlay = 'seen'"),
+        (lambda r: r.update(drifts=7), "as many legs as world.json has drifts, 7"),
+        (lambda r: r.update(lights=1), "world.json: lights"),
+        (lambda r: r.update(rock_friction=0.2), "default[rock]/geom@friction"),
+        (lambda r: r["zones"][0].update(friction=0.2), "@friction: "),
+        (lambda r: r["gain_m"].update(whole_frame=9.0), "gain_m.whole_frame = 9.0: want 3.000"),
+        (lambda r: r.update(format="minexplore-world/2"), "volume.npz: "),
+        (lambda r: r.update(format="minexplore-world/4"), "format 'minexplore-world/4'"),
+    ],
+)
+def test_a_record_with_other_fields_or_figures_is_refused(files, change, message):
+    record = json.loads(files["world.json"])
+    change(record)
+    found = refusal({**files, "world.json": json.dumps(record).encode()})
+    assert message in found or (record["format"].endswith("/2") and "world.json: " in found)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<asset>", '<option gravity="0 0 -4" /><asset>', "option: <option> is not allowed"),
+        ("<asset>", '<include file="more.xml" /><asset>', "include: <include> is not allowed"),
+        ("<worldbody>", '<worldbody><geom type="plane" size="1 1 1" />', "worldbody/geom: <geom> is not allowed"),
+        ('inertia="shell"', 'inertia="shell" file="/etc/passwd"', "@file: '/etc/passwd', want a file of the bundle"),
+        ('inertia="shell"', 'inertia="exact"', "@inertia: 'exact', want 'shell'"),
+        ('name="rock_0000" type', 'name="rock_0000" contype="0" type', "geom[rock_0000]@contype: '0' is not allowed"),
+        ('name="rock_0001" type', 'name="rock_0002" type', "a second <geom> of this name"),
+        ('mesh="rock_0001"', 'mesh="rock_0002"', "geom[rock_0001]@mesh: 'rock_0002', want 'rock_0001'"),
+        ('priority="1"', 'priority="2"', "@priority: '2', want '1'"),
+        ('model="test"', 'model="other"', "mujoco@model: 'other'"),
+        ('extent="10"', 'extent="9"', "statistic@extent"),
+        ("</mujoco>", "<!-- more --></mujoco>", "'<!' is not allowed"),
+    ],
+)
+def test_a_model_with_other_elements_is_refused_with_its_path(files, old, new, message):
+    assert old.encode() in files["mine.xml"]
+    assert message in refusal({**files, "mine.xml": files["mine.xml"].replace(old.encode(), new.encode(), 1)})
+
+
+def test_a_part_that_is_moved_in_the_model_is_refused(files):
+    text = files["mine.xml"].decode()
+    start = text.index('pos="', text.index('<geom name="rock_0000"')) + 5
+    start += text[start] == "-"
+    moved = text[:start] + "9" + text[start:]
+    assert "beside its part of parts.npz" in refusal({**files, "mine.xml": moved.encode()})
+
+
+def test_a_model_may_have_the_text_of_as_many_parts_as_a_volume_may_have(ramp):
+    """A cave of 13.6 km has 152 MB, which a limit of 64 MiB refused."""
+    files = read_folder(ramp)
+    large = files["mine.xml"].replace(b"\n", b"\n" + b" " * 900_000)
+    assert 64 << 20 < len(large) <= most_bytes("mine.xml")
+    changed = sealed({**files, "mine.xml": large})
+    assert require_allowed(FOLDER, changed).volume is not None
+
+
+@pytest.mark.parametrize(
+    "network", [[], {"legs": []}, {"legs": [{"start": "1", "end": "9"}], "stations_m": {"1": [0, 0, 0]}}, {"legs": 3}]
+)
+def test_a_network_without_its_legs_is_refused(files, network):
+    assert "topology.json: " in refusal({**files, "topology.json": json.dumps(network).encode()})
+
+
+def test_a_byte_that_is_changed_is_one_error_in_every_file(files):
+    rng = np.random.default_rng(0)
+    for name in sorted(set(files) - {"made_by.json"}):
+        for _ in range(3):
+            data = bytearray(files[name])
+            data[rng.integers(len(data))] ^= 1 << rng.integers(8)
+            changed = {**files, name: bytes(data)}
+            with pytest.raises(BundleError) as caught:
+                require_allowed(FOLDER, changed)
+            assert "\n" not in str(caught.value)
+
+
+def test_a_sealed_file_with_changed_bytes_is_read_or_refused_but_nothing_else(files):
+    rng = np.random.default_rng(1)
+    for name in ("volume.npz", "parts.npz", "cells.npz", "mine.xml", "topology.json", "map_00.png", "map_00.yaml"):
+        for _ in range(8):
+            data = bytearray(files[name])
+            data[rng.integers(len(data))] ^= 1 << rng.integers(8)
+            changed = sealed({**files, name: bytes(data)})
+            try:
+                require_allowed(FOLDER, changed)
+            except BundleError as error:
+                assert "\n" not in str(error)  # noqa: PT017
