@@ -98,11 +98,16 @@ class _Stations:
         return len(np.setdiff1d(piece, piece[self.fixed])) == 0
 
     def solve(self, vectors: np.ndarray, weights: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        """Return the positions (count, 3) that fit vectors (m, 3) with weights (m, 3, 3) best, from fixed ones (f, 3)."""
+        """Return the positions (count, 3) that fit the vectors (m, 3) of legs best, by weights (m, 3, 3).
+
+        `starts` (f, 3) are those of fixed stations.
+        """
         size = (len(self.legs), self.count)
         ones, rows = np.ones(len(self.legs)), np.arange(len(self.legs))
         along = scipy.sparse.csr_array((ones, (rows, self.legs[:, 1])), size)
-        differences = scipy.sparse.kron(along - scipy.sparse.csr_array((ones, (rows, self.legs[:, 0])), size), np.eye(3))
+        differences = scipy.sparse.kron(
+            along - scipy.sparse.csr_array((ones, (rows, self.legs[:, 0])), size), np.eye(3)
+        )
         each = scipy.sparse.csr_array(scipy.sparse.block_diag(list(weights)))
         positions = np.zeros((self.count, 3))
         positions[self.fixed] = starts
@@ -135,11 +140,7 @@ def _measured(network: Network, name: str, program: str, run: Run) -> dict[str, 
     with tempfile.TemporaryDirectory(prefix="minexplore-") as made:
         folder = Path(made)
         for file, content in network.files.items():
-            lines = (
-                line
-                for part in content
-                for line in ([part] if isinstance(part, str) else _alone(part, network))
-            )
+            lines = (line for part in content for line in ([part] if isinstance(part, str) else _alone(part, network)))
             text = "\n".join(lines) + "\n"
             if len(text) > reader_limits().scratch_bytes:
                 raise InputError(f"{file}: too large to measure its legs alone")
@@ -180,15 +181,20 @@ def _observed(network: Network, places: dict[str, np.ndarray]) -> tuple[np.ndarr
 
     A leg of weight W that ends at v, and a tie of weight T that ends at f, meet at x: W (v - x) = T (x - f).
     """
-    starts = [f"start{k}" for k in range(len(_STARTS_M))]
-    ends = np.array([[places[leg.state.name(leg.block, part, leg.stations[1])] for part in starts] for leg in network.legs])
+    ends = _ends(network, places, [f"start{k}" for k in range(len(_STARTS_M))])
     vectors = (ends - _STARTS_M[None, :, None]).mean(axis=1)
-    parts = [f"pull{axis}" for axis in range(3)]
-    met = np.array([[places[leg.state.name(leg.block, part, leg.stations[1])] for part in parts] for leg in network.legs])
+    met = _ends(network, places, [f"pull{axis}" for axis in range(3)])
     left = np.swapaxes(vectors[:, None] - met, 1, 2)  # a column a pull
     right = np.swapaxes(met - _PULL_M * np.eye(3), 1, 2) / _TIE_M**2
     weights = right @ np.linalg.inv(left)
     return vectors, (weights + np.swapaxes(weights, 1, 2)) / 2.0
+
+
+def _ends(network: Network, places: dict[str, np.ndarray], parts: list[str]) -> np.ndarray:
+    """Return where the legs end in some parts of their blocks: (m, parts, 3), m."""
+    return np.array(
+        [[places[leg.state.name(leg.block, part, leg.stations[1])] for part in parts] for leg in network.legs]
+    )
 
 
 def _fixed_places(network: Network, places: dict[str, np.ndarray]) -> np.ndarray:

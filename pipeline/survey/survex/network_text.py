@@ -30,9 +30,17 @@ class _BeyondError(Exception):
 
 @dataclass(frozen=True)
 class State:
-    """What the commands before a line state: columns of a leg's stations (None: no legs), survey, case of names, dashes.
+    """What the commands before a line state.
 
-    `has_dash` is whether a dash is the name of an anonymous station.
+    Attributes
+    ----------
+    columns : tuple of int or None
+        Where a line of data has the stations of a leg; None if it has none.
+    survey : tuple of str
+    case : function
+        What Survex makes of the letters of a name.
+    has_dash : bool
+        A dash is the name of an anonymous station.
     """
 
     columns: tuple[int, int] | None = (0, 1)
@@ -159,6 +167,8 @@ def _read_data(line: str, state: State, network: Network, out: list[str | Elemen
     elif not any(_ANONYMOUS.fullmatch(end) or (end == "-" and state.has_dash) for end in ends):
         network.legs.append(Element(f"{MARK}{len(network.legs)}", ends, (line,), state))
         out.append(network.legs[-1])
+    else:
+        out.append("")  # readings after it are a leg of their own
 
 
 def _fixed(line: str, words: list[str], state: State, network: Network) -> Element:
