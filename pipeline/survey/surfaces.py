@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.guard.plain_file import require_at_most
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.stated import FileKind
@@ -22,12 +22,13 @@ from pipeline.survey.formats import shape_reader, suffixes_of
 from pipeline.survey.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
 from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.passages.stray_heights import STRAY_M
+from pipeline.survey.solids.landxml import LANDXML, read_landxml_edges
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
 
-HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *suffixes_of(FileKind.VECTOR))
+HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *LANDXML, *suffixes_of(FileKind.VECTOR))
 _APART_M = 1.0  # of the points that a surface is sampled at
 _SAME_M, _WALL_STEP_M = 0.01, 2.0
 _MOST = 50_000
@@ -45,7 +46,7 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     path : Path
         CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or GeoJSON
         with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
-        each the height at its insertion point. Elevations have the unit that the file states for them, else that of
+        each the height at its insertion point; the surfaces of a LandXML file. Elevations have the unit that the file states for them, else that of
         the coordinates; of a CSV they are metres.
     georeference : Georeference
     plan : (rows, cols, 3) uint8
@@ -65,9 +66,11 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
         raise InputError(f"{path}: survey.heights is read from {', '.join(HEIGHT_SUFFIXES)}")
     if georeference.projection is not None:
         raise InputError(f"{path}: the survey's coordinates are projected; state its heights as a CSV in metres")
-    has_lines = False
+    has_lines = suffix in LANDXML
     if suffix in RASTER_DRIVERS:
         surface = read_raster(path)
+    elif has_lines:
+        surface = _read_landxml(path, georeference.metres_per_unit)
     else:
         surface, has_lines = _read_drawing(path, _APART_M / georeference.metres_per_unit)
     points = _in_metres(path, surface, georeference)
@@ -216,6 +219,15 @@ def _require_same_system(path: Path, system: pyproj.CRS, of_survey: str | None) 
             f"{path}: its coordinate system is {one.name}, the survey's is {two.name}; transform it to the survey's "
             "by `gdalwarp -t_srs` (a raster) or `ogr2ogr -t_srs`"
         )
+
+
+def _read_landxml(path: Path, plan_m: float) -> HeightPoints:
+    """Return points along the edges of the triangles of LandXML surfaces, in the survey's unit of `plan_m` metres."""
+    edges, metres = read_landxml_edges(path, read_text_bytes(path, "file_bytes"))
+    lines = shapely.linestrings(edges * ((metres or plan_m) / plan_m))
+    require_size(path, int(min(shapely.length(lines).sum() * plan_m / _APART_M, 1e12)))
+    along = shapely.get_coordinates(shapely.segmentize(lines, _APART_M / plan_m), include_z=True)
+    return HeightPoints(np.unique(along, axis=0), None, plan_m)
 
 
 def _read_drawing(path: Path, step: float) -> tuple[HeightPoints, bool]:

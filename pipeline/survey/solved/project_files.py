@@ -193,6 +193,13 @@ def _require_plain_set(where: str, rest: str) -> None:
 
 
 def included_file(where: str, rest: str, path: Path, folder: Path) -> Path:
+    """Return the file that `*include` names in a file; `rest` is what follows the command.
+
+    Raises
+    ------
+    InputError
+        If there is none below the folder. The message begins with `where`.
+    """
     word = _WORD.match(rest)
     name = (word[1] if word[1] is not None else word[2]) if word else ""
     if ";" in name:

@@ -166,6 +166,27 @@ def test_a_stated_unit_is_used_or_named(tmp_path, capsys, code, unit, said):
     assert f"states its unit as {said} ($INSUNITS = {code})" in shown if said else "unit" not in shown
 
 
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ({"$INSUNITS": 0, "$MEASUREMENT": 0}, "states no unit ($INSUNITS) and is drawn in English units"),
+        ({"$INSUNITS": 0, "$LUNITS": 4}, "states no unit ($INSUNITS) and shows lengths in feet and inches"),
+        ({"$INSUNITS": 6, "$LUNITS": 3}, "states the unit m and shows lengths in feet and inches"),
+        ({"$INSUNITS": 6, "$MEASUREMENT": 0}, ""),
+        ({"$INSUNITS": 1, "$LUNITS": 4, "$MEASUREMENT": 0}, ""),
+    ],
+)
+def test_english_units_that_a_drawing_only_shows_are_listed(tmp_path, capsys, header, said):
+    drawing = ezdxf.new()
+    drawing.modelspace().add_line((0, 0), (10, 0))
+    for name, value in header.items():
+        drawing.header[name] = value
+    drawing.saveas(tmp_path / "a.dxf")
+    read_dxf(tmp_path / "a.dxf", None)
+    shown = capsys.readouterr().err
+    assert said in shown if said else shown == ""
+
+
 def test_a_line_far_from_all_others_is_named_and_left_out_by_its_layer(tmp_path):
     drawing = ezdxf.new(units=6)
     space = drawing.modelspace()
