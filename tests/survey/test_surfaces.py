@@ -118,12 +118,12 @@ def landxml(path, unit, metres):
         f'<P id="{k}">{y / metres:.6f} {x / metres:.6f} {z / metres:.6f}</P>' for k, (x, y, z) in enumerate(places, 1)
     )
     faces = '<F n="0 2 0">1 2 3</F><F n="1 0 0">1 3 4</F><F i="1">1 2 4</F>'
+    units = f'<Imperial areaUnit="squareFoot" linearUnit="{unit}" volumeUnit="cubicYard" temperatureUnit="fahrenheit"/>'
+    surface = f'<Definition surfType="TIN"><Pnts>{points}</Pnts><Faces>{faces}</Faces></Definition>'
     path.write_text(
-        '<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2"><Units><Imperial '
-        f'areaUnit="squareFoot" linearUnit="{unit}" volumeUnit="cubicYard" temperatureUnit="fahrenheit" '
-        'pressureUnit="inHG"/></Units><Application name="Autodesk Civil 3D"/><Surfaces><Surface name="FLOOR"><SourceData/>'
-        f'<Definition surfType="TIN"><Pnts>{points}</Pnts><Faces>{faces}</Faces></Definition></Surface></Surfaces>'
-        "</LandXML>"
+        '<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">'
+        f'<Units>{units}</Units><Application name="Autodesk Civil 3D"/>'
+        f'<Surfaces><Surface name="FLOOR"><SourceData/>{surface}</Surface></Surfaces></LandXML>'
     )
     return path
 

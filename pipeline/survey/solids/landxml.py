@@ -53,17 +53,20 @@ def read_landxml(path: Path, data: bytes) -> StatedMeshes:
     return StatedMeshes(found, metres)
 
 
-def read_landxml_edges(path: Path, data: bytes) -> tuple[np.ndarray, float | None]:
-    """Return the edges of the triangles of a floor (n, 2, 3), in the unit of lengths, and metres a unit if stated.
+def read_landxml_floor(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray, float | None]:
+    """Return the corners (n, 3) and triangles (m, 3) of all surfaces, in the unit of lengths, and metres a unit.
+
+    The last is None if the file states no unit.
 
     Raises
     ------
     InputError
-        As `read_landxml`.
+        As `read_landxml`; a floor is read.
     """
     found, metres = _surfaces(path, data)
-    corners = np.concatenate([vertices[faces] for _, vertices, faces in found])
-    return corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3), metres
+    starts = np.cumsum([0, *(len(vertices) for _, vertices, _ in found)])
+    faces = [start + faces for start, (_, _, faces) in zip(starts, found, strict=False)]
+    return np.concatenate([vertices for _, vertices, _ in found]), np.concatenate(faces), metres
 
 
 def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
