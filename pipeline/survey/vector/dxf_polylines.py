@@ -61,6 +61,10 @@ def _next(count: int, is_closed: bool) -> list[tuple[int, int]]:
 
 def unit_of(path: Path, drawing: Drawing) -> Unit | None:
     """Return the unit that a drawing states, None if it states none or one that is not read, with a warning."""
+    if drawing.modelspace().get_geodata() is not None:
+        warn_user(
+            f"{path.name}: states its place on the Earth (GEODATA), which is not read; coordinates are the drawing's"
+        )
     code = int(drawing.header.get("$INSUNITS", 0))
     if code in _OTHER_UNITS:
         warn_user(

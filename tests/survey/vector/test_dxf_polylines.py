@@ -187,6 +187,15 @@ def test_english_units_that_a_drawing_only_shows_are_listed(tmp_path, capsys, he
     assert said in shown if said else shown == ""
 
 
+def test_a_place_on_the_earth_is_listed(tmp_path, capsys):
+    drawing = ezdxf.new("R2010", units=6)
+    drawing.modelspace().add_line((0, 0), (10, 0))
+    drawing.modelspace().new_geodata().setup_local_grid(design_point=(0, 0), reference_point=(500_000, 5_500_000))
+    drawing.saveas(tmp_path / "a.dxf")
+    assert read_dxf(tmp_path / "a.dxf", None).unit == "m"
+    assert "states its place on the Earth (GEODATA), which is not read" in capsys.readouterr().err
+
+
 def test_a_line_far_from_all_others_is_named_and_left_out_by_its_layer(tmp_path):
     drawing = ezdxf.new(units=6)
     space = drawing.modelspace()
