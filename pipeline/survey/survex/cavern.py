@@ -107,6 +107,9 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
         command = [program, "-q", "-o", str(result), str(source)]
         loops = fix_junctions(source, program, _run)
         status, output = _run(command)
+        if loops and status != 0:  # refused with its junctions fixed: Survex reports on the project itself
+            loops, source = 0, written.write(folder)
+            status, output = _run(command)
         is_computed = status == 0 and bool(computed_declinations(output))
         if declination_deg is not None and is_computed:
             survey = read_3d(result)

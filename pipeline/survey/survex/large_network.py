@@ -58,12 +58,15 @@ def fix_junctions(source: Path, program: str, run: Run) -> int:
         positions = stations.solve(*_observed(network, places), starts)
     except (KeyError, InputError, RuntimeError, np.linalg.LinAlgError):
         return 0  # Survex refuses it, or reads other names: it reports on the project itself
-    lines = [f"*fix {name} {x:.4f} {y:.4f} {z:.4f}" for name, (x, y, z) in stations.junctions(positions).items()]
+    fixes = stations.junctions(positions)
+    lines = [f"*fix {name} {x:.4f} {y:.4f} {z:.4f}" for name, (x, y, z) in fixes.items()]
+    marks = "".join(sorted({mark for name in fixes for mark in name if not mark.isalnum()} - {"."}))
+    names = [f"*set names {marks}"] if marks else []
     for file in network.files:  # stations that a survey does not export have no names outside it
         path = source.parent / file
         path.write_bytes(_EXPORT.sub(b";", path.read_bytes()))
-    with source.open("ab") as file:
-        file.write("\n".join(["", *_system(network), "*case preserve", *lines, ""]).encode("latin-1"))
+    with source.open("ab") as end:
+        end.write("\n".join(["", *_system(network), "*case preserve", *names, *lines, ""]).encode("latin-1"))
     return stations.loops()
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.remarks import collect_remarks
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
@@ -118,6 +119,28 @@ def test_a_grid_is_where_cavern_has_it(tmp_path, monkeypatch, side):
 @pytest.mark.parametrize("system", [False, True])
 def test_a_grid_of_many_surveys_is_where_cavern_has_it(tmp_path, monkeypatch, system):
     compare(in_surveys(tmp_path, system), monkeypatch)
+
+
+def test_a_grid_of_therion_is_where_cavern_has_it(tmp_path, monkeypatch):
+    made = Grid(14, 0.05)
+    shots = [f"{a[0]}'{a[1]} {b[0]}'{b[1]} {made.shot(a, b)}" for a, b in made.legs()]
+    head = ["survey mine", "centreline", "cs UTM33", "fix 0'0 400000 5000000 300", "date 2015.6.1"]
+    head += ["data normal from to length compass clino"]
+    (tmp_path / "mine.th").write_text("\n".join([*head, *shots, "endcentreline", "endsurvey"]) + "\n")
+    alone = solve_file(tmp_path / "mine.th")
+    monkeypatch.setattr(large_network, "_LEAST_LOOPS", 100)
+    with collect_remarks() as remarks:
+        together = solve_file(tmp_path / "mine.th")
+    assert any("169 loops are closed by sparse least squares" in remark.line() for remark in remarks)
+    require_same(together, alone)
+
+
+def test_a_grid_that_is_refused_with_its_junctions_fixed_is_solved_as_it_is(tmp_path, monkeypatch):
+    lines = ["*begin", *grid(14, 0.05)]  # without its end
+    (tmp_path / "grid.svx").write_text("\n".join(lines) + "\n")
+    monkeypatch.setattr(large_network, "_LEAST_LOOPS", 100)
+    with pytest.raises(InputError, match=r"grid\.svx:\d+: .*BEGIN.*\(Survex\)"):
+        solve_file(tmp_path / "grid.svx")
 
 
 def test_a_grid_without_a_fixed_station_is_where_cavern_has_it(tmp_path, monkeypatch):
