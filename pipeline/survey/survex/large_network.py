@@ -22,7 +22,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.remarks import collect_remarks
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.survex.network_text import MARK, Element, Network, read_network
+from pipeline.survey.survex.network_text import MARK, Element, ShotNetwork, read_network
 
 _LEAST_LOOPS = 700  # `cavern` takes 4 s for 841 loops, and with their number the cube
 # A `.3d` file has whole centimetres. The mean over starts a part of one apart is exact to 1.3 mm.
@@ -49,7 +49,7 @@ def fix_junctions(source: Path, program: str, run: Run) -> int:
     network = read_network(source)
     if network is None or not network.legs:
         return 0
-    stations = _Stations(network)
+    stations = _NetworkStations(network)
     if stations.loops() < _LEAST_LOOPS or not stations.are_tied():
         return 0
     try:
@@ -70,13 +70,13 @@ def fix_junctions(source: Path, program: str, run: Run) -> int:
     return stations.loops()
 
 
-class _Stations:
+class _NetworkStations:
     """The stations of a network by number, of which equated ones have the same.
 
     `legs` (m, 2) has the stations of legs, and `fixed` (f,) the fixed ones.
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: ShotNetwork) -> None:
         ends = [name for leg in network.legs for name in leg.names()]
         # Without a fixed station Survex fixes the first.
         fixed = [name for one in network.fixed for name in one.names()] or ends[:1]
@@ -138,7 +138,7 @@ def _pieces(pairs: object, count: int) -> np.ndarray:
     return found
 
 
-def _measured(network: Network, name: str, program: str, run: Run) -> dict[str, np.ndarray]:
+def _measured(network: ShotNetwork, name: str, program: str, run: Run) -> dict[str, np.ndarray]:
     """Return where `cavern` puts the stations of each element alone, by their names in it."""
     with tempfile.TemporaryDirectory(prefix="minexplore-") as made:
         folder = Path(made)
@@ -158,11 +158,11 @@ def _measured(network: Network, name: str, program: str, run: Run) -> dict[str, 
         return dict(zip(survey.names, survey.positions_m, strict=True))
 
 
-def _system(network: Network) -> list[str]:
+def _system(network: ShotNetwork) -> list[str]:
     return [f"*cs {network.system}"] if network.system else []
 
 
-def _alone(element: Element, network: Network) -> list[str]:
+def _alone(element: Element, network: ShotNetwork) -> list[str]:
     """Return the lines that measure one element."""
     if len(element.stations) == 1:
         starts = [f"{element.stations[0]} {MARK}{k} {start} {start} {start}" for k, start in enumerate(_STARTS_M)]
@@ -179,7 +179,7 @@ def _alone(element: Element, network: Network) -> list[str]:
     return [*lines, f"*end {element.block}"]
 
 
-def _observed(network: Network, places: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _observed(network: ShotNetwork, places: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the vector (m, 3) and the weight (m, 3, 3), 1/m2, of each leg.
 
     A leg of weight W that ends at v, and a tie of weight T that ends at f, meet at x: W (v - x) = T (x - f).
@@ -193,14 +193,14 @@ def _observed(network: Network, places: dict[str, np.ndarray]) -> tuple[np.ndarr
     return vectors, (weights + np.swapaxes(weights, 1, 2)) / 2.0
 
 
-def _ends(network: Network, places: dict[str, np.ndarray], parts: list[str]) -> np.ndarray:
+def _ends(network: ShotNetwork, places: dict[str, np.ndarray], parts: list[str]) -> np.ndarray:
     """Return where the legs end in some parts of their blocks: (m, parts, 3), m."""
     return np.array(
         [[places[leg.state.name(leg.block, part, leg.stations[1])] for part in parts] for leg in network.legs]
     )
 
 
-def _fixed_places(network: Network, places: dict[str, np.ndarray]) -> np.ndarray:
+def _fixed_places(network: ShotNetwork, places: dict[str, np.ndarray]) -> np.ndarray:
     """Return the places of fixed stations (f, 3); without one, Survex fixes the first at 0, 0, 0."""
     names = [[one.state.name(one.block, f"{MARK}{k}") for k in range(len(_STARTS_M))] for one in network.fixed]
     if not names:

@@ -78,7 +78,7 @@ class Element:
 
 
 @dataclass
-class Network:
+class ShotNetwork:
     """What a project's text states.
 
     Attributes
@@ -99,9 +99,9 @@ class Network:
     system: str = ""
 
 
-def read_network(source: Path) -> Network | None:
+def read_network(source: Path) -> ShotNetwork | None:
     """Return what the text of a project states; None if it states more than is read here."""
-    network = Network()
+    network = ShotNetwork()
     try:
         _read_file(source, source.parent, network, State())
     except (_BeyondError, InputError):
@@ -109,7 +109,7 @@ def read_network(source: Path) -> Network | None:
     return network
 
 
-def _read_file(path: Path, folder: Path, network: Network, state: State) -> None:
+def _read_file(path: Path, folder: Path, network: ShotNetwork, state: State) -> None:
     relative = path.relative_to(folder)
     if relative in network.files:
         raise _BeyondError  # its lines are legs of several surveys
@@ -154,7 +154,7 @@ def _require_plain(word: str, words: list[str]) -> None:
         raise _BeyondError
 
 
-def _read_data(line: str, state: State, network: Network, out: list[str | Element]) -> None:
+def _read_data(line: str, state: State, network: ShotNetwork, out: list[str | Element]) -> None:
     words = line.partition(";")[0].replace(",", " ").split()
     if not words or state.columns is None:
         return
@@ -171,7 +171,7 @@ def _read_data(line: str, state: State, network: Network, out: list[str | Elemen
         out.append("")  # readings after it are a leg of their own
 
 
-def _fixed(line: str, words: list[str], state: State, network: Network) -> Element:
+def _fixed(line: str, words: list[str], state: State, network: ShotNetwork) -> Element:
     if len([word for word in words[1:] if word.lower() != "reference"]) != 3:
         raise _BeyondError  # without a place, or with deviations
     network.fixed.append(Element(f"{MARK}fixed{len(network.fixed)}", (words[0],), (line,), state))
