@@ -22,7 +22,7 @@ from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.remarks import collect_remarks
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.survex.network_text import MARK, Element, ShotNetwork, read_network
+from pipeline.survey.survex.network_text import MARK, ShotElement, ShotNetwork, read_network
 
 _LEAST_LOOPS = 700  # `cavern` takes 4 s for 841 loops, and with their number the cube
 # A `.3d` file has whole centimetres. The mean over starts a part of one apart is exact to 1.3 mm.
@@ -162,7 +162,7 @@ def _system(network: ShotNetwork) -> list[str]:
     return [f"*cs {network.system}"] if network.system else []
 
 
-def _alone(element: Element, network: ShotNetwork) -> list[str]:
+def _alone(element: ShotElement, network: ShotNetwork) -> list[str]:
     """Return the lines that measure one element."""
     if len(element.stations) == 1:
         starts = [f"{element.stations[0]} {MARK}{k} {start} {start} {start}" for k, start in enumerate(_STARTS_M)]

@@ -54,7 +54,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Element:
+class ShotElement:
     """A leg, with all its readings in a row, or a fixed station.
 
     Attributes
@@ -83,19 +83,19 @@ class ShotNetwork:
 
     Attributes
     ----------
-    legs, fixed : list of Element
+    legs, fixed : list of ShotElement
     equal : list of tuple of str
         Full names of stations that are one.
-    files : dict of Path to list of str or Element
+    files : dict of Path to list of str or ShotElement
         The commands of each file, below the main file's folder, with the elements at their places.
     system : str
         That of the results; empty without one.
     """
 
-    legs: list[Element] = field(default_factory=list)
-    fixed: list[Element] = field(default_factory=list)
+    legs: list[ShotElement] = field(default_factory=list)
+    fixed: list[ShotElement] = field(default_factory=list)
     equal: list[tuple[str, ...]] = field(default_factory=list)
-    files: dict[Path, list[str | Element]] = field(default_factory=dict)
+    files: dict[Path, list[str | ShotElement]] = field(default_factory=dict)
     system: str = ""
 
 
@@ -154,7 +154,7 @@ def _require_plain(word: str, words: list[str]) -> None:
         raise _BeyondError
 
 
-def _read_data(line: str, state: State, network: ShotNetwork, out: list[str | Element]) -> None:
+def _read_data(line: str, state: State, network: ShotNetwork, out: list[str | ShotElement]) -> None:
     words = line.partition(";")[0].replace(",", " ").split()
     if not words or state.columns is None:
         return
@@ -162,19 +162,19 @@ def _read_data(line: str, state: State, network: ShotNetwork, out: list[str | El
     if len(ends) < 2 or any("\\" in end for end in ends):
         raise _BeyondError
     last = out[-1] if out else None
-    if isinstance(last, Element) and last.stations == ends:  # another reading of the leg
+    if isinstance(last, ShotElement) and last.stations == ends:  # another reading of the leg
         out[-1] = network.legs[-1] = replace(last, lines=(*last.lines, line))
     elif not any(_ANONYMOUS.fullmatch(end) or (end == "-" and state.has_dash) for end in ends):
-        network.legs.append(Element(f"{MARK}{len(network.legs)}", ends, (line,), state))
+        network.legs.append(ShotElement(f"{MARK}{len(network.legs)}", ends, (line,), state))
         out.append(network.legs[-1])
     else:
         out.append("")  # readings after it are a leg of their own
 
 
-def _fixed(line: str, words: list[str], state: State, network: ShotNetwork) -> Element:
+def _fixed(line: str, words: list[str], state: State, network: ShotNetwork) -> ShotElement:
     if len([word for word in words[1:] if word.lower() != "reference"]) != 3:
         raise _BeyondError  # without a place, or with deviations
-    network.fixed.append(Element(f"{MARK}fixed{len(network.fixed)}", (words[0],), (line,), state))
+    network.fixed.append(ShotElement(f"{MARK}fixed{len(network.fixed)}", (words[0],), (line,), state))
     return network.fixed[-1]
 
 

@@ -11,7 +11,7 @@ Write = Callable[[Path], Path]
 
 
 @dataclass(frozen=True)
-class Way:
+class WayOn:
     """What follows an advice: options, and another file if the advice is about the file."""
 
     stated: dict[str, Any] = field(default_factory=dict)
@@ -30,16 +30,16 @@ class Advice:
         Writes the file that is refused into a folder, and returns it.
     stated : dict
         The options with which it is refused.
-    ways : tuple of Way
+    ways : tuple of WayOn
         Each follows the advice, and the file is read.
     """
 
     words: str
     write: Write
     stated: dict[str, Any]
-    ways: tuple[Way, ...]
+    ways: tuple[WayOn, ...]
 
 
-def by(**stated: Any) -> Way:
+def by(**stated: Any) -> WayOn:
     """Return a way of options alone."""
-    return Way(stated)
+    return WayOn(stated)

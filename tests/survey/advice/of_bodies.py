@@ -10,7 +10,7 @@ import numpy as np
 import pyproj
 import trimesh
 
-from tests.survey.advice.advice import Advice, Way, by
+from tests.survey.advice.advice import Advice, WayOn, by
 from tests.survey.clouds.test_cloud_files import write
 from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
 
@@ -64,7 +64,7 @@ CASES = {
         "m from its first points, beyond", partial(cloud, scale=1000.0), {}, (by(unit="mm"),)
     ),
     "points far off": Advice(
-        "cut them off, or --unit states its unit", partial(cloud, stray=True), {}, (Way({}, cloud),)
+        "cut them off, or --unit states its unit", partial(cloud, stray=True), {}, (WayOn({}, cloud),)
     ),
     "few voxels": Advice(
         "at least {} are needed; --unit states its unit",
@@ -79,7 +79,7 @@ CASES = {
         "m far, beyond {} m; --unit states it", partial(solid, scale=1000.0), {}, (by(unit="mm"),)
     ),
     "a solid far off": Advice(
-        "delete what they belong to, or --unit states its unit", partial(solid, stray=True), {}, (Way({}, solid),)
+        "delete what they belong to, or --unit states its unit", partial(solid, stray=True), {}, (WayOn({}, solid),)
     ),
     "an open end": Advice(
         "--close M fills holes up to M metres", partial(solid, open_end=True), {"close_m": 1.0}, (by(close_m=10.0),)

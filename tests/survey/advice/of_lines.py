@@ -6,7 +6,7 @@ from functools import partial
 
 from shapely import Point, box
 
-from tests.survey.advice.advice import Advice, Way, by
+from tests.survey.advice.advice import Advice, WayOn, by
 from tests.survey.advice.of_pictures import picture
 from tests.survey.advice.written import csv, dxf, faces, geojson, geopackage, placed, points, svx
 
@@ -168,7 +168,7 @@ CASES = {
         "points are no walls: --heights FILE",
         partial(points, name="a.geojson"),
         {"unit": "m"},
-        (Way({"unit": "m", "heights": "a.geojson"}, partial(geojson, shapes=[DRIFT], kind="Polygon")),),
+        (WayOn({"unit": "m", "heights": "a.geojson"}, partial(geojson, shapes=[DRIFT], kind="Polygon")),),
     ),
     "far in its unit": Advice(
         "--unit states it", partial(dxf, layers={"0": [DRIFT]}, unit=6, scale=1000.0), {"unit": "m"}, (by(unit="mm"),)
@@ -177,7 +177,7 @@ CASES = {
         "in the program that made it",
         partial(geopackage, layers={"a": [DRIFT]}, systems={"a": "EPSG:4978"}),
         {},
-        (Way({}, partial(geopackage, layers={"a": [NEAR]}, systems=UTM)),),
+        (WayOn({}, partial(geopackage, layers={"a": [NEAR]}, systems=UTM)),),
     ),
     "far in height": Advice(
         "--unit states the unit of the file",
@@ -190,7 +190,7 @@ CASES = {
         "a picture or a PDF on a drawing is not read: give that file to --from",
         placed,
         {},
-        (Way({"px_per_m": 8.0}, picture),),
+        (WayOn({"px_per_m": 8.0}, picture),),
     ),
     "no sections": Advice("no cross-sections and no splays", partial(svx, text=SVX), {}, (by(half_width_m=2.0),)),
     "no walls": Advice(
@@ -204,7 +204,7 @@ CASES = {
         partial(csv, text="Punkt;Hochwert;Rechtswert;Hoehe\n1;0;0;5\n2;0;40;5\n"),
         {},
         (
-            Way(
+            WayOn(
                 {"half_width_m": 2.0}, partial(csv, text="leg;Punkt;Hochwert;Rechtswert;Hoehe\na;1;0;0;5\na;2;0;40;5\n")
             ),
         ),

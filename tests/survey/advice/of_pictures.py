@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rasterio.transform import Affine
 
 from tests.mines import TEE, frame_for, plan_of
-from tests.survey.advice.advice import Advice, Way, by
+from tests.survey.advice.advice import Advice, WayOn, by
 
 FREE, UNKNOWN, WALL = 254, 205, 0
 
@@ -96,7 +96,7 @@ CASES = {
         "no scale bar found; state --px-per-m",
         partial(picture, bar=(300, 20, 3, 160)),
         {},
-        (Way({"bar_box_px": (290, 10, 470, 40), "bar_length_m": 20.0}, partial(picture, bar=(300, 20, 160, 8))),),
+        (WayOn({"bar_box_px": (290, 10, 470, 40), "bar_length_m": 20.0}, partial(picture, bar=(300, 20, 160, 8))),),
     ),
     "a box outside": Advice(
         "not inside the picture of",
@@ -119,7 +119,7 @@ CASES = {
         {},
         (
             by(px_per_m=8.0),
-            Way({}, partial(geotiff, system="EPSG:32632", place=Affine(0.125, 0, 500_000, 0, -0.125, 5e6))),
+            WayOn({}, partial(geotiff, system="EPSG:32632", place=Affine(0.125, 0, 500_000, 0, -0.125, 5e6))),
         ),
     ),
     "pixels of a stretched map": Advice(
