@@ -89,7 +89,7 @@ class StatedOptions(Params):
         description="magnetic declination in place of computed ones, deg east of true north",
     )
     heights: Annotated[Path | None, _option("--heights", metavar="FILE")] = Field(
-        default=None, description="the floor's heights: CSV, GeoTIFF, contour lines"
+        default=None, description="the floor's heights: CSV, GeoTIFF, contour lines, LandXML"
     )
     grade: Annotated[Grade | None, _option("--grade", metavar="G or LEG=G,...")] = Field(
         default=None,

@@ -51,9 +51,10 @@ CONVERTED: dict[str, str] = {
     ),
     # Meshes
     **dict.fromkeys(
-        (".3ds", ".3mf", ".blend", ".c4d", ".fbx", ".gltf", ".lwo", ".ma", ".max", ".mb", ".off", ".usdz", ".x3d"),
+        (".3ds", ".blend", ".c4d", ".fbx", ".gltf", ".lwo", ".ma", ".max", ".mb", ".usdz", ".x3d"),
         f"Blender, or the program that made it, {_MODEL}",
     ),
+    **dict.fromkeys((".off", ".3mf", ".amf"), "MeshLab, or for .3mf and .amf PrusaSlicer, saves it as .stl or .obj"),
     **dict.fromkeys((".skp", ".3dm"), f"SketchUp or Rhino {_MODEL}"),
     **dict.fromkeys(
         (".ifc", ".rvt", ".rfa", ".nwd", ".nwc", ".step", ".stp", ".iges", ".igs", ".sldprt", ".x_t", ".sat", ".jt"),

@@ -27,7 +27,7 @@ from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.registry import read_registry
 from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
-from pipeline.survey.drawing.georeference import read_placement, world_file
+from pipeline.survey.drawing.georeference import placement_files, read_placement
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import (
     fill_walls,
@@ -443,8 +443,8 @@ def _sources(params: SurveyParams) -> list[str]:
             files = [params.stations]
         case "plan":
             files = [params.image]
-            georeference = world_file(Path(params.image)) if params.scale.source == "georeference" else None
-            files += [georeference.as_posix()] if georeference is not None else []
+            georeference = placement_files(Path(params.image)) if params.scale.source == "georeference" else []
+            files += [file.as_posix() for file in georeference]
         case "grid":
             files = [params.map, nav2_picture(Path(params.map)).as_posix()]
         case "solid":

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pyproj
 import shapely
+import trimesh
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.guard.plain_file import require_at_most
+from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.stated import FileKind
@@ -22,16 +23,18 @@ from pipeline.survey.formats import shape_reader, suffixes_of
 from pipeline.survey.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
 from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.passages.stray_heights import STRAY_M
+from pipeline.survey.solids.landxml import LANDXML, read_landxml_floor
 from pipeline.survey.spots import read_spots
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.types import Frame, Georeference, Heights, Image
 
-HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *suffixes_of(FileKind.VECTOR))
+HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *LANDXML, *suffixes_of(FileKind.VECTOR))
 _APART_M = 1.0  # of the points that a surface is sampled at
 _SAME_M, _WALL_STEP_M = 0.01, 2.0
 _MOST = 50_000
 _DARK = 128
+_CORNERS_M2 = 8.0  # of triangles in a square metre with sides of at most a metre, cut in halves until they are
 _ONE_UNIT = 1e-5  # a US survey foot is 2e-6 longer than a foot
 
 Points = np.ndarray  # (k, 3), x and y in the file's coordinates, then m in the mine frame
@@ -45,8 +48,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     path : Path
         CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or GeoJSON
         with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
-        each the height at its insertion point. Elevations have the unit that the file states for them, else that of
-        the coordinates; of a CSV they are metres.
+        each the height at its insertion point; the surfaces of LandXML. Elevations have the unit that the file states
+        for them, else that of the coordinates; of a CSV they are metres.
     georeference : Georeference
     plan : (rows, cols, 3) uint8
         Workings are dark; a surface counts there.
@@ -68,6 +71,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     has_lines = False
     if suffix in RASTER_DRIVERS:
         surface = read_raster(path)
+    elif suffix in LANDXML:
+        surface = _read_landxml(path, georeference.metres_per_unit)
     else:
         surface, has_lines = _read_drawing(path, _APART_M / georeference.metres_per_unit)
     points = _in_metres(path, surface, georeference)
@@ -80,7 +85,7 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
     low, high = inside[:, 2].min(), inside[:, 2].max()
     warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
     _require_no_stray_zero(path, inside, "delete them in the file, or write 0.001 if they lie there")
-    return _thinned(path, inside, has_lines or suffix in RASTER_DRIVERS)
+    return _thinned(path, inside, has_lines or suffix in (*RASTER_DRIVERS, *LANDXML))
 
 
 def height_files(path: Path) -> list[str]:
@@ -216,6 +221,16 @@ def _require_same_system(path: Path, system: pyproj.CRS, of_survey: str | None) 
             f"{path}: its coordinate system is {one.name}, the survey's is {two.name}; transform it to the survey's "
             "by `gdalwarp -t_srs` (a raster) or `ogr2ogr -t_srs`"
         )
+
+
+def _read_landxml(path: Path, plan_m: float) -> HeightPoints:
+    """Return points of LandXML surfaces, at most a metre apart, in the survey's unit of `plan_m` metres."""
+    vertices, faces, metres = read_landxml_floor(path, read_text_bytes(path, "file_bytes"))
+    places = vertices * (metres or plan_m)
+    sides = np.cross(places[faces[:, 1]] - places[faces[:, 0]], places[faces[:, 2]] - places[faces[:, 0]])
+    require_size(path, int(min(_CORNERS_M2 * np.linalg.norm(sides, axis=1).sum() / 2.0 / _APART_M**2, 1e12)))
+    points, _ = trimesh.remesh.subdivide_to_size(places, faces, _APART_M, max_iter=30)
+    return HeightPoints(np.unique(points, axis=0) / plan_m, None, plan_m)
 
 
 def _read_drawing(path: Path, step: float) -> tuple[HeightPoints, bool]:

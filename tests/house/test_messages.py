@@ -51,7 +51,7 @@ JUDGEMENTS = {
     "about survey.origin, beyond": "--unit",
     "its lines have elevations, and most of them bound no workings": "--half-width",
     "chooses from its layers": "--layer",
-    "are not degrees, but its coordinate system is": "survey.unit=m",
+    "are not degrees, but its coordinate system is": "--unit",
     "no cross-sections and no splays": "--half-width",
     "is steeper than": "survey.steepest_grade",
     "closing it changes a grade by": "survey.grade_change",

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+import rasterio
+import rasterio.shutil
+from rasterio.transform import from_origin
 
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
@@ -11,7 +14,9 @@ from pipeline.scans.cloud_formats import read_blocks
 from pipeline.scans.point_blocks import PLACES, Wanted
 from pipeline.survey.clouds.read import read_scan
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.height_raster import read_raster
 from tests.octomap import OCCUPIED, BinaryTree
+from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
 
 SCANNER = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
 PLAIN = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
@@ -156,3 +161,27 @@ def test_a_file_that_is_no_tree_is_refused_by_what_it_is(tmp_path, data, message
     (tmp_path / "a.bt").write_bytes(data)
     with pytest.raises(InputError, match=message):
         read(tmp_path / "a.bt")
+
+
+@pytest.mark.parametrize(("suffix", "said"), [(".ptx", "its format counts in metres, 14"), (".xyz", "states no unit")])
+def test_formats_that_count_in_metres_are_no_guess(tmp_path, suffix, said):
+    rows = [f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in noisy(sampled(drift()))]
+    head = [str(len(rows)), "1", "0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 0 0 0", "0 1 0 0", "0 0 1 0", "0 0 0 1"]
+    (tmp_path / f"a{suffix}").write_text("\n".join([*(head if suffix == ".ptx" else []), *rows]) + "\n")
+    with collect_remarks() as remarks:
+        detect_survey(tmp_path / f"a{suffix}", StatedOptions())
+    assert any(said in remark.what for remark in remarks)
+
+
+def test_a_terrain_is_read_as_the_geotiff_that_the_refusal_asks_for(tmp_path):
+    """GDAL writes both formats; it is what `gdal_translate` calls."""
+    pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
+    heights = np.full((40, 40), 400, np.int16)
+    size = {"height": 40, "width": 40, "count": 1, "dtype": "int16", "crs": "EPSG:32632"}
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", transform=from_origin(5e5, 5e6, 1, 1), **size) as file:
+        file.write(heights, 1)
+    rasterio.shutil.copy(tmp_path / "a.tif", tmp_path / "a.bt", driver="BT")
+    with pytest.raises(InputError, match=r"a terrain \(VTP\); `gdal_translate a\.bt out\.tif`"):
+        read(tmp_path / "a.bt")
+    rasterio.shutil.copy(tmp_path / "a.bt", tmp_path / "out.tif", driver="GTiff")
+    assert (read_raster(tmp_path / "out.tif").points[:, 2] == 400).all()

@@ -18,10 +18,10 @@ def read(path):
     return np.concatenate([block.points for block in read_blocks(path, 1.0)])
 
 
-def as_scan(path, points, text="%.3f"):
+def as_scan(path, points, text="%.3f", unit_m=1.0):
     """Read points as a scan, thinned to 1 mm."""
     np.savetxt(path, points, fmt=text) if path.suffix == ".xyz" else write_open3d(path, points)
-    return read_here(vars(ScanFile(path.as_posix(), 1.0, "z", None, 0.001)))
+    return read_here(vars(ScanFile(path.as_posix(), unit_m, "z", None, 0.001)))
 
 
 def write_open3d(path, points, **how):
@@ -125,6 +125,14 @@ def test_a_few_points_far_from_all_others_are_named_and_not_taken_for_a_unit(tmp
     ):
         as_scan(tmp_path / "a.xyz", points)
     assert as_scan(tmp_path / "a.xyz", points[:-1]).values["total"] == 200  # as the refusal says
+
+
+def test_half_of_the_points_far_from_the_others_are_no_unit_either(tmp_path):
+    points = np.concatenate([POINTS + GRID, POINTS])
+    with pytest.raises(InputError, match=r"200 of 400 points lie more than 10000 from the others, .*; cut them off"):
+        as_scan(tmp_path / "a.xyz", points)
+    in_mm = np.concatenate([1000.0 * POINTS, 1000.0 * POINTS + [30_000, 0, 0]])
+    assert as_scan(tmp_path / "a.xyz", in_mm, unit_m=0.001).values["total"] == 400
 
 
 @pytest.mark.parametrize("how", [{}, {"compressed": True}])

@@ -14,6 +14,7 @@ from shapely import LineString
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams
+from pipeline.survey.detect import detect_survey
 from pipeline.survey.load import _read
 from pipeline.types import DriftNetwork, Heights, Leg, Workings
 from stages.contours import trace_free_space
@@ -110,12 +111,39 @@ def test_between_the_rings_of_a_polygon_there_is_no_wall(tmp_path):
     assert not inside.any()
 
 
+def landxml(path, unit, metres):
+    """Write a floor of one plane as Civil 3D does: northing first, with a hidden face round it."""
+    places = [(EAST + x, NORTH + y, 100 + GRADE * x) for x, y in ((-10, -10), (95, -10), (95, 50), (-10, 50))]
+    points = "".join(
+        f'<P id="{k}">{y / metres:.6f} {x / metres:.6f} {z / metres:.6f}</P>' for k, (x, y, z) in enumerate(places, 1)
+    )
+    faces = '<F n="0 2 0">1 2 3</F><F n="1 0 0">1 3 4</F><F i="1">1 2 4</F>'
+    units = f'<Imperial areaUnit="squareFoot" linearUnit="{unit}" volumeUnit="cubicYard" temperatureUnit="fahrenheit"/>'
+    surface = f'<Definition surfType="TIN"><Pnts>{points}</Pnts><Faces>{faces}</Faces></Definition>'
+    path.write_text(
+        '<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">'
+        f'<Units>{units}</Units><Application name="Autodesk Civil 3D"/>'
+        f'<Surfaces><Surface name="FLOOR"><SourceData/>{surface}</Surface></Surfaces></LandXML>'
+    )
+    return path
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("foot", 0.3048), ("USSurveyFoot", 1200 / 3937)])
+def test_a_landxml_surface_in_feet_gives_the_floor_of_a_plan_in_metres(tmp_path, monkeypatch, unit, metres):
+    plan = plan_of(tmp_path)
+    with pytest.raises(InputError, match=r"floor\.xml: its surfaces are those of a floor or a terrain.*--heights"):
+        detect_survey(landxml(tmp_path / "floor.xml", unit, metres))
+    found = floor_of(*read(plan, tmp_path / "floor.xml"), monkeypatch)
+    np.testing.assert_allclose(heights_of(found, PLACES), 100 + GRADE * PLACES[:, 0], atol=0.02)
+
+
 def test_a_surface_that_does_not_belong_to_the_plan_is_refused(tmp_path):
     plan = plan_of(tmp_path)
     with pytest.raises(InputError, match=r"dem\.tif: its coordinate system is WGS 84 / UTM zone 18S, the survey's"):
         read(plan, raster(tmp_path, "EPSG:32718"))
     with pytest.raises(InputError, match=r"dem\.tif: none of its 6295 heights lies in the workings"):
         read(plan, raster(tmp_path, east=EAST + 5000))
+    assert read(plan, raster(tmp_path)) is not None  # in the survey's coordinates
     with pytest.raises(InputError, match=r"dem\.tif: an elevation of .* m, at most 10000 m"):
         read(plan, raster(tmp_path, lift_m=20_000))
     (tmp_path / "dem.tif").write_bytes(b"II*\0nothing")

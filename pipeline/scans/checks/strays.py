@@ -33,6 +33,9 @@ def require_together(path: Path, points: np.ndarray, reach: float, what: str, cu
     middle = np.median(points, axis=0)
     far = np.linalg.norm(points - middle, axis=1)
     stray = (far > reach) & (far > _STRAY * np.median(far))
+    if not stray.any():
+        stray = _parted(points, reach)
+        middle = np.median(points[~stray], axis=0)
     if stray.any():
         first, others = (
             ", ".join(f"{value:.10g}" for value in place) for place in (points[stray.argmax()], middle.round())
@@ -41,3 +44,17 @@ def require_together(path: Path, points: np.ndarray, reach: float, what: str, cu
             f"{path}: {stray.sum()} of {len(points)} {what} lie more than {reach:g} from the others, the first at "
             f"({first}), the others about ({others}); {cure}"
         )
+
+
+def _parted(points: np.ndarray, reach: float) -> np.ndarray:
+    """Return which points are the smaller of two groups that a gap along an axis parts; those may be half of them."""
+    gaps = np.diff(np.sort(points, axis=0), axis=0)
+    axis = int(gaps.max(axis=0, initial=0.0).argmax())
+    if gaps[:, axis].max(initial=0.0) <= reach:
+        return np.zeros(len(points), bool)
+    row = int(gaps[:, axis].argmax())
+    upper = points[:, axis] > np.sort(points[:, axis])[row]
+    widest = max(np.linalg.norm(np.ptp(group, axis=0)) for group in (points[upper], points[~upper]))
+    if gaps[row, axis] <= _STRAY * widest:
+        return np.zeros(len(points), bool)
+    return np.asarray(upper if 2 * upper.sum() <= len(points) else ~upper)

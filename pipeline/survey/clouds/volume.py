@@ -108,7 +108,7 @@ def volume_of_cloud(
             raise InputError(f"its points bound no space of {_LEAST_M3:g} m3: {'; '.join(missing)}")
         raise InputError(
             f"its points enclose {enclosed_m3:.1f} m3, at least {_LEAST_M3:g} m3 are needed; --voxel M "
-            f"(now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than five times that"
+            f"(now {voxel_m:g}) bridges gaps of M metres, and closes passages narrower than ten times that"
         )
     bounding = cloud.some(sides.rows)
     beyond = np.setdiff1d(grown(free.ends, _ROOM), walls.thick)  # the mouth of a drift is not carried on

@@ -62,7 +62,7 @@ def project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tuple
     if not (-180 <= west <= east <= 360 and -90 <= south <= north <= 90):
         raise InputError(
             f"{path}: coordinates from ({west:g}, {south:g}) to ({east:g}, {north:g}) are not degrees, but its "
-            "coordinate system is (GeoJSON is always longitude and latitude); state survey.unit=m for a local grid"
+            "coordinate system is (GeoJSON is always longitude and latitude); --unit m reads a local grid"
         )
     if max(east - west, north - south) > _WIDEST_DEG:
         raise InputError(

@@ -209,7 +209,7 @@ def utm_zone(system: pyproj.CRS, place: np.ndarray) -> str:
         return "a system in metres"
     try:
         to_degrees = pyproj.Transformer.from_crs(system, "EPSG:4979", always_xy=True)
-        x, y, z = (*(float(value) for value in place), 0.0)[:3]
+        x, y, z = (*np.nan_to_num(place).tolist(), 0.0)[:3]
         lon, lat, _ = to_degrees.transform(x, y, z, errcheck=True)
     except pyproj.exceptions.ProjError:
         return "its UTM zone"

@@ -18,7 +18,7 @@ from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.found import Detection
-from pipeline.survey.drawing.georeference import has_placement, read_placement, world_file
+from pipeline.survey.drawing.georeference import has_placement, placement_files, read_placement
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark
 from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
@@ -179,12 +179,12 @@ def _detect_scale(
         per_m = px_per_m_of(path, stated.ratio, dpi)
         return {**scale, "source": "stated", "px_per_m": per_m}, {"scale": f"1:{stated.ratio:g} as stated"}, []
     if has_placement(path):
-        file, place = world_file(path), read_placement(path)
+        files, place = placement_files(path), read_placement(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
-        remark = f"{per_m:.3f} px/m from {file.name if file else 'the file itself'}"
+        remark = f"{per_m:.3f} px/m from {files[0].name if files else 'the file itself'}"
         if place.unit in ("m", "metre") and abs(place.metres_per_unit - 1) > 1e-6:
             remark += f", whose metre is {place.metres_per_unit:.4f} m on the ground ({place.crs})"
-        return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, [file] if file else []
+        return {**scale, "source": "georeference", "px_per_m": per_m}, {"scale": remark}, files
     box = _stated_box(path, picture, by, stated)
     if box is None and (found := find_bar(picture)) is not None:
         box = tuple(by * side for side in found)

@@ -20,6 +20,8 @@ _ALONG = 0.9  # of a normal along an axis
 _SIDE_RATIO = 1.5  # of facets across y to those across x and z: 1.9 and more across z in ten random mines with z up
 _FIRST, _LAST = 2.5, 500.0  # voxels from a place to the wall that faces it
 _USUAL_M, _MIDDLE_M = (1.0, 8.0), 4.0  # across passages
+_GUESS, _RULE = "states no unit; read as metres", "its format counts in metres"
+IN_METRES = (".e57", ".ptx", ".bt", ".ot")  # ASTM E2807; Leica's programs; OctoMap's resolution
 _NAMES: dict[Unit, str] = {"mm": "millimetres", "cm": "centimetres", "in": "inches", "ft": "feet"}
 
 
@@ -55,9 +57,13 @@ def facets_of_mesh(vertices: np.ndarray, faces: np.ndarray) -> SampledFacets:
 
 
 def warn_of_guesses(path: Path, facets: SampledFacets, unit: bool, up: bool) -> None:
-    """Warn of a file's size if its unit is a guess, and that it seems to stand on its side if z is one."""
+    """Warn of a file's size if its unit is a guess, and that it seems to stand on its side if z is one.
+
+    Some formats state no unit, as theirs is the metre.
+    """
     if unit:
-        warn_user(f"{path.name}: {size_remark(facets)}")
+        by_rule = path.suffix.lower() in IN_METRES
+        warn_user(f"{path.name}: {size_remark(facets, _RULE if by_rule else _GUESS)}")
     if up and stands_on_side(facets):
         warn_user(f"{path.name}: most level surfaces face along its y axis; z is taken as up; --up y turns it")
 
@@ -71,13 +77,13 @@ def stands_on_side(facets: SampledFacets) -> bool:
     return bool(y > _SIDE_RATIO * max(x, z))
 
 
-def size_remark(facets: SampledFacets) -> str:
+def size_remark(facets: SampledFacets, why: str = _GUESS) -> str:
     """Return as what a file without a unit is read: its size, and the unit that gives its passages a usual width."""
     size = " x ".join(f"{side:.4g}" for side in facets.size_m)
     across = across_m(facets)
     if across is None:
-        return f"states no unit; read as metres, {size} m; --unit states another"
-    text = f"states no unit; read as metres, {size} m, its passages {across:.3g} m across"
+        return f"{why}, {size} m; --unit states another"
+    text = f"{why}, {size} m, its passages {across:.3g} m across"
     least, most = _USUAL_M
     fits = {unit: across * METRES[unit] for unit in _NAMES if least <= across * METRES[unit] <= most}
     if least <= across <= most or not fits:

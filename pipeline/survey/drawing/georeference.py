@@ -17,6 +17,7 @@ from rasterio.transform import Affine
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.plain_number import plain_number
+from pipeline.guard.reading_process import warn_user
 from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
 from pipeline.survey.coordinates.map_axes import axes_of, coordinate_system, warn_of_turn
 from pipeline.survey.drawing.picture_header import read_header
@@ -86,7 +87,7 @@ def read_placement(image: Path) -> Placement:
             f"{image}: it is stored turned (orientation {orientation}); save it upright to use a georeference"
         )
     if file is not None:
-        return _placement(file, _six_numbers(file), 1.0, "m", None)
+        return _by_world_file(image, file)
     assert tags is not None
     t, crs, cols, rows = tags
     if crs is not None and crs.is_geographic:
@@ -104,6 +105,45 @@ def read_placement(image: Path) -> Placement:
         return placement
     along = _ground_scale(image, crs.to_wkt(), *(t @ (cols / 2, rows / 2)))
     return replace(placement, metres_per_unit=float(metres) / along)
+
+
+def placement_files(image: Path) -> list[Path]:
+    """Return the world file of a picture, and the file beside it that names the coordinate system, if there are any."""
+    file = world_file(image)
+    beside = [image.with_suffix(end) for end in (".prj", ".PRJ")] if file is not None else []
+    return [found for found in (file, *beside) if found is not None and found.is_file()]
+
+
+def _by_world_file(image: Path, file: Path) -> Placement:
+    """Return the georeference of a world file, in metres unless a `.prj` file beside it names a system."""
+    six, systems = _six_numbers(file), placement_files(image)[1:]
+    if not systems:
+        _warn_of_unread(image)
+        return _placement(file, six, 1.0, "m", None)
+    system = coordinate_system(systems[0], read_text_bytes(systems[0], "yaml_bytes").decode("latin-1"))
+    if system.is_geographic:
+        raise InputError(
+            f"{image}: its pixels are in degrees ({system.name}); warp it to a metric system first, or state --px-per-m"
+        )
+    axes, header = axes_of(system), read_header(image)
+    warn_of_turn(image, axes)
+    a, d, b, e, c, f = axes.plan_of(np.array(six).reshape(3, 2)).ravel().tolist()
+    code = system.to_authority()
+    placement = _placement(file, (a, d, b, e, c, f), axes.metres, axes.unit, ":".join(code) if code else system.name)
+    if not system.is_projected:
+        return placement
+    middle = (c + a * header.width / 2 + b * header.height / 2, f + d * header.width / 2 + e * header.height / 2)
+    return replace(placement, metres_per_unit=axes.metres / _ground_scale(image, system.to_wkt(), *middle))
+
+
+def _warn_of_unread(image: Path) -> None:
+    """List a coordinate system that GDAL or ArcGIS wrote into another file beside the picture."""
+    beside = image.with_name(f"{image.name}.aux.xml")
+    if beside.is_file() and b"<SRS" in read_text_bytes(beside, "text_bytes"):
+        warn_user(
+            f"{image.name}: {beside.name} states a coordinate system, which is not read; a pixel is taken in metres; "
+            f"`gdalsrsinfo -o wkt_esri {image.name} > {image.stem}.prj` writes it beside"
+        )
 
 
 def has_placement(image: Path) -> bool:

@@ -26,13 +26,14 @@ from pipeline.scans.meshes.polygons import triangles_of, with_triangles
 from pipeline.survey.solids.collada import COLLADA, read_collada
 from pipeline.survey.solids.landxml import LANDXML, read_landxml
 from pipeline.survey.solids.mining_format import OMF, read_omf
-from pipeline.survey.solids.stated_metres import StatedMeshes, in_named_unit
+from pipeline.survey.solids.stated_metres import StatedMeshes, in_named_unit, unit_in_comments
 from pipeline.survey.solids.surpac_solid import read_dtm
 from pipeline.survey.solids.usd import USD, read_usd
 from pipeline.survey.vector.dxf import READING_ERRORS
 from pipeline.survey.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of
 
 _STL_HEAD = 84  # bytes before the first triangle of a binary STL file
+_COMMENTED = (".obj", ".ply", ".stl")
 _Y_UP = (".glb",)  # by the format's own rule; the others state nothing
 
 
@@ -106,6 +107,8 @@ def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> 
     if stated is not None:
         return Triangles(vertices, faces, layer, names, stated.unit, stated.up, steps)
     unit: Unit | None = "m" if suffix in _Y_UP else dxf_unit
+    if suffix in _COMMENTED:
+        unit = unit_in_comments(path, data, suffix)
     return Triangles(vertices, faces, layer, names, unit, "y" if suffix in _Y_UP else "z", steps)
 
 

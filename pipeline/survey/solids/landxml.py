@@ -44,6 +44,33 @@ def read_landxml(path: Path, data: bytes) -> StatedMeshes:
     ----------
     LandXML-1.2, elements Units, Surface, Definition, Pnts, P, Faces and F.
     """
+    found, metres = _surfaces(path, data)
+    if all(_faces_one_way(mesh) for mesh in found):
+        raise InputError(
+            f"{path}: its surfaces are those of a floor or a terrain, and close no space; --heights reads it with a "
+            "plan in the same coordinates"
+        )
+    return StatedMeshes(found, metres)
+
+
+def read_landxml_floor(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray, float | None]:
+    """Return the corners (n, 3) and triangles (m, 3) of all surfaces, in the unit of lengths, and metres a unit.
+
+    The last is None if the file states no unit.
+
+    Raises
+    ------
+    InputError
+        As `read_landxml`; a floor is read.
+    """
+    found, metres = _surfaces(path, data)
+    starts = np.cumsum([0, *(len(vertices) for _, vertices, _ in found)])
+    faces = [start + faces for start, (_, _, faces) in zip(starts, found, strict=False)]
+    return np.concatenate([vertices for _, vertices, _ in found]), np.concatenate(faces), metres
+
+
+def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
+    """Return the surfaces with faces, in the unit of lengths, and metres a unit if stated."""
     root = read_plain_xml(path, data)
     if plain_name(root) != "LandXML":
         raise InputError(f"{path}: an XML file of {plain_name(root)[:40]!r}; of XML LandXML alone is read")
@@ -55,17 +82,12 @@ def read_landxml(path: Path, data: bytes) -> StatedMeshes:
         found += [mesh] if mesh is not None else []
     if not found:
         raise InputError(f"{path}: has no surface with faces (<Surface>, <Faces>); export the surface, not its points")
-    if all(_faces_one_way(mesh) for mesh in found):
-        raise InputError(
-            f"{path}: its surfaces are those of a floor or a terrain, and close no space; write their points as a .csv "
-            "with easting_m,northing_m,elevation_m, which --heights reads with a plan"
-        )
     if hidden:
         warn_user(f"{path.name}: {hidden} faces are marked invisible and are left out")
     others = sorted({plain_name(child) for child in root} & _NOT_READ)
     if others:
         warn_user(f"{path.name}: its surfaces are read; {', '.join(others)} are not")
-    return StatedMeshes(found, metres)
+    return found, metres
 
 
 def _faces_one_way(mesh: Mesh) -> bool:

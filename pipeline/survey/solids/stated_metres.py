@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,9 +12,13 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import Unit
+from pipeline.survey.coordinates.map_axes import metres_of_unit
 from pipeline.survey.vector.shapes import METRES
 
 Mesh = tuple[str, np.ndarray, np.ndarray]
+_HEAD, _STL_HEAD = 10_000, 80  # bytes in which comments state a unit
+_COMMENTS = re.compile(rb"^(?:#|comment\b|obj_info\b).*$", re.MULTILINE)
+_UNITS = re.compile(rb"\bunits?\s*[=:]\s*[\"']?([a-z]+)", re.IGNORECASE)
 _SAME = 1e-9  # relative; the US survey foot differs from the foot by 2e-6
 _NAMES: tuple[Unit, ...] = ("m", "cm", "mm", "ft", "in")
 
@@ -38,6 +43,20 @@ class StatedMeshes:
 def name_of(metres: float) -> Unit | None:
     """Return the unit of so many metres; None if it is another than m, cm, mm, ft and in."""
     return next((unit for unit in _NAMES if math.isclose(METRES[unit], metres, rel_tol=_SAME)), None)
+
+
+def unit_in_comments(path: Path, data: bytes, suffix: str) -> Unit | None:
+    """Return the unit that a comment of an OBJ, PLY or STL file states, with a remark; None if there is none.
+
+    The formats have none. Programs write `# File units = inches`, `comment unit: mm`, or `UNITS=mm` in STL's header.
+    """
+    lines = data[:_STL_HEAD] if suffix == ".stl" else b"\n".join(_COMMENTS.findall(data[:_HEAD]))
+    stated = _UNITS.search(lines)
+    metres = None if stated is None else metres_of_unit(stated[1].decode("latin-1"))
+    unit = None if metres is None else name_of(metres)
+    if unit is not None:
+        warn_user(f"{path.name}: a comment states the unit {unit}, which is used; --unit states another")
+    return unit
 
 
 def in_named_unit(path: Path, found: StatedMeshes) -> StatedMeshes:

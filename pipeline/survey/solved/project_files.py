@@ -17,7 +17,7 @@ from pipeline.guard.plain_file import read_text_bytes
 from pipeline.params.reader_limits import FILE, reader_limits
 
 _BLANK = "[ \t,]*"  # Survex reads commas as blanks
-_COMMAND = re.compile(rf"{_BLANK}\*{_BLANK}([a-z]+)(.*)", re.IGNORECASE | re.DOTALL)
+COMMAND = re.compile(rf"{_BLANK}\*{_BLANK}([a-z]+)(.*)", re.IGNORECASE | re.DOTALL)
 _WORD = re.compile(r'[ \t,]*(?:"([^"]*)"?|([^ \t,]+))')
 _LINE_END = r"\r\n|\n\r|\n|\r"
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")  # all but tabs and ends of lines; Ctrl-Z ends a line as well
@@ -117,7 +117,7 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
         raise InputError(f"{path}: more than {limits.survex_files} files (survex_files in {FILE})")
     depth = 0
     for number, line in plain_lines(path):
-        found = _COMMAND.match(line)
+        found = COMMAND.match(line)
         if found is None:
             continue
         where, command, rest = f"{path}:{number}", found[1].lower(), found[2]
@@ -136,7 +136,7 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
         elif command == "cs" and _PROJ_FILES.search(rest.partition(";")[0]):
             raise InputError(f"{where}: *cs {rest.strip()[:60]!r}: a definition that can name files is not read")
         elif command == "include":
-            file = _included(where, rest, path, folder)
+            file = included_file(where, rest, path, folder)
             if file.resolve() in [one.resolve() for one in (*above, path)]:
                 raise InputError(f"{where}: *include {file.name!r}: the file includes itself")
             if len(above) >= limits.survex_depth:
@@ -192,7 +192,14 @@ def _require_plain_set(where: str, rest: str) -> None:
         raise InputError(f"{where}: *set {item[:30]} is not supported: {reason}")
 
 
-def _included(where: str, rest: str, path: Path, folder: Path) -> Path:
+def included_file(where: str, rest: str, path: Path, folder: Path) -> Path:
+    """Return the file that `*include` names in a file; `rest` is what follows the command.
+
+    Raises
+    ------
+    InputError
+        If there is none below the folder. The message begins with `where`.
+    """
     word = _WORD.match(rest)
     name = (word[1] if word[1] is not None else word[2]) if word else ""
     if ";" in name:

@@ -20,6 +20,7 @@ from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.survex.adjustment import read_traverses, require_printed_length, warn_of_misclosures
 from pipeline.survey.survex.computed import computed_declinations, state_declination, warn_of_computed
+from pipeline.survey.survex.large_network import fix_junctions
 from pipeline.survey.survex.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
@@ -104,16 +105,24 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
         source = written.write(folder)
         result = folder / f"{path.stem}.3d"
         command = [program, "-q", "-o", str(result), str(source)]
+        loops = fix_junctions(source, program, _run)
         status, output = _run(command)
+        if loops and status != 0:  # refused with its junctions fixed: Survex reports on the project itself
+            loops, source = 0, written.write(folder)
+            status, output = _run(command)
         is_computed = status == 0 and bool(computed_declinations(output))
         if declination_deg is not None and is_computed:
-            files = [file for file in folder.rglob("*") if file.is_file()]
-            state_declination(declination_deg, read_3d(result), files)
+            survey = read_3d(result)
+            written.write(folder)  # without junctions of the computed declination
+            state_declination(declination_deg, survey, [file for file in folder.rglob("*") if file.is_file()])
+            fix_junctions(source, program, _run)
             status, output = _run(command)
         elif declination_deg is not None:
             warn_user(f"{path.name}: --declination changes nothing: no declination is computed")
         if status != 0 or not result.is_file():
             raise InputError(_problem(path, source, status, output, written))
+        if loops:
+            warn_user(f"{path.name}: {loops:,} loops are closed by sparse least squares with the weights of Survex")
         _require_sound(path, source, output, written)
         warn_of_computed(path, _version(output), computed_declinations(output))
         doubt = warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)

@@ -14,6 +14,8 @@ from pipeline.remarks import warn_user
 _FRAME_POINT = 16  # flag of a vertex: it controls a fitted curve or surface, and lies beside it
 _UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 21: "ft", 22: "in"}  # $INSUNITS; the US survey
 # foot and inch are longer by 2e-6, 2 cm in the 10 km that a survey may reach
+_IN_INCHES = (3, 4)  # of $LUNITS, engineering and architectural: the drawing's unit is an inch
+_ENGLISH = ("ft", "in")
 _OTHER_UNITS = {3: "miles", 7: "kilometres", 8: "microinches", 9: "mils", 10: "yards", 13: "micrometres",
                 14: "decimetres", 15: "decametres", 16: "hectometres", 23: "US survey yards"}  # fmt: skip
 
@@ -59,10 +61,24 @@ def _next(count: int, is_closed: bool) -> list[tuple[int, int]]:
 
 def unit_of(path: Path, drawing: Drawing) -> Unit | None:
     """Return the unit that a drawing states, None if it states none or one that is not read, with a warning."""
+    if drawing.modelspace().get_geodata() is not None:
+        warn_user(
+            f"{path.name}: states its place on the Earth (GEODATA), which is not read; coordinates are the drawing's"
+        )
     code = int(drawing.header.get("$INSUNITS", 0))
     if code in _OTHER_UNITS:
         warn_user(
             f"{path.name}: states its unit as {_OTHER_UNITS[code]} ($INSUNITS = {code}), which is not read; scale it "
             "to metres in CAD, or --unit states m, cm, mm, ft or in"
         )
-    return _UNITS.get(code)
+    unit = _UNITS.get(code)
+    shown = int(drawing.header.get("$LUNITS", 2))
+    what, way = "", "in"
+    if shown in _IN_INCHES and unit not in _ENGLISH:
+        what = f"shows lengths in feet and inches ($LUNITS = {shown})"
+    elif code == 0 and int(drawing.header.get("$MEASUREMENT", 1)) == 0:
+        what, way = "is drawn in English units ($MEASUREMENT = 0)", "ft"
+    if what:
+        stated = f"the unit {unit}" if unit else "no unit ($INSUNITS)"
+        warn_user(f"{path.name}: states {stated} and {what}, which changes nothing; --unit {way} reads it so")
+    return unit

@@ -36,21 +36,20 @@ def require_plan(path: Path, content: Shapes) -> None:
     points = shapely.get_coordinates(lines, include_z=has_heights)
     if not np.isfinite(points).all():
         return
-    advice = f"--layer NAME reads them all the same{_layers(content)}"
     length, across = _extents(points[:, :2])
     fall = float(np.ptp(points[:, 2])) if has_heights else 0.0
     if across <= _FLAT * length and fall > _FLAT * length:
         raise InputError(
             f"{path}: its {len(lines)} lines lie in one vertical plane, {length:g} long and {fall:g} high in the unit "
-            f"of the file; --half-width M reads them as centrelines of drifts; if it is a section, give the plan; "
-            f"{advice}"
+            f"of the file; --half-width M reads them as centrelines of drifts; if it is a section, give the plan"
         )
     nested = _nested_contours(lines)
     if nested >= _LEAST_CONTOURS:
         raise InputError(
             f"{path}: {nested} of its closed lines lie within each other"
             f"{', each at a height of its own' if has_heights else ''}: contours of an open pit or of the ground, no "
-            f"underground workings; --heights FILE reads contours as heights of the floor of a plan; {advice}"
+            f"underground workings; --heights FILE reads contours as heights of the floor of a plan; --layer "
+            f"NAME reads them all the same{_layers(content)}"
         )
 
 

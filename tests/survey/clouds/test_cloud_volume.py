@@ -169,9 +169,11 @@ def test_points_that_enclose_nothing_are_refused_with_what_they_lack(plain, rise
 
 
 def test_another_voxel_is_advised_only_where_nothing_is_missing():
-    narrow = noisy(sampled(manifold3d.Manifold.cube([LONG_M, 0.7, 0.7])))
-    with pytest.raises(InputError, match=r"m3 are needed; --voxel M \(now 0\.2\) .* narrower than five times that$"):
+    narrow = noisy(sampled(manifold3d.Manifold.cube([LONG_M, 0.8, 0.8])))
+    with pytest.raises(InputError, match=r"m3 are needed; --voxel M \(now 0\.2\) .* narrower than ten times that$"):
         scanned(narrow)
+    found = volume_of_cloud(thin(iter([PointBlock(narrow)]), 0.025, 10**6), 0.05, 0.03, 20_000)
+    assert solid_of(found).volume() == pytest.approx(LONG_M * 0.8**2, rel=0.05)
 
 
 def test_a_scan_in_blocks_is_thinned_as_a_whole(plain):
@@ -194,3 +196,4 @@ def test_a_look_at_a_large_scan_takes_larger_voxels_with_the_same_means(plain):
 def test_more_voxels_than_the_limit_are_refused(plain):
     with pytest.raises(InputError, match=r"fill more than 500 voxels of 0\.1 m; --voxel"):
         thin(iter([PointBlock(plain)]), 0.1, 500)
+    assert len(thin(iter([PointBlock(plain)]), 1.0, 500)) <= 500

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pyproj
 import pytest
 import rasterio
 import shapely
@@ -280,6 +281,23 @@ def test_the_resolution_of_a_page_is_lowered_until_it_fits_and_said(tmp_path, ca
     warned = capsys.readouterr().err
     assert warned == ("" if dpi == 200 else warned)
     assert (f"page of {inches[0]} x {inches[1]} in; it is read at {dpi} dpi; --dpi" in warned) == (dpi < 200)
+
+
+def test_the_system_beside_a_world_file_states_its_unit(data, capsys):
+    cv2.imwrite(str(data / "plan.png"), plan_of(TEE, frame_for(TEE)))
+    foot_m = 1200 / 3937
+    (data / "plan.pgw").write_text(f"{0.125 / foot_m}\n0\n0\n{-0.125 / foot_m}\n6300000\n1850000\n")
+    (data / "plan.png.aux.xml").write_text(f"<PAMDataset><SRS>{pyproj.CRS('EPSG:2230').to_wkt()}</SRS></PAMDataset>")
+    assert detect_survey(data / "plan.png").values["scale"]["px_per_m"] == pytest.approx(8.0 * foot_m)
+    assert "plan.png.aux.xml states a coordinate system, which is not read" in capsys.readouterr().err
+    (data / "plan.prj").write_text(pyproj.CRS("EPSG:2230").to_wkt("WKT1_ESRI"))
+    found = detect_survey(data / "plan.png")
+    assert found.values["scale"]["px_per_m"] == pytest.approx(8.0, rel=1e-3)
+    assert [file.name for file in found.files[-2:]] == ["plan.pgw", "plan.prj"]
+    (data / "plan.prj").write_text(pyproj.CRS("EPSG:4326").to_wkt("WKT1_ESRI"))
+    with pytest.raises(InputError, match=r"its pixels are in degrees .*; warp it .*, or state --px-per-m"):
+        detect_survey(data / "plan.png")
+    assert detect_survey(data / "plan.png", StatedOptions(px_per_m=8.0)).values["scale"]["source"] == "stated"
 
 
 def test_a_value_in_pixels_of_a_page_whose_resolution_is_lowered_needs_the_resolution(

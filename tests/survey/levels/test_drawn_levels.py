@@ -226,6 +226,7 @@ def test_defects_are_refused_with_their_place(tmp_path, layers, message):
 def test_seeds_are_refused_with_levels(tmp_path):
     with pytest.raises(InputError, match=r"survey\.seeds_m is not read with levels over each other"):
         drawn(write(tmp_path / "mine.dxf", MINE), seeds_m=[(5.0, 2.5)])
+    assert drawn(tmp_path / "mine.dxf", seeds_m=[(5.0, 2.5)], layers=["upper"]).workings.area > 400
 
 
 def test_seeds_choose_workings_on_a_slope_that_lie_nowhere_over_each_other(tmp_path):

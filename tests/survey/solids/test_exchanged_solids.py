@@ -89,7 +89,7 @@ def test_a_broken_landxml_file_is_refused_by_what_is_wrong(tmp_path, old, new, m
 
 def test_a_landxml_surface_of_a_floor_is_refused_with_what_reads_its_points(tmp_path):
     floor = np.array([[0, 0, 0], [10, 0, 1], [10, 4, 1], [0, 4, 0]], float)
-    with pytest.raises(InputError, match=r"are those of a floor or a terrain, .* --heights reads with a plan"):
+    with pytest.raises(InputError, match=r"are those of a floor or a terrain, .* --heights reads it with a plan"):
         read(landxml(tmp_path / "a.xml", floor, np.array([[0, 1, 2], [0, 2, 3]])))
 
 

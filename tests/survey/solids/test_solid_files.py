@@ -178,3 +178,23 @@ def test_the_scanned_cave_closes(shared_rock):
     _, found = closed(shared_rock, 3.0)
     assert found.solid.volume() == pytest.approx(19.88, abs=0.01)
     assert (len(found.solids), len(found.holes), found.turned) == (3, 9, 3)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "comment", "unit"),
+    [
+        (".obj", "# File units = inches\n", "in"),
+        (".obj", "# a comment on units of production\n", None),
+        (".ply", "comment unit: mm\n", "mm"),
+        (".stl", "UNITS=mm", "mm"),
+        (".stl", "units of nothing", None),
+    ],
+)
+def test_a_unit_that_a_comment_states_is_used_and_listed(tmp_path, capsys, suffix, comment, unit):
+    data = trimesh.creation.box((2, 2, 2)).export(file_type=suffix[1:])
+    data = data.encode() if isinstance(data, str) else data
+    head = data[: data.index(b"element vertex")] if suffix == ".ply" else b""
+    text = comment.encode().ljust(80) if suffix == ".stl" else comment.encode()
+    data = head + text + data[80 if suffix == ".stl" else len(head) :]
+    assert read_triangles(tmp_path / f"a{suffix}", data).unit == unit
+    assert ("a comment states the unit" in capsys.readouterr().err) == (unit is not None)

@@ -4,6 +4,7 @@ import shutil
 import subprocess
 
 import numpy as np
+import pyproj
 import pytest
 
 from pipeline.survey.solved.survex_3d import read_3d
@@ -184,6 +185,23 @@ def test_the_axes_of_krovaks_grid_are_read_by_their_directions(tmp_path, system,
     assert bearing == pytest.approx(3 + 6.3, abs=0.3)  # the grid's north is 6.3 deg west of true north there
     turn = np.cross((at["m.2"] - at["m.1"])[:2], (at["m.3"] - at["m.2"])[:2])
     assert turn == pytest.approx(-10_000, rel=0.01)  # a leg to the right stays one
+
+
+@pytest.mark.parametrize("system", ["iJTSK", "iJTSK03"])
+def test_bearings_in_krovaks_grid_turn_by_the_convergence_that_proj_has(tmp_path, system):
+    at = position_of(
+        solved(tmp_path, f"cs {system}\nfix 1 -600000 -1100000 300\ndeclination 0 deg\n{NORMAL}1 2 9999 0 0\n")
+    )
+    turned = np.degrees(np.arctan2(*(at["m.2"] - at["m.1"])[:2]))
+    grid = pyproj.CRS("EPSG:5514" if system == "iJTSK" else "EPSG:8353")
+    place = pyproj.Transformer.from_crs(grid, grid.geodetic_crs, always_xy=True).transform(-600_000, -1_100_000)
+    assert turned == pytest.approx(-pyproj.Proj(grid).get_factors(*place).meridian_convergence, abs=0.005)
+    if system == "iJTSK03" and shutil.which("therion") is not None:  # the other one needs a grid from the network
+        (tmp_path / "thconfig").write_text("source m.th\nexport model -fmt survex -o m.3d\n")
+        subprocess.run(["therion", "-q"], cwd=tmp_path, check=True, capture_output=True)
+        theirs = position_of(read_3d(tmp_path / "m.3d"))
+        angle = np.degrees(np.arctan2(*(theirs["m.2"] - theirs["m.1"])[:2]))
+        assert turned - angle == pytest.approx(0.0237, abs=0.002)  # docs/adr/0013-survex.md
 
 
 def test_a_group_takes_back_what_it_stated(tmp_path):

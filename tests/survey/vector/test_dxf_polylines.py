@@ -166,6 +166,36 @@ def test_a_stated_unit_is_used_or_named(tmp_path, capsys, code, unit, said):
     assert f"states its unit as {said} ($INSUNITS = {code})" in shown if said else "unit" not in shown
 
 
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ({"$INSUNITS": 0, "$MEASUREMENT": 0}, "states no unit ($INSUNITS) and is drawn in English units"),
+        ({"$INSUNITS": 0, "$LUNITS": 4}, "states no unit ($INSUNITS) and shows lengths in feet and inches"),
+        ({"$INSUNITS": 6, "$LUNITS": 3}, "states the unit m and shows lengths in feet and inches"),
+        ({"$INSUNITS": 6, "$MEASUREMENT": 0}, ""),
+        ({"$INSUNITS": 1, "$LUNITS": 4, "$MEASUREMENT": 0}, ""),
+    ],
+)
+def test_english_units_that_a_drawing_only_shows_are_listed(tmp_path, capsys, header, said):
+    drawing = ezdxf.new()
+    drawing.modelspace().add_line((0, 0), (10, 0))
+    for name, value in header.items():
+        drawing.header[name] = value
+    drawing.saveas(tmp_path / "a.dxf")
+    read_dxf(tmp_path / "a.dxf", None)
+    shown = capsys.readouterr().err
+    assert said in shown if said else shown == ""
+
+
+def test_a_place_on_the_earth_is_listed(tmp_path, capsys):
+    drawing = ezdxf.new("R2010", units=6)
+    drawing.modelspace().add_line((0, 0), (10, 0))
+    drawing.modelspace().new_geodata().setup_local_grid(design_point=(0, 0), reference_point=(500_000, 5_500_000))
+    drawing.saveas(tmp_path / "a.dxf")
+    assert read_dxf(tmp_path / "a.dxf", None).unit == "m"
+    assert "states its place on the Earth (GEODATA), which is not read" in capsys.readouterr().err
+
+
 def test_a_line_far_from_all_others_is_named_and_left_out_by_its_layer(tmp_path):
     drawing = ezdxf.new(units=6)
     space = drawing.modelspace()
