@@ -15,7 +15,7 @@ from pipeline.volume.world.reach import RobotSize
 
 _NO_ROCK_M = 1e3  # clearance where there is no rock at all
 _SIDE = 5  # places along a cell's side that are looked at
-_WIDE_M = 0.75  # from the middle of a cell to rock: there other places of the cell are not looked at
+_NARROW_M, _WIDE_M = 0.1, 0.6  # from the middle of a cell to rock: other places of the cell are looked at in between
 _FLAT = 10.0  # heights are stretched so much before distances are measured, which then are almost level
 _LOW, _HIGH = 0.25, 0.75  # of a low roof's height: what stands for the bottom and the top of the chassis under it
 _ALIKE = 3  # decimals: of places with as much room the one nearest to the middle is taken
@@ -35,71 +35,55 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     """Return the room in the cells of spans whose floors have slopes (s, 2), rise over run to the east and the north.
 
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
-    floor. It is looked for at 5 x 5 places of each cell: 5 cm apart where cells are 0.25 m wide.
+    floor. Of cells where robots stand it is looked for at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
     """
+    count = len(slope)
+    aside = np.zeros((count, 3))
     if (volume.label == FacetLabel.FLOOR).all():
-        count = len(bare.column)
-        return Room(np.zeros((count, 3)), np.full(count, _NO_ROCK_M), np.full((count, len(WAYS)), _NO_ROCK_M))
-    scene = _RockBeside(volume)
+        return Room(aside, np.full(count, _NO_ROCK_M), np.full((count, len(WAYS)), _NO_ROCK_M))
+    chassis = _Chassis(volume, bare, slope)
     step = bare.cell_m / _SIDE
     across = (np.arange(_SIDE) - _SIDE // 2) * step
     north, east = np.meshgrid(across, across, indexing="ij")
     offsets = np.column_stack([east.ravel(), north.ravel()])
     nearest = np.argsort(np.hypot(*offsets.T).round(_ALIKE), kind="stable")  # to the middle
-    aside, clearance = np.zeros((len(slope), 3)), np.zeros(len(slope))
-    reached = np.zeros((len(slope), _SIDE, _SIDE), np.float32)
-    for first in range(0, len(slope), _BLOCK):
-        own = slice(first, first + _BLOCK)
-        room = _rooms(scene, bare, slope, np.arange(len(slope))[own], offsets)
-        inside = _spread(room, np.full(len(room), len(offsets) // 2)) > step  # else rock may lie between
-        inside.reshape(len(room), -1)[:, len(offsets) // 2] = True
-        seen = np.where(inside, room, -1.0).reshape(len(room), -1).round(_ALIKE)
+    clearance = chassis.clearance_m(np.arange(count), offsets[nearest[:1]])[:, 0]
+    reached = np.repeat(clearance.astype(np.float32), _SIDE**2).reshape(count, _SIDE, _SIDE)
+    own = np.flatnonzero((bare.storey >= 0) & (clearance > _NARROW_M) & (clearance < _WIDE_M))
+    for some in np.split(own, range(_BLOCK, len(own), _BLOCK)):
+        room = chassis.clearance_m(some, offsets).reshape(-1, _SIDE, _SIDE)
+        inside = _spread(room, np.full(len(some), nearest[0])) > step  # else rock may lie between
+        seen = np.where(inside, room, 0.0).reshape(len(some), -1).round(_ALIKE)
         roomiest = nearest[seen[:, nearest].argmax(axis=1)]
-        aside[own, :2] = offsets[roomiest]
-        clearance[own] = room.reshape(len(room), -1)[np.arange(len(room)), roomiest]
-        reached[own] = _spread(room, roomiest)
+        aside[some, :2] = offsets[roomiest]
+        clearance[some] = room.reshape(len(some), -1)[np.arange(len(some)), roomiest]
+        reached[some] = _spread(room, roomiest)
     aside[:, 2] = (aside[:, :2] * slope).sum(axis=1)
     return Room(aside, clearance, _ways(bare, reached, robot))
 
 
-class _RockBeside:
-    """What is rock of a volume, stretched in height."""
+class _Chassis:
+    """The chassis of a robot on the floors of spans, and the rock beside it, whose heights are stretched."""
 
-    def __init__(self, volume: VolumeFacets) -> None:
+    def __init__(self, volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray) -> None:
         self._middle, self._stretched = volume.vertices.mean(axis=0), np.array([1.0, 1.0, _FLAT])
         vertices = (volume.vertices - self._middle) * self._stretched  # distances are measured in 32 bits
         self._scene = ray_scene(vertices, volume.faces[volume.label != FacetLabel.FLOOR], 1)
+        robot, self._slope = RobotParams(), slope
+        normal = np.column_stack([-slope, np.ones(len(slope))])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        ends = (robot.ground_clearance_m, _LOW), (robot.ground_clearance_m + robot.height_m, _HIGH)
+        heights = (np.minimum(height, share * bare.headroom_m) for height, share in ends)
+        self._ends = [bare.places_m - self._middle + height[:, None] * normal for height in heights]
 
-    def distance_m(self, places_m: np.ndarray) -> np.ndarray:
-        """Return the level distances (n,) m of places (n, 3) m from rock."""
-        seen = ((places_m - self._middle) * self._stretched).astype(np.float32)
-        found: np.ndarray = self._scene.compute_distance(seen, nthreads=1).numpy()
+    def clearance_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
+        """Return the clearance (k, m) m of places (m, 2) m beside the middles of spans (k,)."""
+        beside = np.empty((len(spans), len(aside_m), 3))
+        beside[:, :, :2], beside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
+        seen = (((end[spans, None] + beside) * self._stretched).astype(np.float32) for end in self._ends)
+        bottom, top = (self._scene.compute_distance(places, nthreads=1).numpy() for places in seen)
+        found: np.ndarray = np.minimum(bottom, top)
         return found
-
-
-def _rooms(scene: _RockBeside, bare: FloorSpans, slope: np.ndarray, own: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Return the clearance (k, n, n) m at the places of cells; that at the middle for all where it is wide."""
-    chassis = RobotParams()
-    normal = np.column_stack([-slope[own], np.ones(len(own))])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    bottom_m, top_m = chassis.ground_clearance_m, chassis.ground_clearance_m + chassis.height_m
-    heights = [np.minimum(height, share * bare.headroom_m[own]) for height, share in ((bottom_m, _LOW), (top_m, _HIGH))]
-
-    def clearance(some: np.ndarray, aside: np.ndarray) -> np.ndarray:
-        """Return the clearance (k, m) m of places (m, 2) m beside the middles of some spans."""
-        rise = slope[own[some]] @ aside.T
-        count = len(some), len(aside)
-        beside = np.concatenate([np.broadcast_to(aside, (*count, 2)), rise[..., None]], axis=2)
-        places = bare.places_m[own[some], None] + beside
-        found = [scene.distance_m((places + (h[some, None] * normal[some])[:, None]).reshape(-1, 3)) for h in heights]
-        least: np.ndarray = np.minimum(*found).reshape(count)
-        return least
-
-    everywhere = np.arange(len(own))
-    room = np.repeat(clearance(everywhere, np.zeros((1, 2))), len(offsets), axis=1)
-    narrow = np.flatnonzero(room[:, 0] < _WIDE_M)
-    room[narrow] = clearance(narrow, offsets)
-    return room.reshape(len(own), _SIDE, _SIDE)
 
 
 def _spread(room: np.ndarray, start: np.ndarray) -> np.ndarray:
