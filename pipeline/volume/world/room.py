@@ -19,6 +19,8 @@ _NARROW_M, _WIDE_M = 0.1, 0.6  # from the middle of a cell to rock: other places
 _FLAT = 10.0  # heights are stretched so much before distances are measured, which then are almost level
 _LOW, _HIGH = 0.25, 0.75  # of a low roof's height: what stands for the bottom and the top of the chassis under it
 _ALIKE = 3  # decimals: of places with as much room the one nearest to the middle is taken
+_EDGE_M = 0.1  # under a floor: where rock is beside that, the floor ends
+_OVER_EDGE_M = 0.15  # of a robot's disc may be over an edge: its wheels are within the disc
 _BLOCK = 20_000  # spans at a time
 
 
@@ -35,7 +37,8 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     """Return the room in the cells of spans whose floors have slopes (s, 2), rise over run to the east and the north.
 
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
-    floor. Of cells where robots stand it is looked for at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
+    floor, and from 10 cm under it, which is that to an edge of the floor. Of cells where robots stand it is looked for
+    at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
     """
     count = len(slope)
     aside = np.zeros((count, 3))
@@ -47,7 +50,7 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     north, east = np.meshgrid(across, across, indexing="ij")
     offsets = np.column_stack([east.ravel(), north.ravel()])
     nearest = np.argsort(np.hypot(*offsets.T).round(_ALIKE), kind="stable")  # to the middle
-    clearance = chassis.clearance_m(np.arange(count), offsets[nearest[:1]])[:, 0]
+    clearance = chassis.middle_m.astype(np.float64)
     reached = np.repeat(clearance.astype(np.float32), _SIDE**2).reshape(count, _SIDE, _SIDE)
     own = np.flatnonzero((bare.storey >= 0) & (clearance > _NARROW_M) & (clearance < _WIDE_M))
     for some in np.split(own, range(_BLOCK, len(own), _BLOCK)):
@@ -73,16 +76,38 @@ class _Chassis:
         normal = np.column_stack([-slope, np.ones(len(slope))])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         ends = (robot.ground_clearance_m, _LOW), (robot.ground_clearance_m + robot.height_m, _HIGH)
-        heights = (np.minimum(height, share * bare.headroom_m) for height, share in ends)
-        self._ends = [bare.places_m - self._middle + height[:, None] * normal for height in heights]
+        heights = [np.minimum(height, share * bare.headroom_m) for height, share in ends]
+        self._bottom, self._top, self._under = (
+            bare.places_m - self._middle + height[:, None] * normal
+            for height in (*heights, np.full(len(slope), -_EDGE_M))
+        )
+        everywhere, here = np.arange(len(slope)), np.zeros((1, 2))
+        self.middle_m = self._beside(everywhere, here)[:, 0]
+        edge = self._edge_m(everywhere, here)[:, 0]
+        self._at_edge = edge < self.middle_m + 2 * bare.cell_m  # elsewhere rock is nearer all over the cell
+        self.middle_m = np.minimum(self.middle_m, edge)
 
     def clearance_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         """Return the clearance (k, m) m of places (m, 2) m beside the middles of spans (k,)."""
+        found = self._beside(spans, aside_m)
+        edge = np.flatnonzero(self._at_edge[spans])
+        found[edge] = np.minimum(found[edge], self._edge_m(spans[edge], aside_m))
+        return found
+
+    def _beside(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
+        bottom, top = (self._distance_m(end, spans, aside_m) for end in (self._bottom, self._top))
+        found: np.ndarray = np.minimum(bottom, top)
+        return found
+
+    def _edge_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
+        return self._distance_m(self._under, spans, aside_m) + _OVER_EDGE_M
+
+    def _distance_m(self, places_m: np.ndarray, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
+        """Return the level distances (k, m) m from rock of places (m, 2) m beside those (s, 3) of spans (k,)."""
         beside = np.empty((len(spans), len(aside_m), 3))
         beside[:, :, :2], beside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
-        seen = (((end[spans, None] + beside) * self._stretched).astype(np.float32) for end in self._ends)
-        bottom, top = (self._scene.compute_distance(places, nthreads=1).numpy() for places in seen)
-        found: np.ndarray = np.minimum(bottom, top)
+        seen = ((places_m[spans, None] + beside) * self._stretched).astype(np.float32)
+        found: np.ndarray = self._scene.compute_distance(seen, nthreads=1).numpy()
         return found
 
 
