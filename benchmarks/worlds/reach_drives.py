@@ -50,6 +50,21 @@ class ReachDrives:
         self.standing = standing_spans(self.spans, self.robot, self.anchor_m)
         self.grid = VolumeGrid(self.spans, self.standing, TaskParams().cell_m)
 
+    def cells_at(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the cell (n, 4) of places (n, 3) m on floors: its number, or -1 and where a cell would be."""
+        grid = self.grid
+        at = np.floor((places_m[:, :2] - grid.origin_m) / grid.cell_m).astype(int)
+        found = np.column_stack([np.full(len(at), -1), at, np.floor(places_m[:, 2] / grid.cell_m).astype(int)])
+        square = np.where(((at >= 0) & (at < grid.shape[::-1])).all(axis=1), at[:, 1] * grid.shape[1] + at[:, 0], -1)
+        for cell in range(grid.total):
+            own = (
+                (square == grid.square[cell])
+                & (places_m[:, 2] > grid.low_m[cell])
+                & (places_m[:, 2] < grid.high_m[cell])
+            )
+            found[own] = (cell, 0, 0, 0)
+        return found
+
     def ways_to_cells(self) -> list[np.ndarray]:
         """Return the last 10 m (k, 3) m of a way from the spawn to a span of each cell."""
         pairs = wide_pairs(self.spans, _STEEPEST, _STEP_M, self.robot.top_m, self.robot.radius_m)
