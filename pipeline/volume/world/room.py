@@ -15,7 +15,7 @@ from pipeline.volume.world.reach import RobotSize
 
 _NO_ROCK_M = 1e3  # clearance where there is no rock at all
 _SIDE = 5  # places along a cell's side that are looked at
-_NARROW_M, _WIDE_M = 0.1, 0.6  # from the middle of a cell to rock: other places of the cell are looked at in between
+_NARROW_M, _WIDE_M = 0.17, 0.6  # from the middle of a cell to rock: other places of the cell are looked at in between
 _FLAT = 10.0  # heights are stretched so much before distances are measured, which then are almost level
 _LOW, _HIGH = 0.25, 0.75  # of a low roof's height: what stands for the bottom and the top of the chassis under it
 _ALIKE = 3  # decimals: of places with as much room the one nearest to the middle is taken
