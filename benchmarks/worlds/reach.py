@@ -23,7 +23,7 @@ from minexplore.world import World, load_world
 from tests.heights import HEADER
 from tests.volumes import TEE, build_volume
 
-PAGE = Path("docs/evidence/parts/reach.md")
+PAGE = Path("artifacts/bench/reach.md")
 _PELL = Path("data/wheal_pell/pell.3d")
 _NARROW, _WIDTH_M, _CHAMBER_M = 10, (0.75, 1.2), 3.0
 
@@ -91,9 +91,14 @@ def main() -> int:
         "farthest beyond, m",
     )
     with tempfile.TemporaryDirectory() as folder:
-        text = markdown_table(head, [judge(name, world) for name, world in _worlds(a.bundles, narrow, Path(folder))])
+        rows = []
+        for name, world in _worlds(a.bundles, narrow, Path(folder)):
+            rows.append(judge(name, world))
+            print(*rows[-1], sep=", ", flush=True)
+    text = markdown_table(head, rows)
     print(text)
     if not a.bundles:
+        PAGE.parent.mkdir(parents=True, exist_ok=True)
         write_table(PAGE, text)
     return 0
 
