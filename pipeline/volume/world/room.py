@@ -54,12 +54,12 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     reached = np.repeat(clearance.astype(np.float32), _SIDE**2).reshape(count, _SIDE, _SIDE)
     own = np.flatnonzero((bare.storey >= 0) & (clearance > _NARROW_M) & (clearance < _WIDE_M))
     for some in np.split(own, range(_BLOCK, len(own), _BLOCK)):
-        room = chassis.clearance_m(some, offsets).reshape(-1, _SIDE, _SIDE)
+        room = chassis.clearance_m(some, offsets).reshape(len(some), _SIDE, _SIDE)
         inside = _spread(room, np.full(len(some), nearest[0])) > step  # else rock may lie between
-        seen = np.where(inside, room, 0.0).reshape(len(some), -1).round(_ALIKE)
+        seen = np.where(inside, room, 0.0).reshape(len(some), _SIDE**2).round(_ALIKE)
         roomiest = nearest[seen[:, nearest].argmax(axis=1)]
         aside[some, :2] = offsets[roomiest]
-        clearance[some] = room.reshape(len(some), -1)[np.arange(len(some)), roomiest]
+        clearance[some] = room.reshape(len(some), _SIDE**2)[np.arange(len(some)), roomiest]
         reached[some] = _spread(room, roomiest)
     aside[:, 2] = (aside[:, :2] * slope).sum(axis=1)
     return Room(aside, clearance, _ways(bare, reached, robot))
@@ -116,11 +116,12 @@ def _spread(room: np.ndarray, start: np.ndarray) -> np.ndarray:
     reached = np.full_like(room, -1.0)
     at = np.arange(len(room)), start // _SIDE, start % _SIDE
     reached[at] = room[at]
-    while True:
+    while len(room):
         wider = np.minimum(maximum_filter(reached, (1, 3, 3), mode="nearest"), room)
         if (wider == reached).all():
-            return reached
+            break
         reached = wider
+    return reached
 
 
 def _ways(bare: FloorSpans, reached: np.ndarray, robot: RobotSize) -> np.ndarray:

@@ -20,7 +20,7 @@ WAYS = 24  # robots, each on a way of its own
 _WAY_M = 1.0
 _SPEED_MPS, _TURN_PER_S = 0.4, 2.0  # of a robot, and by its angle off its course
 _TIME_S, _CONTROL_S = 8.0, 0.1
-_THERE_M = 0.15  # from the way's end, seen from above
+_THERE_M, _PASSED_M = 0.15, 0.3  # from the way's end, seen from above, and from places before it
 _ABOUT_M = 1.0  # about a way: a robot has a radius of 0.35 m and is 0.66 m high
 _LOOK_M = 0.02  # over a span's middle: its floor is under it
 
@@ -117,7 +117,8 @@ def _drive(model: mujoco.MjModel, data: mujoco.MjData, at: np.ndarray, places: n
     for _ in range(round(_TIME_S / _CONTROL_S)):
         for _ in range(last):  # places may be so near each other that a robot is at several
             away = places[every, np.minimum(heading_for, last - 1), :2] - data.qpos[place][:, :2]
-            heading_for += (np.linalg.norm(away, axis=1) < _THERE_M) & (heading_for < last)
+            near = np.where(heading_for < last - 1, _PASSED_M, _THERE_M)
+            heading_for += (np.linalg.norm(away, axis=1) < near) & (heading_for < last)
         arrived = heading_for == last
         if arrived.all():
             break
