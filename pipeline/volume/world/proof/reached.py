@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import mujoco
@@ -21,6 +21,7 @@ _WAY_M = 1.0
 _SPEED_MPS, _TURN_PER_S = 0.4, 2.0  # of a robot, and by its angle off its course
 _TIME_S, _CONTROL_S = 8.0, 0.1
 _THERE_M, _PASSED_M = 0.15, 0.3  # from the way's end, seen from above, and from places before it
+_SPARE_M = 0.01  # beside a robot that is steered along a way; one that touches rock may turn into it
 _ABOUT_M = 1.0  # about a way: a robot has a radius of 0.35 m and is 0.66 m high
 _LOOK_M = 0.02  # over a span's middle: its floor is under it
 
@@ -59,7 +60,8 @@ def reach_of(cells: FloorSpans, robot: RobotSize, spawn_m: Sequence[float]) -> M
         "level_m2": round(floors * cell_m2, 3),
         "floor_m2": round(len(region) * cell_m2, 3),
     }
-    return MapReach(figures, roomy_pairs_of(cells, robot), region == region[start])
+    roomy = roomy_pairs_of(cells, replace(robot, radius_m=robot.radius_m + _SPARE_M))
+    return MapReach(figures, roomy, region == region[start])
 
 
 def measure_drives(
