@@ -19,6 +19,7 @@ from baselines.oracle.tour import _NEAR_ROCK_M, _NEAR_ROCK_PENALTY
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans
 from minexplore.physics.robot import FASTEST_FALL_MPS
 from minexplore.task import TaskParams
+from minexplore.volume.standing import wide_pairs
 from minexplore.world import World
 
 _HALF_TURN = 1 / 6  # tangent of half the angle between (1, 0) and (3, 1), at most; see `_STEPS`
@@ -27,6 +28,7 @@ _HALF_TURN = 1 / 6  # tangent of half the angle between (1, 0) and (3, 1), at mo
 _SLIP = ((0.0, 0.25, 0.36, 0.55, 0.7, 0.9), (1.02, 1.04, 1.06, 1.25, 1.5, 1.8))
 _FALL_MPS = FASTEST_FALL_MPS + 1.0  # falling robots are slowed at each control step of 0.1 s, in which they gain 1 m/s
 _GRAVITY = 9.81
+_STEEPEST, _STEP_M = 0.364, 0.05  # rise over run of floors that robots drive on, and the step that they take besides
 _SLIVER_M2 = 1e-3  # of a floor's facet, whose slope says nothing
 
 
@@ -68,7 +70,7 @@ def network_over_spans(problem: CoverageProblem, band_s: float) -> TimeNetwork:
     links = span_links(spans, problem.robot.radius_m - _SINK_M)
     spawn = np.array(problem.world.record["spawn"]["anchor_m"])
     numbers = np.flatnonzero(links.standing)
-    start = int(np.linalg.norm(spans.places_m[numbers] - spawn, axis=1).argmin())
+    start = int(np.linalg.norm(spans.roomiest_m[numbers] - spawn, axis=1).argmin())
     times = dijkstra(links.graph(slowness(problem.world, problem.task)), directed=False, indices=start) / metric_of(
         spans
     )
@@ -134,7 +136,7 @@ def span_links(spans: FloorSpans, clearance_m: float) -> SpanLinks:
 
 def _steepest(spans: FloorSpans) -> float:
     """Return the rise over run between columns up to which a robot may drive: two floors of 0.364 that turn, a step."""
-    return 0.364 + 0.05 / spans.cell_m
+    return _STEEPEST + _STEP_M / spans.cell_m
 
 
 def metric_of(spans: FloorSpans) -> float:
@@ -198,6 +200,8 @@ def _join(count: int, touching: np.ndarray) -> np.ndarray:
 def tour_over_spans(network: TimeNetwork, walk: Walk, world: World) -> np.ndarray:
     """Return what `plan_tour` does, over the floors of a volume: a path (n, 2), m, mine frame, that never falls.
 
+    It goes from roomiest place to roomiest place, where the way between has room.
+
     Raises
     ------
     BaselineError
@@ -210,13 +214,14 @@ def tour_over_spans(network: TimeNetwork, walk: Walk, world: World) -> np.ndarra
     if not passages.size() or not nx.has_eulerian_path(passages, network.root):
         raise BaselineError("oracle: the solver found no connected walk; give it more time (--limit)")
     spans = spans_of(world)
-    links = span_links(spans, float(spans.clearance_m[network.standing & (spans.storey >= 0)].min()))
-    driven = SpanLinks(
-        links.standing, links.pairs[~links.is_fall], links.length_m[~links.is_fall], links.is_fall[~links.is_fall]
-    )
+    radius_m = float(spans.clearance_m[network.standing & (spans.storey >= 0)].min())
+    pairs = wide_pairs(spans, _STEEPEST, _STEP_M, 0.0, radius_m)
+    pairs = pairs[network.standing[pairs].all(axis=1)]
+    number = np.cumsum(network.standing) - 1
+    length = np.linalg.norm(np.diff(spans.roomiest_m[pairs], axis=1)[:, 0], axis=1)
+    driven = SpanLinks(network.standing, number[pairs], length, np.zeros(len(pairs), bool))
     nearness = np.clip((_NEAR_ROCK_M - spans.clearance_m) / _NEAR_ROCK_M, 0, 1)
     graph = driven.graph(1.0 + _NEAR_ROCK_PENALTY * nearness**2)
-    number = np.cumsum(links.standing) - 1
     nodes = [network.root, *(v for _, v in nx.eulerian_path(passages, network.root))]
     way = [int(number[network.places[network.root][0]])]
     for here, there in itertools.pairwise(nodes):
@@ -228,7 +233,7 @@ def tour_over_spans(network: TimeNetwork, walk: Walk, world: World) -> np.ndarra
         while part[-1] != way[-1]:
             part.append(int(before[part[-1]]))
         way.extend(part[-2::-1])
-    return _spaced(spans.places_m[np.flatnonzero(links.standing)[way], :2], spans.cell_m)
+    return _spaced(spans.roomiest_m[np.flatnonzero(network.standing)[way], :2], spans.cell_m)
 
 
 def _spaced(corners: np.ndarray, spacing_m: float) -> np.ndarray:

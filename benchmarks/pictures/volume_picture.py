@@ -18,7 +18,6 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import in_mine_frame
-from pipeline.volume.world.reach import neighbours_of
 from pipeline.volume.world.topology import leg_network, mine_network, start_of
 
 SURVEY = "data/wheal_pell/pell.3d"
@@ -33,7 +32,7 @@ def draw_volume(path: Path) -> None:
     volume = in_mine_frame(solve_floors(network), offset)
     robot = robot_size(params.volume)
     cells, legs = cells_of(volume, params.grid_cell_m, robot), leg_network(network, offset, ())
-    start = start_of(cells, neighbours_of(cells, robot), legs, None, params.spawn, robot)
+    start = start_of(cells, legs, None, params.spawn, robot)
     ends, floors, roofs = (places + offset for places in (network.ends_m, network.floors_m, network.ends_m))
     roofs = roofs + network.lrud_m[:, :, 2, None] * [0, 0, 1.0]
     figures = (

@@ -8,6 +8,8 @@ from enum import IntEnum
 
 import numpy as np
 
+WAYS = ((1, 0), (0, 1), (1, 1), (-1, 1))  # columns and rows from a span to the neighbours that `FloorSpans.way_m` is of
+
 
 class FacetLabel(IntEnum):
     """What a facet of the free space, or the part of rock behind it, is."""
@@ -85,12 +87,18 @@ class FloorSpans:
     Attributes
     ----------
     column, row : (s,) int32
-    floor_m, headroom_m, clearance_m : (s,) float64, m
-        Height of the floor at the cell's middle, free height over it, and distance to the nearest wall, in the middle
-        of a robot.
+    floor_m, headroom_m : (s,) float64, m
+        Height of the floor at the cell's middle, and free height over it.
+    clearance_m : (s,) float64, m
+        Level distance to rock at the height of a robot's chassis, at the roomiest place of the cell.
     storey : (s,) int32
         Number of the connected floor, the largest first, so that a column has a storey once; -1 where the floor is too
         steep, or the roof too low, for the robot that the world was made for.
+    aside_m : (s, 3) float32, m
+        The roomiest place of the cell's floor, from the floor at its middle.
+    way_m : (s, 4) float32, m
+        The least clearance on the widest way from there to the roomiest place of each neighbour, see `WAYS`; 0 where
+        the floors do not meet.
     origin_m : (2,) float64, m, mine frame
     cell_m : float
     """
@@ -101,6 +109,8 @@ class FloorSpans:
     headroom_m: np.ndarray
     clearance_m: np.ndarray
     storey: np.ndarray
+    aside_m: np.ndarray
+    way_m: np.ndarray
     origin_m: np.ndarray
     cell_m: float
 
@@ -109,6 +119,12 @@ class FloorSpans:
         """Return the middles (s, 3) m of the spans, on the floor."""
         middle = self.origin_m + (np.column_stack([self.column, self.row]) + 0.5) * self.cell_m
         return np.column_stack([middle, self.floor_m])
+
+    @functools.cached_property
+    def roomiest_m(self) -> np.ndarray:
+        """Return the roomiest places (s, 3) m of the cells, on the floor."""
+        found: np.ndarray = self.places_m + self.aside_m
+        return found
 
     def heights_over(self, points_m: np.ndarray) -> np.ndarray:
         """Return how high points (n, 3) m are over the first floor below them in their cell and those around it.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from minexplore.bundle import CELLS, PARTS, VOLUME, BundleError
-from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeArrays, VolumeFacets
+from minexplore.floors.volume_arrays import WAYS, FacetLabel, FloorSpans, Parts, VolumeArrays, VolumeFacets
 from minexplore.sealed.arrays import read_arrays
 from minexplore.sealed.sizes import MOST_COLUMNS, MOST_CORNERS, MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
 
@@ -23,9 +23,12 @@ _SPANS = {
     "headroom_m": ("<f8", 1),
     "clearance_m": ("<f8", 1),
     "storey": ("<i4", 1),
+    "aside_m": ("<f4", 2),
+    "way_m": ("<f4", 2),
     "origin_m": ("<f8", 1),
     "cell_m": ("<f8", 0),
 }
+_MEASURED = ("floor_m", "headroom_m", "clearance_m", "aside_m", "way_m")
 _BESIDE_M = 1.0  # parts of 0.3 m reach so far beyond the free space, where its walls turn
 _MOST_FLOORS = 1000  # in one column
 _OFF_FLOOR_M = 1e-3  # spans have six decimals
@@ -85,10 +88,14 @@ def _read_parts(data: bytes, facets: VolumeFacets) -> Parts:
 
 
 def _read_spans(data: bytes, facets: VolumeFacets) -> FloorSpans:
-    arrays = read_arrays(CELLS, data, _SPANS, MOST_SPANS)
+    arrays = read_arrays(CELLS, data, _SPANS, len(WAYS) * MOST_SPANS)
     numbers = [arrays[name] for name in _SPANS if name not in ("origin_m", "cell_m")]
     if len({len(column) for column in numbers}) > 1 or not len(numbers[0]) or arrays["origin_m"].shape != (2,):
         raise BundleError(f"{CELLS}: want one or more spans, of which all arrays have as many, and origin_m of two")
+    if len(numbers[0]) > MOST_SPANS:
+        raise BundleError(f"{CELLS}: {len(numbers[0])} spans, want at most {MOST_SPANS}")
+    if arrays["aside_m"].shape[1] != 3 or arrays["way_m"].shape[1] != len(WAYS):
+        raise BundleError(f"{CELLS}: want aside_m of three columns and way_m of {len(WAYS)}")
     cell, origin = float(arrays["cell_m"]), arrays["origin_m"]
     low, high = facets.vertices.min(axis=0), facets.vertices.max(axis=0)
     if not 0.05 <= cell <= 2:
@@ -112,10 +119,14 @@ def _read_spans(data: bytes, facets: VolumeFacets) -> FloorSpans:
     floor, headroom = arrays["floor_m"], arrays["headroom_m"]
     bad = ~((floor >= low[2] - _OFF_FLOOR_M) & (headroom > 0) & (floor + headroom <= high[2] + _OFF_FLOOR_M))
     bad |= ~((arrays["clearance_m"] >= 0) & (arrays["clearance_m"] < np.inf))
+    bad |= ~(np.abs(arrays["aside_m"]) <= cell).all(axis=1)
+    bad |= ~((arrays["way_m"] >= 0) & (arrays["way_m"] < np.inf)).all(axis=1)
     if bad.any():
         k = int(bad.argmax())
-        found = ", ".join(f"{name} = {arrays[name][k]}" for name in ("floor_m", "headroom_m", "clearance_m"))
-        raise BundleError(f"{CELLS}: span {k}: {found}: want finite numbers, floor and roof within the free space")
+        found = ", ".join(f"{name} = {arrays[name][k].tolist()}" for name in _MEASURED)
+        raise BundleError(
+            f"{CELLS}: span {k}: {found}: want finite numbers, floor and roof within the free space, places of the cell"
+        )
     _require_apart(arrays)
     return FloorSpans(*(arrays[name] for name in _SPANS if name != "cell_m"), cell)  # type: ignore[call-arg, arg-type]
 

@@ -65,7 +65,7 @@ class VolumeGround:
         """Return the reachable places (n, 3) m of the entrance region that have at least a clearance."""
         spans, spawn = self.world.volume.spans, self.world.record["spawn"]  # type: ignore[union-attr]
         wide = self._standing & (spans.clearance_m >= clearance_m)
-        places = spans.places_m[wide]
+        places = spans.roomiest_m[wide]
         found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
         return found
 

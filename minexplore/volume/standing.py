@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import FloorSpans
+from minexplore.floors.volume_arrays import WAYS, FloorSpans
 from minexplore.physics.robot_kind import Robot
 
 _STEEPEST = 0.364  # rise over run, as of the legs that are flat enough to drive on
 _STEP_M = 0.05  # a castor's radius
-_NEXT = ((1, 0), (0, 1))  # a robot goes on to the next cell east or north, and back
 
 
 class ColumnFloors(Protocol):
@@ -52,9 +53,21 @@ def standing_spans(spans: FloorSpans, robot: Robot, anchor_m: np.ndarray) -> np.
     if not fits.any():
         raise ValueError("no place where the robot fits")
     numbers = np.flatnonzero(fits)
-    seed = int(numbers[np.square(spans.places_m[numbers] - anchor_m).sum(axis=1).argmin()])
-    pairs = neighbours(spans, _STEEPEST, _STEP_M, top_m)
+    seed = int(numbers[np.square(spans.roomiest_m[numbers] - anchor_m).sum(axis=1).argmin()])
+    pairs = wide_pairs(spans, _STEEPEST, _STEP_M, top_m, robot.radius_m)
     return connected(pairs[fits[pairs].all(axis=1)], len(fits), seed)
+
+
+def wide_pairs(spans: FloorSpans, steepest: float, step_m: float, height_m: float, radius_m: float) -> np.ndarray:
+    """Return the pairs (n, 2) of spans beside each other, also at a corner, between which a disc has room.
+
+    The other parameters are those of `neighbours`.
+    """
+    found = [np.zeros((0, 2), np.int64)]
+    for number in range(len(WAYS)):
+        pairs = neighbours(spans, steepest, step_m, height_m, WAYS[number : number + 1])
+        found.append(pairs[spans.way_m[pairs[:, 0], number] >= radius_m])
+    return np.concatenate(found)
 
 
 def connected(pairs: np.ndarray, count: int, seed: int) -> np.ndarray:
@@ -72,8 +85,14 @@ def connected(pairs: np.ndarray, count: int, seed: int) -> np.ndarray:
     return found
 
 
-def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: float) -> np.ndarray:
-    """Return the pairs (n, 2) of spans in columns side by side between which a robot can drive.
+def neighbours(
+    spans: ColumnFloors,
+    steepest: float,
+    step_m: float,
+    height_m: float,
+    ways: Sequence[tuple[int, int]] = WAYS[:2],
+) -> np.ndarray:
+    """Return the pairs (n, 2) of spans in columns beside each other whose floors a robot climbs.
 
     Parameters
     ----------
@@ -84,13 +103,16 @@ def neighbours(spans: ColumnFloors, steepest: float, step_m: float, height_m: fl
         By which their heights may differ besides.
     height_m : float
         Of the robot, which must fit under both roofs on the higher of the two floors.
+    ways : sequence of (int, int)
+        Columns and rows from the first to the second span; by default to the east and the north.
     """
     key = keys_of(spans.column, spans.row)
     order = np.argsort(key, kind="stable")
     found, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    rise_m, top_m = steepest * spans.cell_m + step_m, spans.floor_m + spans.headroom_m
+    top_m = spans.floor_m + spans.headroom_m
     pairs = [np.zeros((0, 2), np.int64)]
-    for east, north in _NEXT:
+    for east, north in ways:
+        rise_m = steepest * spans.cell_m * math.hypot(east, north) + step_m
         beside = keys_of(spans.column + east, spans.row + north)
         at = np.minimum(np.searchsorted(found, beside), len(found) - 1)
         meets = found[at] == beside

@@ -123,7 +123,7 @@ def starts_on_spans(spans: FloorSpans) -> Draw:
             raise GeometryError(f"rays: no place of the floors is {_CLEAR_M} m from all walls")
         chosen = rng.choice(standing, count)
         above = np.minimum(rng.uniform(*_HEIGHTS_M, count), _LOW_SHARE * spans.headroom_m[chosen])
-        return np.asarray(spans.places_m[chosen] + np.outer(above, [0.0, 0.0, 1.0]))
+        return np.asarray(spans.roomiest_m[chosen] + np.outer(above, [0.0, 0.0, 1.0]))
 
     return draw
 

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
-from pipeline.geometry.ray_scene import ray_scene
+from minexplore.floors.volume_arrays import WAYS, FloorSpans, VolumeFacets
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.reach import RobotSize, neighbours_of
+from pipeline.volume.world.room import room_of
 from pipeline.volume.world.spans import spans_of
 
-_NO_WALL_M = 1e3  # clearance where there is no wall at all
 _DIGITS = 6
 
 
@@ -22,7 +21,8 @@ def cells_of(volume: VolumeFacets, cell_m: float, robot: RobotSize) -> FloorSpan
     west, south, *_ = world_box(volume)
     origin = np.floor(np.array([west, south]) / cell_m) * cell_m
     spans = spans_of(volume.vertices, volume.faces, origin, cell_m)
-    flat = _flat_facets(volume, robot.steepest)
+    slope = _slopes(volume, spans.facet)
+    flat = np.hypot(*slope.T) <= robot.steepest
     headroom = spans.roof_m - spans.floor_m
     bare = FloorSpans(
         spans.column.astype(np.int32),
@@ -30,31 +30,27 @@ def cells_of(volume: VolumeFacets, cell_m: float, robot: RobotSize) -> FloorSpan
         spans.floor_m.round(_DIGITS),
         headroom.round(_DIGITS),
         np.zeros(len(headroom)),
-        np.where(flat[spans.facet] & (headroom >= robot.height_m), 0, -1).astype(np.int32),
+        np.where(flat & (headroom >= robot.height_m), 0, -1).astype(np.int32),
+        np.zeros((len(headroom), 3), np.float32),
+        np.zeros((len(headroom), len(WAYS)), np.float32),
         origin,
         cell_m,
     )
-    clearance = _clearance(volume, flat, bare.places_m, np.minimum(robot.height_m, headroom) / 2)
-    storey = _storeys(bare, neighbours_of(bare, robot))
-    return replace(bare, clearance_m=clearance.round(_DIGITS), storey=storey)
+    room = room_of(volume, bare, np.where(flat[:, None], slope, 0.0), robot)
+    return replace(
+        bare,
+        clearance_m=room.clearance_m.round(_DIGITS),
+        storey=_storeys(bare, neighbours_of(bare, robot)),
+        aside_m=room.aside_m.round(_DIGITS).astype(np.float32),
+        way_m=room.way_m.round(_DIGITS).astype(np.float32),
+    )
 
 
-def _flat_facets(volume: VolumeFacets, steepest: float) -> np.ndarray:
-    """Return which facets (f,) are floors no steeper than a rise over run."""
-    normal = volume.normals
-    found: np.ndarray = np.hypot(normal[:, 0], normal[:, 1]) <= -normal[:, 2] * steepest
-    return found & (normal[:, 2] < 0)
-
-
-def _clearance(volume: VolumeFacets, flat: np.ndarray, places: np.ndarray, above_m: np.ndarray) -> np.ndarray:
-    """Return the distance (s,) m of places, so far above the floor, from all that is no flat floor."""
-    if flat.all():
-        return np.full(len(places), _NO_WALL_M)
-    middle = volume.vertices.mean(axis=0)  # distances are measured in 32 bits
-    scene = ray_scene(volume.vertices - middle, volume.faces[~flat], 1)
-    seen = places - middle + above_m[:, None] * [0, 0, 1.0]
-    found: np.ndarray = scene.compute_distance(seen.astype(np.float32), nthreads=1).numpy()
-    return found.astype(np.float64)
+def _slopes(volume: VolumeFacets, facets: np.ndarray) -> np.ndarray:
+    """Return the slopes (s, 2) of facets (s,), rise over run to the east and the north; those of plumb ones are 1e9."""
+    normal = volume.normals[facets]
+    found: np.ndarray = normal[:, :2] / np.minimum(normal[:, 2:], -1e-9)
+    return -found.clip(-1e9, 1e9)
 
 
 def _storeys(cells: FloorSpans, pairs: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ def _files_of(params: Compile3dParams, made: _VolumeDraft) -> Bundle:
     parts, refused = without_refused(build_shell(made.solved))
     legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
     stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
-    start = start_of(cells, neighbours_of(cells, robot), legs, stated, params.spawn, robot, surveyed.datum_m)
+    start = start_of(cells, legs, stated, params.spawn, robot, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused)
     if not made.is_solid:
         _warn(built)

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FloorSpans
-from minexplore.volume.standing import neighbours
+from minexplore.volume.standing import neighbours, wide_pairs
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class RobotSize:
 
 
 def neighbours_of(cells: FloorSpans, robot: RobotSize) -> np.ndarray:
-    """Return the pairs (n, 2) of spans between which a robot can drive; see `minexplore.volume.standing.neighbours`."""
+    """Return the pairs (n, 2) of spans whose floors a robot climbs; see `minexplore.volume.standing.neighbours`."""
     return neighbours(cells, robot.steepest, robot.step_m, robot.height_m)
 
 
@@ -43,14 +43,19 @@ def components_of(count: int, pairs: np.ndarray, usable: np.ndarray) -> np.ndarr
     return found
 
 
-def regions_of(cells: FloorSpans, pairs: np.ndarray, starts: int | np.ndarray, robot: RobotSize) -> np.ndarray:
+def roomy_pairs_of(cells: FloorSpans, robot: RobotSize) -> np.ndarray:
+    """Return the pairs (n, 2) of spans between which a robot can drive; see `minexplore.volume.standing.wide_pairs`."""
+    return wide_pairs(cells, robot.steepest, robot.step_m, robot.height_m, robot.radius_m)
+
+
+def regions_of(cells: FloorSpans, starts: int | np.ndarray, robot: RobotSize) -> np.ndarray:
     """Return the number (s,) of the region that the middle of a robot on each span can drive in; the largest is 0.
 
     It is -1 where the robot does not fit; on the spans `starts` it does.
     """
     fits = (cells.storey >= 0) & (cells.clearance_m >= robot.radius_m)
     fits[starts] = True
-    return components_of(len(fits), pairs, fits)
+    return components_of(len(fits), roomy_pairs_of(cells, robot), fits)
 
 
 def covered(cells: FloorSpans, pairs: np.ndarray, middles: np.ndarray, robot: RobotSize) -> np.ndarray:

@@ -124,7 +124,6 @@ class Start:
 
 def start_of(
     cells: FloorSpans,
-    pairs: np.ndarray,
     network: LegNetwork,
     stated_m: Sequence[float] | None,
     spawn: SpawnParams,
@@ -158,7 +157,7 @@ def start_of(
             f"no floor is {clearance_m:g} m from rock with a robot's height over it, where robots start: the roomiest "
             f"is {roomiest:.2f} m; compile3d.spawn.clearance_m and compile3d.volume.robot_height_m state less"
         )
-    region = regions_of(cells, pairs, roomy, robot)
+    region = regions_of(cells, roomy, robot)
     largest = roomy & (region == region[roomy].min())
     ends = sorted(network.dead_ends or network.stations_m, key=lambda name: (-network.stations_m[name][2], name))
     for name in [*network.entrances, *ends]:
@@ -167,12 +166,12 @@ def start_of(
         if found is not None:
             return _start(cells, found, place, radius_m, clearance_m)
     found = int(np.flatnonzero(largest)[0])
-    return _start(cells, found, cells.places_m[found].tolist(), radius_m, clearance_m)
+    return _start(cells, found, cells.roomiest_m[found].tolist(), radius_m, clearance_m)
 
 
 def _near(cells: FloorSpans, usable: np.ndarray, place: Sequence[float], radius_m: float) -> int | None:
     """Return the usable span with the largest clearance within half the radius of a place, or else the whole radius."""
-    places = cells.places_m
+    places = cells.roomiest_m
     apart = np.hypot(places[:, 0] - place[0], places[:, 1] - place[1])
     far = np.abs(places[:, 2] - place[2]) if len(place) > 2 else np.zeros(len(places))
     for reach in (radius_m / 2, radius_m):
@@ -183,7 +182,7 @@ def _near(cells: FloorSpans, usable: np.ndarray, place: Sequence[float], radius_
 
 
 def _start(cells: FloorSpans, span: int, centre: Sequence[float], radius_m: float, clearance_m: float) -> Start:
-    x, y, z = cells.places_m[span].round(_DIGITS).tolist()
+    x, y, z = cells.roomiest_m[span].round(_DIGITS).tolist()
     middle = (float(centre[0]), float(centre[1]), float(centre[2]) if len(centre) > 2 else z)
     return Start((x, y, z), round(float(cells.clearance_m[span]), _DIGITS), middle, radius_m, clearance_m)
 

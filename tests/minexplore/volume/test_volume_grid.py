@@ -17,7 +17,10 @@ def spans(rows):
     column, row, floor, headroom = np.array(rows, float).T
     whole = np.int32
     wide, storey = np.full(len(floor), 1.0), np.zeros(len(floor), whole)
-    return FloorSpans(column.astype(whole), row.astype(whole), floor, headroom, wide, storey, np.zeros(2), CELL_M)
+    room = np.zeros((len(floor), 3), np.float32), np.ones((len(floor), 4), np.float32)
+    return FloorSpans(
+        column.astype(whole), row.astype(whole), floor, headroom, wide, storey, *room, np.zeros(2), CELL_M
+    )
 
 
 def strip(floors, headroom=3.0, first=0):

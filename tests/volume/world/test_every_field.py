@@ -184,10 +184,9 @@ def test_a_network_that_no_survey_of_the_mesh_has_is_refused(light, change, mess
 
 def test_a_mesh_with_more_floor_than_spans_is_refused_before_cells_are_made(light):
     world = open_volume(light)
-    cells = dataclasses.replace(
-        world.cells, **{name: getattr(world.cells, name)[:9] for name in ("column", "row", "floor_m", "headroom_m")}
-    )
-    cells = dataclasses.replace(cells, clearance_m=cells.clearance_m[:9], storey=np.zeros(9, np.int32))
+    names = ("column", "row", "floor_m", "headroom_m", "clearance_m", "aside_m", "way_m")
+    cells = dataclasses.replace(world.cells, **{name: getattr(world.cells, name)[:9] for name in names})
+    cells = dataclasses.replace(cells, storey=np.zeros(9, np.int32))
     changed = sealed({**read_folder(light), "cells.npz": encode(Path("cells.npz"), cells)})
     with pytest.raises(BundleError, match=r"cells\.npz: cell_m = 0\.25 and 9 spans: the mesh has floors of"):
         require_allowed(Path("w"), changed)

@@ -20,7 +20,7 @@ from pipeline.volume.world.proof.remade import require_remade
 from tests.volume_worlds import RAMP, VolumeWorld, proof
 
 TEE = RAMP + "B,2,30,0,0,2,2,3,0\nB,4,30,12,0,2,2,3,0\n"
-OF_SPANS = ("column", "row", "floor_m", "headroom_m", "clearance_m", "storey")
+OF_SPANS = ("column", "row", "floor_m", "headroom_m", "clearance_m", "storey", "aside_m", "way_m")
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +115,8 @@ def test_legs_of_one_number_do_not_make_a_survey_a_solid(opened):
         (lambda w: changed(w, "cells", floor_m=put(7, 0.5)), r"cells\.npz: floor_m\[7\] = 0\.5, want"),
         (lambda w: changed(w, "cells", headroom_m=add(-0.01)), r"cells\.npz: headroom_m\[0\]"),
         (lambda w: changed(w, "cells", clearance_m=add(0.5)), r"cells\.npz: clearance_m\[0\].* of \d+ differ"),
+        (lambda w: changed(w, "cells", aside_m=put((7, 1), 0.2)), r"cells\.npz: aside_m\[7, 1\] = 0\.2"),
+        (lambda w: changed(w, "cells", way_m=put((7, 0), 9.0)), r"cells\.npz: way_m\[7, 0\] = 9\.0"),
         (lambda w: changed(w, "cells", origin_m=add(0.25)), r"cells\.npz: origin_m\[0\]"),
         (
             lambda w: changed(w, "cells", **dict.fromkeys(OF_SPANS, lambda a: a[1:])),
@@ -126,7 +128,7 @@ def test_legs_of_one_number_do_not_make_a_survey_a_solid(opened):
         (lambda w: legs_with(w, loops=3), r"topology\.json: loops = 3, want 0"),
         (lambda w: legs_with(w, junctions=[]), r"topology\.json: junctions has 0 entries, want 1"),
         (lambda w: changed(w, "mine", leg=lambda a: a * 0), r"volume\.npz: leg\[\d+\]"),
-        (lambda w: changed(w, "mine", label=lambda a: a * 0), r"volume\.npz: label\[\d+\] = 0"),
+        (lambda w: changed(w, "mine", label=lambda a: a * 0), r"cells\.npz: clearance_m\[0\] = .* want 1000"),
         (lambda w: moved_start(w, 0, 0, 0.5), r"world\.json: spawn\.anchor_m"),
         (lambda w: moved_start(w, 0, 1.5, 0), r"world\.json: spawn\.anchor_m"),
         (lambda w: of_volume(w, closed_ends=[]), r"world\.json: closed_ends has 0 entries, want 3"),

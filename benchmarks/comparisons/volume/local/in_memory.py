@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from minexplore.floors.floor_zones import FloorZone
-from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeArrays, VolumeFacets
+from minexplore.floors.volume_arrays import WAYS, FloorSpans, Parts, VolumeArrays, VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.volume.choice import PlaneChooser
@@ -20,7 +20,15 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 _DRY = FloorZone("dry", -np.inf, np.inf, 1.0, 1.0, 0.0)
-_NO_SPANS = FloorSpans(*(np.zeros(0, np.int32),) * 2, *(np.zeros(0),) * 3, np.zeros(0, np.int32), np.zeros(2), 0.25)
+_NO_SPANS = FloorSpans(
+    *(np.zeros(0, np.int32),) * 2,
+    *(np.zeros(0),) * 3,
+    np.zeros(0, np.int32),
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, len(WAYS)), np.float32),
+    np.zeros(2),
+    0.25,
+)
 
 
 def world_of(volume: Volume, parts: list[ShellPart]) -> World:

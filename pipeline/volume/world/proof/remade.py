@@ -38,7 +38,10 @@ _CLEARANCE_M = 1e-4  # distances have 32 bits
 _LEG_M = 1e-3  # legs have four decimals, lengths of the record three
 _ROUND_START_M = 1.1e-4  # places have four decimals
 _OF_FLOOR = re.compile(r"\d+\.\d+\..+")  # a station of a leg along a floor
-_WITHIN_M = {"floor_m": _ROUND_M, "headroom_m": _ROUND_M, "origin_m": _ROUND_M, "clearance_m": _CLEARANCE_M}
+_WITHIN_M = {"floor_m": _ROUND_M, "headroom_m": _ROUND_M, "origin_m": _ROUND_M, "clearance_m": _CLEARANCE_M} | {
+    "aside_m": _CLEARANCE_M,
+    "way_m": _CLEARANCE_M,
+}
 
 
 def require_remade(
@@ -129,12 +132,12 @@ def _require_cells(folder: Path, world: VolumeBundle, params: VolumeProofParams)
         found, wanted = getattr(stated, name), getattr(made, name)
         if np.shape(found) != np.shape(wanted):
             raise ArtifactError(f"{folder / CELLS}: {len(found)} spans, want {len(wanted)}, as {VOLUME} has")
-        wrong = np.flatnonzero(np.abs(np.subtract(found, wanted)) > _WITHIN_M.get(name, 0))
+        wrong = np.argwhere(np.abs(np.subtract(found, wanted)) > _WITHIN_M.get(name, 0))
         if len(wrong):
-            k = wrong[0]
+            k = tuple(wrong[0].tolist())
             raise ArtifactError(
-                f"{folder / CELLS}: {name}[{k}] = {found[k]}, want {wanted[k]}, by {VOLUME} and the robot of "
-                f"compile3d.volume; {len(wrong)} of {len(wanted)} differ"
+                f"{folder / CELLS}: {name}{list(k)} = {found[k]}, want {wanted[k]}, by {VOLUME} and the robot of "
+                f"compile3d.volume; {len(wrong)} of {np.size(wanted)} differ"
             )
 
 
@@ -190,12 +193,11 @@ def _require_start(folder: Path, world: VolumeBundle, params: VolumeProofParams)
     The start is that of the legs, or that of a place which somebody stated, of which the record has the middle.
     """
     start, cells, robot = world.record.spawn, world.cells, robot_size(params.volume)
-    pairs = neighbours_of(cells, robot)
     spawn = SpawnParams(radius_m=start.radius_m, clearance_m=start.clearance_m)
     differs = ""
     for place in (None, start.centre_m[:2], start.centre_m):
         try:
-            made = start_of(cells, pairs, world.legs, place, spawn, robot)
+            made = start_of(cells, world.legs, place, spawn, robot)
         except GeometryError as error:
             differs = differs or str(error)
             continue

@@ -153,7 +153,18 @@ def test_a_line_that_doubles_back_has_a_left_side_everywhere():
 def test_heights_are_over_the_first_floor_below_in_a_cell_or_beside_it():
     zeros = np.zeros(3)
     column, row = np.array([0, 0, 3], np.int32), np.zeros(3, np.int32)
-    cells = FloorSpans(column, row, np.array([0.0, 5.0, 1.0]), zeros, zeros, row, np.array([10.0, 20.0]), 0.5)
+    cells = FloorSpans(
+        column,
+        row,
+        np.array([0.0, 5.0, 1.0]),
+        zeros,
+        zeros,
+        row,
+        np.zeros((3, 3)),
+        np.zeros((3, 4)),
+        np.array([10.0, 20.0]),
+        0.5,
+    )
     points = np.array([[10.1, 20.1, 4.0], [10.1, 20.1, 6.0], [10.6, 20.1, 4.0], [11.1, 20.1, 3.0], [10.1, 20.1, -1.0]])
     assert cells.heights_over(points).tolist() == [4.0, 1.0, 4.0, 2.0, np.inf]
     assert cells.heights_over(np.array([[50.0, -90.0, 3.0], [-70.0, 20.1, 3.0]])).tolist() == [np.inf, np.inf]
