@@ -58,7 +58,7 @@ def close_pieces(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest
     InputError
         If a hole is wider, or nothing is enclosed. The message names the place of the largest hole.
     """
-    vertices, faces = welded(vertices, faces, weld_m)
+    vertices, faces = _welded(vertices, faces, weld_m)
     vertices, faces, flipped = part_pieces(vertices, faces)
     faces = _two_a_side(faces, len(vertices))
     if not len(faces):
@@ -94,7 +94,7 @@ def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
     return manifold3d.Manifold(manifold3d.Mesh64(vertices[used], numbers.reshape(-1, 3).astype(np.uint64)))
 
 
-def welded(vertices: np.ndarray, faces: np.ndarray, weld_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _welded(vertices: np.ndarray, faces: np.ndarray, weld_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices of which none are nearer than the cells of a grid, and the triangles with an area."""
     origin = vertices.min(axis=0)
     _, first, number = np.unique(np.round((vertices - origin) / weld_m), axis=0, return_index=True, return_inverse=True)

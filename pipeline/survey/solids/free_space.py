@@ -8,15 +8,10 @@ from itertools import product
 import manifold3d
 import numpy as np
 
-from pipeline.scans.meshes.rebuilt import cell_of, rebuilt
-from pipeline.survey.solids.closing import LEAST_M3, ClosedPieces, close_pieces, welded
+from pipeline.survey.solids.closing import LEAST_M3, ClosedPieces
 from pipeline.survey.solids.contacts import overlapping
-from pipeline.survey.solids.pieces import turned_alike
 
 Place = tuple[float, float, float]
-_FOUND_M = 1e-6  # between corners of a surface found on a grid that are one
-_FLAW_CELLS = 10  # wide is a hole that marching cubes may leave where four surfaces meet in an edge
-_STANDING_CELLS = 4  # wide is rock that stands free, at least
 PARTED_M = 0.05  # of rock between spaces that touch: bodies sink in where it is thinner than 2 cm
 
 
@@ -65,34 +60,6 @@ def free_space_of(pieces: ClosedPieces, weld_m: float) -> PiecedSpace:
     found, touching = _parted(found, weld_m) if len(solids) > 1 else (found, [])
     turned = sum(not outwards[k] for k in range(len(solids)) if k not in rock)
     return PiecedSpace(found, [Rock(_middle(solids[k]), solids[k].volume()) for k in rock], turned, touching)
-
-
-@dataclass(frozen=True)
-class RebuiltSpace:
-    """The free space of a scanned mesh, found again on a grid of `cell_m`; `apart_m3` is what is apart from it."""
-
-    solid: manifold3d.Manifold
-    cell_m: float
-    apart_m3: float
-
-
-def rebuilt_space(vertices: np.ndarray, faces: np.ndarray, weld_m: float) -> RebuiltSpace:
-    """Return the largest free space of a mesh (n, 3) m, (m, 3) whose facets cross, with what stands free in it.
-
-    Raises
-    ------
-    InputError
-        If its triangles enclose no space.
-    """
-    vertices, faces = welded(vertices, faces, weld_m)
-    faces, _ = turned_alike(faces, len(vertices))
-    cell_m = cell_of(vertices, faces)
-    vertices, faces = rebuilt(vertices, faces, cell_m)
-    shells = union_of(close_pieces(vertices, faces, _FOUND_M, _FLAW_CELLS * cell_m).solids).decompose()
-    largest = max(shells, key=lambda shell: shell.volume())
-    standing = [_turned_over(shell) for shell in shells if -shell.volume() > (_STANDING_CELLS * cell_m) ** 3]
-    solid = largest - union_of(standing) if standing else largest
-    return RebuiltSpace(solid, cell_m, sum(max(shell.volume(), 0.0) for shell in shells) - largest.volume())
 
 
 def union_of(solids: list[manifold3d.Manifold]) -> manifold3d.Manifold:

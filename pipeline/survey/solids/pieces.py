@@ -27,7 +27,7 @@ def part_pieces(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np
     if len(faces) and (np.bincount(edges_of(faces, count)[0]) > 2).any():
         vertices, faces = _parted_by_order(vertices, faces)
         faces = _once(faces)
-    faces, flipped = turned_alike(faces, len(vertices))
+    faces, flipped = _turned_alike(faces, len(vertices))
     if len(faces) and (np.bincount(edges_of(faces, len(vertices))[0]) > 2).any():
         vertices, faces = _parted_at_edges(vertices, _with_shared_twice(vertices, faces))
     return vertices, faces, flipped
@@ -102,7 +102,7 @@ def _pairs(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return triangle[order], up[order[:, 0]] == up[order[:, 1]]
 
 
-def turned_alike(faces: np.ndarray, count: int) -> tuple[np.ndarray, int]:
+def _turned_alike(faces: np.ndarray, count: int) -> tuple[np.ndarray, int]:
     """Return the triangles with those turned over that go along an edge the way their neighbour does."""
     n = len(faces)
     pairs, differ = _pairs(faces, count)

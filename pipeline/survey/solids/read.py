@@ -18,11 +18,10 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.scans.checks.precision import require_fine, steps_seen
 from pipeline.scans.checks.strays import require_together
-from pipeline.scans.meshes.winding import share_crossed
-from pipeline.survey.solids.closing import LEAST_M3, ClosedPieces, close_pieces
+from pipeline.survey.solids.closing import ClosedPieces, close_pieces
 from pipeline.survey.solids.decimate import decimated
 from pipeline.survey.solids.files import read_triangles
-from pipeline.survey.solids.free_space import PARTED_M, PiecedSpace, Place, free_space_of, rebuilt_space
+from pipeline.survey.solids.free_space import PARTED_M, PiecedSpace, Place, free_space_of
 from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
@@ -82,8 +81,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         pieces = close_pieces(vertices, read.faces, params.weld_m, params.close_m)
         free = free_space_of(pieces, params.weld_m)
         tolerance = params.simplify_m if is_stated else _tolerance(free.solid, params.simplify_m)
-        found = _uncrossed(path, vertices, read.faces, free.solid, params, tolerance, is_stated)
-        corners, faces, moved_m = _simplified(found, tolerance)
+        corners, faces, moved_m = _simplified(free.solid, tolerance)
     except InputError as error:
         doubt = "" if params.unit or read.unit else "; the file states no unit and is read in metres (--unit)"
         raise InputError(f"{path}: {error}{doubt}") from error
@@ -96,13 +94,13 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         _warn(path, pieces, free, params)
         if tolerance > KEPT_M:
             warn_user(
-                f"{path.name}: {found.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
+                f"{path.name}: {free.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
                 f"fifths move by at most {max(tolerance, round(moved_m, 3)):g} m; --simplify M"
             )
     solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
     unit_is_guess, up_is_guess = not (params.unit or read.unit), params.up is None and read.up == "z"
-    return SolidReading(solid, view_from_above(found), place, tolerance, unit_is_guess, up_is_guess)
+    return SolidReading(solid, view_from_above(free.solid), place, tolerance, unit_is_guess, up_is_guess)
 
 
 def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
@@ -119,40 +117,11 @@ def _tolerance(solid: manifold3d.Manifold, stated_m: float) -> float:
 
 
 def _simplified(solid: manifold3d.Manifold, tolerance_m: float) -> tuple[np.ndarray, np.ndarray, float]:
-    vertices, faces = _mesh_of(solid)
+    found = solid.to_mesh64()
+    vertices, faces = np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
     if tolerance_m > KEPT_M:
         return decimated(vertices, faces, tolerance_m, MOST_FACETS)
     return vertices, faces, 0.0
-
-
-def _uncrossed(
-    path: Path,
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    solid: manifold3d.Manifold,
-    params: SolidSurveyParams,
-    tolerance_m: float,
-    is_stated: bool,
-) -> manifold3d.Manifold:
-    """Return the solid of a mesh, of a scan whose facets cross found again from its triangles; warn of that."""
-    if tolerance_m <= KEPT_M:
-        return solid
-    crossed = share_crossed(*_mesh_of(solid))
-    if not crossed:
-        return solid
-    found = rebuilt_space(vertices, faces, params.weld_m)
-    if not is_stated:
-        apart = f"; {found.apart_m3:.2g} m3 apart from it are left out" if found.apart_m3 > LEAST_M3 else ""
-        warn_user(
-            f"{path.name}: {100 * crossed:.2g} % of its facets cross others or lie in the space of others; its surface "
-            f"is found again to {found.cell_m:.2g} m where it goes round more than half of all directions{apart}"
-        )
-    return found.solid
-
-
-def _mesh_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
-    found = solid.to_mesh64()
-    return np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
 
 
 def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:

@@ -11,11 +11,14 @@ from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import GeometryError
 from pipeline.scans.meshes.rebuilt import rebuilt_within
+from pipeline.scans.meshes.winding import WindingNumber
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 
 _CELLS = 6.0  # along the median edge of facets that cross
 _LEAST_M, _MOST_M = 0.02, 0.2  # of a cell
 _FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified
+_APART_M = (1e-3, 3e-4, 1e-4)  # by which corners at one place are moved: the most that makes no facets cross
+_BESIDE_M = 1e-3  # of a facet: the place that tells what its part bounds
 _ROUNDS = 5  # in each of which the boxes about facets that cross are a cell wider
 
 
@@ -52,6 +55,8 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
     cell_m = float(np.clip(size / _CELLS, _LEAST_M, _MOST_M))
     for n in range(_ROUNDS):
         if not len(pairs):
+            if crossed:
+                vertices, faces = _without_doubled(vertices, faces)
             return UncrossedMesh(vertices, faces, crossed, places, cell_m)
         boxes = _boxes(vertices[faces[pairs]], (n + 1) * cell_m)
         places += len(boxes)
@@ -73,6 +78,20 @@ def _found_again(
         [manifold3d.Manifold.cube(high - low).translate(low) for low, high in boxes], manifold3d.OpType.Add
     )
     return arrays_of((space - about) + (inner ^ about))
+
+
+def _without_doubled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh without its parts about which it goes twice, and those that it goes about the other way."""
+    winding, kept = WindingNumber(vertices, faces), list[manifold3d.Manifold]()
+    for part in manifold_of(vertices, faces).decompose():
+        a, b, c = np.moveaxis(np.take(*arrays_of(part), axis=0), 1, 0)
+        normal = np.cross(b - a, c - a)
+        size = np.linalg.norm(normal, axis=1)
+        k = int(size.argmax())
+        beside = (a + b + c)[k] / 3 + _BESIDE_M * normal[k] / size[k]
+        if not winding.at(beside[None], np.zeros(1, int), _BESIDE_M).any():
+            kept.append(part)
+    return arrays_of(manifold3d.Manifold.compose(kept))
 
 
 def _boxes(pairs: np.ndarray, margin_m: float) -> np.ndarray:
@@ -100,3 +119,25 @@ def arrays_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices (n, 3) m and faces (m, 3) of a solid."""
     mesh = solid.to_mesh64()
     return np.array(mesh.vert_properties, np.float64, order="C")[:, :3], np.array(mesh.tri_verts, np.int64, order="C")
+
+
+def parted(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the vertices (n, 3) m of a mesh of which none are at one place in the 32 bits of meshes.
+
+    Where a space touches itself in a corner or an edge, its corners move by up to a millimetre to their neighbours.
+    """
+    _, of, count = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True, return_counts=True)
+    touch = np.flatnonzero(count[of.reshape(-1)] > 1)
+    if not len(touch):
+        return vertices
+    ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])  # each edge of a closed mesh both ways
+    mean = np.stack([np.bincount(ends[:, 0], vertices[ends[:, 1], k], len(vertices)) for k in range(3)], axis=1)
+    way = mean[touch] / np.bincount(ends[:, 0], minlength=len(vertices))[touch, None] - vertices[touch]
+    way /= np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
+    about = np.isin(faces, touch).any(axis=1)
+    for apart_m in _APART_M:
+        found = vertices.copy()
+        found[touch] += apart_m * way
+        if not len(crossing_facets(found, faces, CROSSING_M, about)):
+            return found
+    return vertices

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pipeline.surface.mesh.displacement import Bounds, Room, bound_by_room, damp
@@ -69,7 +71,9 @@ def displace_rock(
     for repair in count():
         vertices = _in_32_bits(fine.vertices + given[:, None] * fine.direction)
         points, faces, changed = mesher.mesh(vertices, moved)
-        points, kept = _in_32_bits(points), _have_three_corners(faces)
+        points = _in_32_bits(points)
+        faces = _without_short_edges(points, faces)
+        kept = _have_three_corners(faces)
         faces, changed = faces[kept], changed[kept]
         wrong = _wrong(points, faces[_are_near(points, faces, changed)], faces[changed])
         if not changed.all() and not len(_with_relief(wrong, vertices, given)[0]):  # tiles meet elsewhere, too
@@ -138,6 +142,17 @@ def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) 
 
 def _in_32_bits(points: np.ndarray) -> np.ndarray:
     return points.astype(np.float32).astype(np.float64)
+
+
+def _without_short_edges(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the faces (m, 3) with one corner for the two of an edge that has no length in 32 bits."""
+    ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    short = ends[(points[ends[:, 0]] == points[ends[:, 1]]).all(axis=1)]
+    if not len(short):
+        return faces
+    of = connected_components(coo_matrix((np.ones(len(short)), short.T), (len(points),) * 2), directed=False)[1]
+    _, first = np.unique(of, return_index=True)
+    return np.asarray(first[of][faces])
 
 
 def _have_three_corners(faces: np.ndarray) -> np.ndarray:
