@@ -65,7 +65,7 @@ def test_a_mesh_that_still_crosses_is_refused_by_the_place(monkeypatch):
 
 def test_corners_at_one_place_are_parted_by_a_millimetre_at_most():
     box = trimesh.creation.box([1, 1, 1])
-    vertices = np.concatenate([box.vertices, box.vertices + [1, 1, 0]])  # they touch in an edge
+    vertices = np.concatenate([box.vertices, box.vertices + np.array([1, 1, 0])])  # they touch in an edge
     faces = np.concatenate([box.faces, box.faces + 8]).astype(int)
     assert len(np.unique(vertices.astype(np.float32), axis=0)) == 14
     found = parted(vertices, faces)
