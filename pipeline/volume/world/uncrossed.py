@@ -16,10 +16,10 @@ from pipeline.volume.crossings import CROSSING_M, crossing_facets
 
 _CELLS = 6.0  # along the median edge of facets that cross
 _LEAST_M, _MOST_M = 0.02, 0.2  # of a cell
-_FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified
+_FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified; half as far in each round
 _APART_M = (1e-3, 3e-4, 1e-4)  # by which corners at one place are moved: the most that makes no facets cross
 _BESIDE_M = 1e-3  # of a facet: the place that tells what its part bounds
-_ROUNDS = 5  # in each of which the boxes about facets that cross are a cell wider
+_ROUNDS = 8  # in each of which the boxes about facets that cross are a cell wider
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
     Raises
     ------
     GeometryError
-        If facets still cross after five rounds. The message names the place.
+        If facets still cross after eight rounds. The message names the place.
     """
     pairs = crossing_facets(vertices, faces, CROSSING_M)
     crossed, places = len(np.unique(pairs)), 0
@@ -60,7 +60,7 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
             return UncrossedMesh(vertices, faces, crossed, places, cell_m)
         boxes = _boxes(vertices[faces[pairs]], (n + 1) * cell_m)
         places += len(boxes)
-        vertices, faces = _found_again(vertices, faces, boxes, cell_m)
+        vertices, faces = _found_again(vertices, faces, boxes, cell_m, _FLAT * 0.5**n * cell_m)
         pairs = crossing_facets(vertices, faces, CROSSING_M)
     x, y, z = vertices[faces[pairs[0, 0]]].mean(axis=0)
     raise GeometryError(
@@ -69,11 +69,11 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
 
 
 def _found_again(
-    vertices: np.ndarray, faces: np.ndarray, boxes: np.ndarray, cell_m: float
+    vertices: np.ndarray, faces: np.ndarray, boxes: np.ndarray, cell_m: float, flat_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a mesh of which what is in boxes (k, 2, 3) m is found on a grid."""
+    """Return a mesh of which what is in boxes (k, 2, 3) m is found on a grid, and simplified by `flat_m`."""
     space = manifold_of(vertices, faces)
-    inner = manifold_of(*rebuilt_within(vertices, faces, cell_m, boxes)).simplify(_FLAT * cell_m)
+    inner = manifold_of(*rebuilt_within(vertices, faces, cell_m, boxes)).simplify(flat_m)
     about = manifold3d.Manifold.batch_boolean(
         [manifold3d.Manifold.cube(high - low).translate(low) for low, high in boxes], manifold3d.OpType.Add
     )

@@ -99,5 +99,10 @@ def test_a_scan_with_a_fault_of_its_program_is_a_volume_that_does_not_cross_itse
     wanted = manifold_of(*with_thin_wall(*cave, None)) if fault is with_thin_wall else manifold_of(*cave)
     assert solid.volume() == pytest.approx(wanted.volume(), rel=0.03)
     if fault is not with_thin_wall:
-        points = trimesh.sample.sample_surface(trimesh.Trimesh(*cave, process=False), 5000, seed=0)[0]
+        points = trimesh.sample.sample_surface(trimesh.Trimesh(*cave, process=False), 5000, seed=0)[0] - [
+            0,
+            0,
+            read.datum_m,
+        ]
+        points = points[points[:, 0] < 6.7]  # an open end is closed before it
         assert (distances(points, found.vertices, found.faces) < 0.1).mean() > 0.97
