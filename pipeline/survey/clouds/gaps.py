@@ -108,7 +108,7 @@ def fill_gaps(vertices: np.ndarray, faces: np.ndarray, plates: list[tuple[Gap, G
     for gap, plate in plates:
         moved[gap.corners] -= np.outer(plate.height_m(plate.corners_m), plate.towards)
         out[gap.corners] = -plate.towards
-    lies = out.any(axis=1)[faces]
+    lies = np.asarray(out.any(axis=1))[faces]
     own, lies = faces[lies.any(axis=1)], lies[lies.any(axis=1)]
     way = np.where(lies.all(axis=1)[:, None], out[own[:, 0]], _normals(vertices, own))
     for _ in range(_FOLDS):
