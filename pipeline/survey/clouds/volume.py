@@ -188,8 +188,9 @@ def _seen(walls: Walls, way_m: np.ndarray) -> Flood:
 
 def _largest(vertices: np.ndarray, faces: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a surface, closed, without pieces that it encloses or that lie apart."""
-    whole = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces.astype(np.uint64)))
-    if whole.status() != manifold3d.Error.NoError:
+    out = np.ascontiguousarray(faces[:, ::-1], np.uint64)  # marching cubes turn them inwards
+    whole = manifold3d.Manifold(manifold3d.Mesh64(np.asarray(vertices, np.float64), out))
+    if whole.status() != manifold3d.Error.NoError or whole.volume() <= 0:
         whole = union_of(close_pieces(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m).solids)
     largest = max(whole.decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()

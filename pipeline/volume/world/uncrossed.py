@@ -18,7 +18,7 @@ _CELLS = 6.0  # along the median edge of facets that cross
 _LEAST_M, _MOST_M = 0.02, 0.2  # of a cell
 _FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified; half as far in each round
 _APART_M = (1e-3, 3e-4, 1e-4)  # by which corners at one place are moved: the most that makes no facets cross
-_BESIDE_M = 1e-3  # of a facet: the place that tells what its part bounds
+_BESIDE_M = 1e-3  # of a facet: the place by which its part is judged
 _ROUNDS = 8  # in each of which the boxes about facets that cross are a cell wider
 
 
