@@ -134,7 +134,7 @@ def parted(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     mean = np.stack([np.bincount(ends[:, 0], vertices[ends[:, 1], k], len(vertices)) for k in range(3)], axis=1)
     way = mean[touch] / np.bincount(ends[:, 0], minlength=len(vertices))[touch, None] - vertices[touch]
     way /= np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
-    about = np.isin(faces, touch).any(axis=1)
+    about = np.asarray(np.isin(faces, touch).any(axis=1))
     for apart_m in _APART_M:
         found = vertices.copy()
         found[touch] += apart_m * way

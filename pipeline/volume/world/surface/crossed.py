@@ -36,7 +36,7 @@ def places_crossed(
     about = np.concatenate([places[:, None], vertices[near]], axis=1)
     within_m = max(_ON_FACETS_M, _ROUNDED * float(np.spacing(np.float32(np.abs(vertices).max()))))
     own = _on_facets(about.reshape(-1, 3), volume, within_m).reshape(about.shape[:2]).all(axis=1)
-    return places, own
+    return places, np.asarray(own)
 
 
 def _on_facets(places: np.ndarray, volume: tuple[np.ndarray, np.ndarray], within_m: float) -> np.ndarray:
