@@ -1,6 +1,7 @@
-"""Try a folder of survey files: which are read, which need an option, which are refused, and why.
+"""Try a folder of survey files: which are read or built, which need an option, which are refused, and why.
 
-Each file is read as by `python -m pipeline new --dry-run`, in a process of its own with limits on time and memory.
+Each file is read as by `python -m pipeline new --dry-run`, in a process of its own with limits on time and memory. With
+`--build` the world is built, too, in a copy of the project, and judged.
 """
 
 from __future__ import annotations
@@ -30,12 +31,14 @@ from pipeline.remarks import Remark, collect_remarks, options_of
 from pipeline.store.files import write_atomically
 from pipeline.survey.formats import FORMATS, kind_of
 
-VERDICTS = ("read", "asked", "refused", "failed")
+VERDICTS = ("read", "built", "asked", "refused", "failed")
 TABLE = Path("artifacts/bench/files.md")
 _TIME_S = 240  # of the processors; a file is read twice, each time within 60 s
 _WAIT_S = 1200.0  # by the clock, of a process that sleeps; a busy machine may take long
 _SPARE_BYTES = 2_000_000_000  # of the libraries, beyond what a reader may take
 _SURVEY = "trial"
+_BUILD_S = 3600.0  # by the clock, of a world
+_NEAR = ("within_5cm", "within_10cm", "within_30cm")  # of points of a scan: shares
 _WHY = 300  # characters of the remarks on a file that was read
 
 
@@ -43,7 +46,7 @@ _WHY = 300  # characters of the remarks on a file that was read
 class Outcome:
     """What became of a file: one of `VERDICTS`, and why; processor seconds, bytes at the peak, and files that it named.
 
-    `asked` is a refusal that names an option; `failed` is a fault of a reader.
+    `asked` is a refusal that names an option; `failed` is a fault of a reader or the builder.
     """
 
     verdict: str
@@ -91,12 +94,13 @@ def _try_apart(path: Path, words: list[str]) -> Outcome:
                 capture_output=True,
                 text=True,
                 stdin=subprocess.DEVNULL,
-                timeout=_WAIT_S,
+                timeout=_BUILD_S if "--build" in words else _WAIT_S,
                 env={**os.environ, "TMPDIR": scratch},
             )
         return Outcome(**json.loads(done.stdout.splitlines()[-1]))
     except subprocess.TimeoutExpired:
-        return Outcome("failed", f"not read within {_WAIT_S:.0f} s", time.monotonic() - start)
+        taken = time.monotonic() - start
+        return Outcome("failed", f"not done within {taken:.0f} s", taken)
     except (IndexError, TypeError, ValueError):
         if has_limits() and done.returncode == -signal.SIGXCPU:
             return Outcome("failed", f"not read within {_TIME_S} s of processor time", _TIME_S)
@@ -131,6 +135,26 @@ def try_file(path: Path, stated: StatedOptions) -> Outcome:
     return Outcome(verdict, why, round(sum(os.times()[:4]) - start, 1), _peak_bytes(), used)
 
 
+def build_file(path: Path, words: list[str], folder: Path) -> Outcome:
+    """Return the outcome of the world of a file, built with options of `new` in a copy of the project in a folder."""
+    from tests.project import Project
+
+    start, project = sum(os.times()[:4]), Project(folder, tiny=False)
+    command = [sys.executable, "-m", "pipeline", "new", _SURVEY, "--from", str(path.resolve()), *words]
+    done = project.run(*command, check=False)
+    last = (done.stderr.strip().splitlines() or [""])[-1].replace(f"data/mines/{_SURVEY}/{path.name}: ", "")
+    verdict, why = "failed", last
+    if done.returncode == 0:
+        measured = json.loads((folder / f"artifacts/worlds/{_SURVEY}/validation/metrics.json").read_text())
+        scan = measured.get("scan", {})
+        held = "holds" if measured["certificate"]["holds"] else "does not hold"
+        near = "".join(f", {100 * scan[key]:.1f} % within {key[7:]}" for key in _NEAR if key in scan)
+        verdict, why = "built", f"the certificate {held}{near}"
+    elif done.returncode == 2:
+        verdict = "asked" if options_of(last) else "refused"
+    return Outcome(verdict, printable(why, _WHY), round(sum(os.times()[:4]) - start, 1), _peak_bytes())
+
+
 def _fact(remark: Remark, path: Path) -> str:
     """Return a remark without the file's name and without its option."""
     row = remark.split(path.name)
@@ -160,13 +184,22 @@ def table(outcomes: dict[str, Outcome]) -> str:
     return f"{summary}\n{markdown_table(('file', 'outcome', 'CPU s', 'GB', 'why'), rows)}"
 
 
-def command_line() -> argparse.ArgumentParser:
-    """Return the parser: a folder, and the options of `new`, which apply to the files that are read with them."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.files", description=__doc__)
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
+def _own_options() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("--out", type=Path, default=TABLE, help="the table, Markdown")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="files at a time")
+    parser.add_argument("--build", action="store_true", help="build the world of each file, and judge it")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    return parser
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser: a folder, and the options of `new`, which apply to the files that are read with them."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.files", description=__doc__, parents=[_own_options()], allow_abbrev=False
+    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    parser.add_argument("overrides", nargs="*", metavar="OVERRIDE", help="with --build: of the parameters")
     add_options(parser)
     return parser
 
@@ -174,6 +207,11 @@ def command_line() -> argparse.ArgumentParser:
 def main(words: list[str]) -> int:
     """Try a folder's files and print the table; exit code 2 if a reader failed or there is no such folder."""
     typed = command_line().parse_args(words)
+    given = [word for word in _own_options().parse_known_args(words)[1] if Path(word) != typed.folder]
+    if typed.child and typed.build:
+        with tempfile.TemporaryDirectory() as scratch:
+            print(json.dumps(asdict(build_file(typed.folder, given, Path(scratch) / "project"))))
+        return 0
     if typed.child:
         _limit_process()
         print(json.dumps(asdict(try_file(typed.folder, stated_options(typed.folder, typed)))))
@@ -186,7 +224,7 @@ def main(words: list[str]) -> int:
     except MineError as error:
         print(f"files: {error}", file=sys.stderr)
         return 2
-    outcomes = try_folder(typed.folder, [word for word in words if Path(word) != typed.folder], typed.jobs)
+    outcomes = try_folder(typed.folder, ["--build"] * typed.build + given, typed.jobs)
     text = table(outcomes)
     print(text)
     write_atomically(typed.out, text.encode())

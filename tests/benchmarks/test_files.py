@@ -54,7 +54,22 @@ def test_a_folder_is_tried_file_by_file_and_left_as_it_was(folder):
     }
     text = table(outcomes)
     assert text.startswith("| format | " + " | ".join(VERDICTS))
-    assert "| .csv | 1 | 0 | 0 | 0 |" in text
+    assert "| .csv | 1 | 0 | 0 | 0 | 0 |" in text
+
+
+@pytest.mark.slow
+def test_the_worlds_of_a_folder_are_built_and_judged_and_the_project_stays_as_it_was(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    (tmp_path / "mine.csv").write_text(TINY_STATIONS)
+    (tmp_path / "bad.stl").write_text("garbage")
+    before = sorted(path.name for path in (ROOT / "data/mines").glob("*"))
+    out = tmp_path / "table.txt"
+    assert main([str(tmp_path), "--build", "--jobs", "1", "--out", str(out), "preset=light"]) == 0
+    rows = out.read_text().splitlines()
+    assert any("| mine.csv | built |" in row and "the certificate holds" in row for row in rows)
+    assert any(row.startswith("| bad.stl | refused |") for row in rows)
+    assert sorted(path.name for path in (ROOT / "data/mines").glob("*")) == before
+    assert "mine.csv" in capsys.readouterr().out
 
 
 def test_a_folder_that_is_not_there_and_a_wrong_option_are_one_line(tmp_path, capsys):

@@ -14,6 +14,7 @@ _LEAST_M2 = 0.03
 _RIM_M = 0.8  # from a gap to the points that its filling follows
 _ALIKE = 0.7  # of a point's normal with the gap's: a floor's hole follows the floor, not the wall beside it
 _MOST_RIM, _LEAST_RIM = 400, 20
+_FOLDS = 20  # rounds in which corners go back
 _SMOOTH = 0.1  # of the thin plate: the noise of single points is not followed
 
 
@@ -101,9 +102,24 @@ def plates_of(
     return found
 
 
-def fill_gaps(vertices: np.ndarray, plates: list[tuple[Gap, GapPlate]]) -> np.ndarray:
-    """Return vertices of which those in gaps lie on their plates."""
-    moved = vertices.copy()
+def fill_gaps(vertices: np.ndarray, faces: np.ndarray, plates: list[tuple[Gap, GapPlate]]) -> np.ndarray:
+    """Return vertices of which those in gaps lie on their plates, but for those of facets that would turn over."""
+    moved, out = vertices.copy(), np.zeros(vertices.shape)
     for gap, plate in plates:
         moved[gap.corners] -= np.outer(plate.height_m(plate.corners_m), plate.towards)
+        out[gap.corners] = -plate.towards
+    lies = np.asarray(out.any(axis=1))[faces]
+    own, lies = faces[lies.any(axis=1)], lies[lies.any(axis=1)]
+    way = np.where(lies.all(axis=1)[:, None], out[own[:, 0]], _normals(vertices, own))
+    for _ in range(_FOLDS):
+        folded = np.einsum("ij,ij->i", way, _normals(moved, own)) <= 0
+        back = np.unique(own[folded])
+        if not (moved[back] != vertices[back]).any():
+            break
+        moved[back] = vertices[back]
     return moved
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return np.cross(b - a, c - a)

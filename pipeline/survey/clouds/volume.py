@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import manifold3d
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -121,7 +122,7 @@ def volume_of_cloud(
     surface.close([plate for _, plate in plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m)])
     vertices, faces = _largest(*surface.mesh(), voxel_m)
     gaps = find_gaps(vertices, faces, cloud.points_m, far_m)
-    vertices = fill_gaps(vertices, plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m))
+    vertices = fill_gaps(vertices, faces, plates_of(vertices, gaps, bounding.points_m, sides.normals, most_m))
     behind = cloud.points_m[sides.beyond]  # noise at the walls themselves is not worth a remark
     far = cKDTree(vertices).query(behind)[0]
     vertices, faces, moved_m = decimated(vertices, faces, tolerance_m, most_facets)
@@ -187,7 +188,10 @@ def _seen(walls: Walls, way_m: np.ndarray) -> Flood:
 
 def _largest(vertices: np.ndarray, faces: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a surface, closed, without pieces that it encloses or that lie apart."""
-    closed = close_pieces(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m)
-    largest = max(union_of(closed.solids).decompose(), key=lambda piece: piece.volume())
+    out = np.ascontiguousarray(faces[:, ::-1], np.uint64)  # marching cubes turn them inwards
+    whole = manifold3d.Manifold(manifold3d.Mesh64(np.asarray(vertices, np.float64), out))
+    if whole.status() != manifold3d.Error.NoError or whole.volume() <= 0:
+        whole = union_of(close_pieces(vertices, faces, _WELD_M, _FLAW_VOXELS * voxel_m).solids)
+    largest = max(whole.decompose(), key=lambda piece: piece.volume())
     mesh = largest.to_mesh64()
     return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)

@@ -17,12 +17,12 @@ class Inside:
     def __init__(self, volume: Volume) -> None:
         """Index the facets."""
         self._scene = ray_scene(volume.vertices, volume.faces, 1)
-        self._mesh = volume.vertices, volume.faces
+        self.mesh = volume.vertices, volume.faces
 
     @cached_property
     def _angle(self) -> SolidAngle:
         """Part the facets into blocks: most questions need none."""
-        return SolidAngle(*self._mesh)
+        return SolidAngle(*self.mesh)
 
     def distance_m(self, places: np.ndarray) -> np.ndarray:
         """Return the distance (n,) m from rock, negative in rock; of five parities of rays the most frequent counts."""

@@ -30,6 +30,7 @@ from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
+from pipeline.volume.world.uncrossed import parted
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
 _FLOATING_M3 = 1e-3  # of rock in the free space of a solid: a smaller piece is no piece of a file
@@ -131,7 +132,8 @@ def _warn_of_lowered(network: SurveyNetwork) -> None:
 def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
     robot = robot_size(params.volume)
     solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3)
-    solved = replace(solved, label=labels_of(solved.vertices, solved.faces, robot.steepest))
+    vertices = parted(solved.vertices, solved.faces)
+    solved = replace(solved, vertices=vertices, label=labels_of(vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)
     surveyed = replace(legs_on_floors(cells, neighbours_of(cells, robot), solid.datum_m), start_m=stated.start_m)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import manifold3d
 import numpy as np
 import shapely
 from scipy.ndimage import minimum_filter1d
@@ -19,7 +18,7 @@ from pipeline.geometry.network.skeleton import trace_network
 from pipeline.remarks import warn_user
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
 from pipeline.volume.union import Volume
-from pipeline.volume.world.uncrossed import uncrossed
+from pipeline.volume.world.uncrossed import arrays_of, manifold_of, uncrossed
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
@@ -43,30 +42,24 @@ def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.nd
 def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
     """Return a solid, simplified, as the shell and the measures take it; all facets are of one piece.
 
-    Where facets cross it is smoothed, with a warning.
+    Where facets cross the surface is found again, with a warning.
 
     Raises
     ------
     GeometryError
-        If its mesh is not closed, or crosses itself and cannot be smoothed.
+        If its mesh is not closed, or still crosses itself then.
     """
-    solid = _manifold(mesh.vertices, mesh.faces).simplify(mesh.simplify_m)
+    solid = manifold_of(mesh.vertices, mesh.faces).simplify(mesh.simplify_m)
     if solid.is_empty():
         raise GeometryError(f"compile3d: the solid's mesh encloses no space ({solid.status().name})")
-    found = solid.to_mesh64()
-    apart = uncrossed(np.array(found.vert_properties, np.float64, order="C"), np.array(found.tri_verts, np.int64))
+    apart = uncrossed(*arrays_of(solid))
     if apart.crossed:
-        warn_user(f"compile3d: {apart.crossed} facets cross others; they are smoothed by up to {apart.moved_m:.2f} m")
-    solid = _manifold(apart.vertices, apart.faces).as_original()
-    found = solid.to_mesh64()
-    vertices = np.array(found.vert_properties, np.float64, order="C")
-    faces = np.array(found.tri_verts, np.int64, order="C")
+        warn_user(
+            f"compile3d: {apart.crossed} facets cross others; at {apart.places} places the surface is found again, to "
+            f"{apart.cell_m:.2f} m"
+        )
+    vertices, faces = arrays_of(manifold_of(apart.vertices, apart.faces).as_original())
     return Volume(vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [])
-
-
-def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
-    mesh = manifold3d.Mesh64(np.array(vertices, order="C"), faces.astype(np.uint64, order="C"))
-    return manifold3d.Manifold(mesh)
 
 
 def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:

@@ -1,34 +1,42 @@
-"""Closed meshes that do not cross themselves: folds of scanned ones are smoothed until their facets lie apart."""
+"""Closed meshes that do not cross themselves: about facets that cross, the surface is found again on a grid."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import manifold3d
 import numpy as np
-from scipy.sparse import coo_matrix, csr_array
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import GeometryError
+from pipeline.scans.meshes.rebuilt import rebuilt_within
+from pipeline.scans.meshes.winding import WindingNumber
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 
-_STEP = 0.5  # of the way from a corner to the mean of its neighbours in a round
-_WIDER = 3  # rounds after which corners one edge farther away move too
-_ROUNDS = 60
+_CELLS = 6.0  # along the median edge of facets that cross
+_LEAST_M, _MOST_M = 0.02, 0.2  # of a cell
+_FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified; half as far in each round
+_APART_M = (1e-3, 3e-4, 1e-4)  # by which corners at one place are moved: the most that makes no facets cross
+_BESIDE_M = 1e-3  # of a facet: the place by which its part is judged
+_ROUNDS = 8  # in each of which the boxes about facets that cross are a cell wider
 
 
 @dataclass(frozen=True)
 class UncrossedMesh:
-    """A mesh (n, 3) m, (m, 3), how many facets crossed, and by how much, m, the farthest of its corners was moved."""
+    """A mesh (n, 3) m, (m, 3), how many facets crossed, at how many places, and the cells of those, m."""
 
     vertices: np.ndarray
     faces: np.ndarray
     crossed: int
-    moved_m: float
+    places: int
+    cell_m: float
 
 
 def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
-    """Return a mesh whose facets do not cross: corners of those that do move towards their neighbours.
+    """Return a mesh whose facets do not cross: in boxes about those that do, it bounds what they enclose once or more.
 
-    A fold that stays takes its neighbours along, and theirs. Other corners keep their places.
+    All else keeps its place.
 
     Parameters
     ----------
@@ -38,30 +46,98 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
     Raises
     ------
     GeometryError
-        If facets still cross after 60 rounds. The message names the place.
+        If facets still cross after eight rounds. The message names the place.
     """
     pairs = crossing_facets(vertices, faces, CROSSING_M)
-    crossed, moved = len(np.unique(pairs)), vertices.copy()
-    nearby = _neighbours(faces, len(vertices))
+    crossed, places = len(np.unique(pairs)), 0
+    edges = vertices[faces[np.unique(pairs)]]
+    size = np.median(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2)) if crossed else 0.0
+    cell_m = float(np.clip(size / _CELLS, _LEAST_M, _MOST_M))
     for n in range(_ROUNDS):
         if not len(pairs):
-            far = np.linalg.norm(moved - vertices, axis=1).max(initial=0.0)
-            return UncrossedMesh(moved, faces, crossed, float(far))
-        corners = np.zeros(len(vertices), bool)
-        corners[faces[np.unique(pairs)]] = True
-        for _ in range(n // _WIDER):
-            corners |= nearby @ corners > 0
-        moved[corners] += _STEP * (nearby[corners] @ moved - moved[corners])
-        pairs = crossing_facets(moved, faces, CROSSING_M, corners[faces].any(axis=1))
-    x, y, z = moved[faces[pairs[0, 0]]].mean(axis=0)
+            if crossed:
+                vertices, faces = _without_doubled(vertices, faces)
+            return UncrossedMesh(vertices, faces, crossed, places, cell_m)
+        boxes = _boxes(vertices[faces[pairs]], (n + 1) * cell_m)
+        places += len(boxes)
+        vertices, faces = _found_again(vertices, faces, boxes, cell_m, _FLAT * 0.5**n * cell_m)
+        pairs = crossing_facets(vertices, faces, CROSSING_M)
+    x, y, z = vertices[faces[pairs[0, 0]]].mean(axis=0)
     raise GeometryError(
         f"its surface crosses itself at ({x:.1f}, {y:.1f}, {z:.1f}) m; --voxel M finds it at another resolution"
     )
 
 
-def _neighbours(faces: np.ndarray, count: int) -> csr_array:
-    """Return a matrix (count, count) by which corners become the means of those at the other ends of their edges."""
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    ends = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0)
-    share = 1 / np.bincount(ends[:, 0], minlength=count)[ends[:, 0]]
-    return csr_array(coo_matrix((share, ends.T), (count, count)))
+def _found_again(
+    vertices: np.ndarray, faces: np.ndarray, boxes: np.ndarray, cell_m: float, flat_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh of which what is in boxes (k, 2, 3) m is found on a grid, and simplified by `flat_m`."""
+    space = manifold_of(vertices, faces)
+    inner = manifold_of(*rebuilt_within(vertices, faces, cell_m, boxes)).simplify(flat_m)
+    about = manifold3d.Manifold.batch_boolean(
+        [manifold3d.Manifold.cube(high - low).translate(low) for low, high in boxes], manifold3d.OpType.Add
+    )
+    return arrays_of((space - about) + (inner ^ about))
+
+
+def _without_doubled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh without its parts about which it goes twice, and those that it goes about the other way."""
+    winding, kept = WindingNumber(vertices, faces), list[manifold3d.Manifold]()
+    for part in manifold_of(vertices, faces).decompose():
+        a, b, c = np.moveaxis(np.take(*arrays_of(part), axis=0), 1, 0)
+        normal = np.cross(b - a, c - a)
+        size = np.linalg.norm(normal, axis=1)
+        k = int(size.argmax())
+        beside = (a + b + c)[k] / 3 + _BESIDE_M * normal[k] / size[k]
+        if not winding.at(beside[None], np.zeros(1, int), _BESIDE_M).any():
+            kept.append(part)
+    return arrays_of(manifold3d.Manifold.compose(kept))
+
+
+def _boxes(pairs: np.ndarray, margin_m: float) -> np.ndarray:
+    """Return boxes (k, 2, 3) m about what the boxes of two triangles (n, 2, 3, 3) share; those that meet are one."""
+    low, high = pairs.min(axis=2).max(axis=1), pairs.max(axis=2).min(axis=1)
+    boxes = np.stack([low - margin_m, high + margin_m], axis=1)
+    while True:
+        meet = ((boxes[:, None, 0] <= boxes[None, :, 1]) & (boxes[None, :, 0] <= boxes[:, None, 1])).all(axis=2)
+        count, part = connected_components(coo_matrix(meet), directed=False)
+        if count == len(boxes):
+            return boxes
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        np.minimum.at(low, part, boxes[:, 0])
+        np.maximum.at(high, part, boxes[:, 1])
+        boxes = np.stack([low, high], axis=1)
+
+
+def manifold_of(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
+    """Return a closed mesh as the library has it."""
+    mesh = manifold3d.Mesh64(np.array(vertices, np.float64, order="C"), faces.astype(np.uint64, order="C"))
+    return manifold3d.Manifold(mesh)
+
+
+def arrays_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices (n, 3) m and faces (m, 3) of a solid."""
+    mesh = solid.to_mesh64()
+    return np.array(mesh.vert_properties, np.float64, order="C")[:, :3], np.array(mesh.tri_verts, np.int64, order="C")
+
+
+def parted(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the vertices (n, 3) m of a mesh of which none are at one place in the 32 bits of meshes.
+
+    Where a space touches itself in a corner or an edge, its corners move by up to a millimetre to their neighbours.
+    """
+    _, of, count = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True, return_counts=True)
+    touch = np.flatnonzero(count[of.reshape(-1)] > 1)
+    if not len(touch):
+        return vertices
+    ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])  # each edge of a closed mesh both ways
+    mean = np.stack([np.bincount(ends[:, 0], vertices[ends[:, 1], k], len(vertices)) for k in range(3)], axis=1)
+    way = mean[touch] / np.bincount(ends[:, 0], minlength=len(vertices))[touch, None] - vertices[touch]
+    way /= np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
+    about = np.asarray(np.isin(faces, touch).any(axis=1))
+    for apart_m in _APART_M:
+        found = vertices.copy()
+        found[touch] += apart_m * way
+        if not len(crossing_facets(found, faces, CROSSING_M, about)):
+            return found
+    return vertices

@@ -1,5 +1,6 @@
-"""Closed meshes that cross themselves are smoothed where they do, and nowhere else."""
+"""Closed meshes that cross themselves are found again where they do, and stay elsewhere."""
 
+import manifold3d
 import numpy as np
 import pytest
 import trimesh
@@ -7,38 +8,70 @@ import trimesh
 from pipeline.errors import GeometryError
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.world import uncrossed as module
-from pipeline.volume.world.uncrossed import uncrossed
+from pipeline.volume.world.uncrossed import manifold_of, parted, uncrossed
 
 
-def folded():
-    """A ball 2 m wide; one corner of its top is pulled out of its bottom."""
+def two_balls(apart_m):
+    """Balls 2 m wide whose surfaces cross in one mesh."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
-    vertices, top = ball.vertices.copy(), int(ball.vertices[:, 2].argmax())
-    vertices[top, 2] = -1.3
-    return vertices, ball.faces.astype(int), top
+    vertices = np.concatenate([ball.vertices, ball.vertices @ [[0, 1, 0], [0, 0, 1], [1, 0, 0]] + [apart_m, 0, 0]])
+    return vertices, np.concatenate([ball.faces, ball.faces + len(ball.vertices)]).astype(int)
 
 
-def test_facets_that_cross_are_smoothed_and_others_keep_their_places():
-    vertices, faces, top = folded()
-    assert len(crossing_facets(vertices, faces, CROSSING_M))
+def crossings_of(vertices, faces):
+    return len(crossing_facets(vertices, faces, CROSSING_M))
+
+
+@pytest.mark.parametrize("apart_m", [0.3, 1.2, 1.9])
+def test_facets_that_cross_bound_the_union_and_others_keep_their_places(apart_m):
+    vertices, faces = two_balls(apart_m)
+    assert crossings_of(vertices, faces)
     found = uncrossed(vertices, faces)
-    assert len(crossing_facets(found.vertices, faces, CROSSING_M)) == 0
-    assert found.crossed >= 6
-    moved = np.linalg.norm(found.vertices - vertices, axis=1)
-    assert (moved > 0)[top]
-    assert (moved > 0).mean() < 0.2
-    assert found.moved_m == moved.max()
+    assert crossings_of(found.vertices, found.faces) == 0
+    assert (found.crossed > 6, found.places > 0) == (True, True)
+    one = manifold_of(vertices[: len(vertices) // 2], faces[: len(faces) // 2])
+    union = one + manifold_of(vertices[len(vertices) // 2 :], faces[len(faces) // 2 :] - len(vertices) // 2)
+    solid = manifold_of(found.vertices, found.faces)
+    assert solid.status() == manifold3d.Error.NoError
+    assert solid.volume() == pytest.approx(union.volume(), rel=0.01)
+    far = (np.abs(vertices[:, 0] - apart_m / 2) > 0.6) & (np.linalg.norm(vertices - [apart_m, 0, 0], axis=1) > 0.99)
+    far &= np.linalg.norm(vertices, axis=1) > 0.99
+    kept = (found.vertices[:, None] == vertices[far]).all(axis=2).any(axis=0)
+    assert kept.mean() > 0.95
+
+
+def test_a_fold_that_reaches_out_of_the_space_is_cut_off():
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+    vertices = ball.vertices.copy()
+    vertices[int(vertices[:, 2].argmax()), 2] = -1.3
+    found = uncrossed(vertices, ball.faces.astype(int))
+    assert crossings_of(found.vertices, found.faces) == 0
+    assert found.vertices[:, 2].min() > -1.05
 
 
 def test_a_mesh_that_does_not_cross_stays_as_it_is():
     box = trimesh.creation.box([4, 3, 2])
     found = uncrossed(box.vertices, box.faces.astype(int))
     assert (found.vertices == box.vertices).all()
-    assert (found.crossed, found.moved_m) == (0, 0)
+    assert (found.crossed, found.places) == (0, 0)
 
 
 def test_a_mesh_that_still_crosses_is_refused_by_the_place(monkeypatch):
-    vertices, faces, _ = folded()
+    vertices, faces = two_balls(1.2)
     monkeypatch.setattr(module, "_ROUNDS", 0)
-    with pytest.raises(GeometryError, match=r"crosses itself at \(-?0\.\d, -?0\.\d, -?[01]\.\d\) m; --voxel"):
+    with pytest.raises(GeometryError, match=r"crosses itself at \(0\.\d, -?0\.\d, -?0\.\d\) m; --voxel"):
         uncrossed(vertices, faces)
+
+
+def test_corners_at_one_place_are_parted_by_a_millimetre_at_most():
+    box = trimesh.creation.box([1, 1, 1])
+    vertices = np.concatenate([box.vertices, box.vertices + np.array([1, 1, 0])])  # they touch in an edge
+    faces = np.concatenate([box.faces, box.faces + 8]).astype(int)
+    assert len(np.unique(vertices.astype(np.float32), axis=0)) == 14
+    found = parted(vertices, faces)
+    assert len(np.unique(found.astype(np.float32), axis=0)) == 16
+    moved = np.linalg.norm(found - vertices, axis=1)
+    assert (moved > 0).sum() == 4
+    assert moved.max() <= 1.0001e-3
+    assert crossings_of(found, faces) == 0
+    assert parted(box.vertices, box.faces.astype(int)) is box.vertices

@@ -6,13 +6,16 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pipeline.surface.mesh.displacement import Bounds, Room, bound_by_room, damp
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.volume.rock.inside import Inside
-from pipeline.volume.world.surface.fine import FineRock
+from pipeline.volume.world.surface.crossed import places_crossed
+from pipeline.volume.world.surface.fine import FLOOR, FineRock
 
 _RADIUS_M, _FACTOR = 0.6, 0.5  # about a crossing, as the rough surface of a level mine has it
 _FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision walls, within
@@ -57,7 +60,8 @@ def displace_rock(
     Where the mesh crosses itself or four faces share an edge, the displacement is halved, and after some rounds taken
     back in growing circles, where the mesh is simplified less and less. So it is where the simplified mesh reaches
     farther into the `free` space than the walls' bound. Rounds end when all rock about what is still wrong is the
-    volume's own facets. Each round before takes relief back or simplifies less.
+    volume's own facets. Each round before takes relief back or simplifies less. What the proof would find then is
+    mended in the same way.
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
@@ -69,7 +73,9 @@ def displace_rock(
     for repair in count():
         vertices = _in_32_bits(fine.vertices + given[:, None] * fine.direction)
         points, faces, changed = mesher.mesh(vertices, moved)
-        points, kept = _in_32_bits(points), _have_three_corners(faces)
+        points = _in_32_bits(points)
+        faces = _without_short_edges(points, faces)
+        kept = _have_three_corners(faces)
         faces, changed = faces[kept], changed[kept]
         wrong = _wrong(points, faces[_are_near(points, faces, changed)], faces[changed])
         if not changed.all() and not len(_with_relief(wrong, vertices, given)[0]):  # tiles meet elsewhere, too
@@ -78,7 +84,16 @@ def displace_rock(
         places = np.concatenate([wrong, beyond])
         places, settled = _with_relief(places, vertices, given)
         if not len(places) and not mesher.refine(settled):
-            break
+            # The chunks are judged alone, about another middle: there single precision may find what it misses here.
+            rock = faces[mesher.surface(vertices).piece[kept] != FLOOR]
+            places, own = places_crossed(points, rock, free.mesh)
+            near, before = _distance_m(vertices, places[~own], 2 * _WIDEST_M), given
+            given = damp(given, np.maximum(near - _WIDEST_M, 0.0), _WIDEST_M, 0.0)
+            moved = given != before
+            if not mesher.refine(fine.vertices[near <= _WIDEST_M], np.inf) and not moved.any():
+                break
+            mended = np.concatenate([mended, places[~own]])
+            continue
         flat_m = min(_FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1), _WIDEST_M)
         near = _distance_m(vertices, places, max(_RADIUS_M, 2 * flat_m))
         if repair >= _REFINE_AFTER:
@@ -138,6 +153,17 @@ def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) 
 
 def _in_32_bits(points: np.ndarray) -> np.ndarray:
     return points.astype(np.float32).astype(np.float64)
+
+
+def _without_short_edges(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the faces (m, 3) with one corner for the two of an edge that has no length in 32 bits."""
+    ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    short = ends[(points[ends[:, 0]] == points[ends[:, 1]]).all(axis=1)]
+    if not len(short):
+        return faces
+    of = connected_components(coo_matrix((np.ones(len(short)), short.T), (len(points),) * 2), directed=False)[1]
+    _, first = np.unique(of, return_index=True)
+    return np.asarray(first[of][faces])
 
 
 def _have_three_corners(faces: np.ndarray) -> np.ndarray:

@@ -7,27 +7,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from minexplore.bundle import mesh_of
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
 from pipeline.store.codecs import decode
-from pipeline.surface.mesh.mesh_checks import find_crossings, join_meshes
+from pipeline.surface.mesh.mesh_checks import join_meshes
 from pipeline.types import Mesh
 from pipeline.volume.rock.inside import Inside
-from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
+from pipeline.volume.world.surface.crossed import places_crossed
 from pipeline.volume.world.surface.narrow import Balls, balls_along, places_along
 from pipeline.volume.world.surface.show import rock_names
 from pipeline.volume.world.topology import LegNetwork
 
 _SAMPLES = 100_000  # of the rock, by area
 _ON_EDGE_M = 2e-3  # of the floor: the rock's points have 0.1 mm, its meshes 32 bits
-_CORNERS = 12  # of the rock, about a place where it crosses itself
-_ON_FACETS_M = 1e-4  # of the volume's facets: rock without relief
-_ROUNDED = 4.0  # or so many steps of 32 bits, far from the origin
 _RAYS = 64  # from each place
 _LEAST_M = 0.2  # from a wall: rays begin farther away
 _DIGITS = 6
@@ -59,6 +55,7 @@ def measure_rock(
     gap = np.abs(away)
     is_floor = volume.label == FacetLabel.FLOOR
     open_m, bare_m = _borders_m(vertices, faces, volume.vertices, volume.faces[is_floor])
+    _, is_own = places_crossed(vertices, faces, (volume.vertices, volume.faces))
     places, _ = places_along(legs)
     balls = balls_along(volume, legs)
     places = places[inside.distance_m(places) > _LEAST_M]
@@ -71,34 +68,11 @@ def measure_rock(
         "into_free_m": round(float(away.max(initial=0.0)), _DIGITS),
         "open_m": round(open_m, _DIGITS),
         "bare_m": round(bare_m, _DIGITS),
-        **_crossings(vertices, faces, volume),
+        "crossings": int((~is_own).sum()),
+        "folded": int(is_own.sum()),
         "leaks": _leaks(places, (vertices, faces), (volume.vertices, volume.faces[is_floor]), rng),
         "narrowest_kept": round(_kept(balls, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
     }
-
-
-def _crossings(vertices: np.ndarray, faces: np.ndarray, volume: Volume) -> dict[str, int]:
-    """Return how often the rock crosses itself, and how often it does so where it is the volume's own facets.
-
-    Files of meshes have 32 bits, in which the sides of a thin wedge of rock may cross. The volume itself does not.
-    """
-    places = find_crossings(vertices, faces)
-    _, near = cKDTree(vertices).query(places, k=_CORNERS)
-    about = np.concatenate([places[:, None], vertices[near]], axis=1)
-    within_m = max(_ON_FACETS_M, _ROUNDED * float(np.spacing(np.float32(np.abs(vertices).max()))))
-    own = _on_facets(about.reshape(-1, 3), volume, within_m).reshape(about.shape[:2]).all(axis=1)
-    return {"crossings": int((~own).sum()), "folded": int(own.sum())}
-
-
-def _on_facets(places: np.ndarray, volume: Volume, within_m: float) -> np.ndarray:
-    """Return which places (n, 3) m are so near to a facet. Distances in 32 bits are 1 mm off beside narrow facets."""
-    from trimesh.triangles import closest_point  # takes half a second to load
-
-    place, facet = Facets(volume.vertices, volume.faces).near(places - within_m, places + within_m)
-    nearest = closest_point(volume.vertices[volume.faces[facet]], places[place]) if len(place) else np.zeros((0, 3))
-    found = np.zeros(len(places), bool)
-    found[place[np.linalg.norm(nearest - places[place], axis=1) < within_m]] = True
-    return found
 
 
 def _borders_m(vertices: np.ndarray, faces: np.ndarray, others: np.ndarray, floors: np.ndarray) -> tuple[float, float]:

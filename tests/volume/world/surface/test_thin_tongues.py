@@ -18,9 +18,10 @@ from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
+from pipeline.volume.world.surface.crossed import _on_facets, places_crossed
 from pipeline.volume.world.surface.displace import displace_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
-from pipeline.volume.world.surface.proof import _borders_m, _crossings, _on_facets
+from pipeline.volume.world.surface.proof import _borders_m
 from pipeline.volume.world.surface.scanned import NO_COLOURS
 from tests.composed import compose
 
@@ -100,8 +101,9 @@ def test_places_on_narrow_facets_are_on_the_volume_s_facets_where_distances_in_3
     closed = closed_volume(volume)
     places = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ volume.vertices[[a, b, new]]
     assert np.abs(Inside(closed).distance_m(places)).max() > 2e-4
-    assert _on_facets(places, closed, 1e-4).all()
-    assert not _on_facets(places - np.array([0.0, 2e-4, 0.0]), closed, 1e-4).any()
+    mesh = closed.vertices, closed.faces
+    assert _on_facets(places, mesh, 1e-4).all()
+    assert not _on_facets(places - np.array([0.0, 2e-4, 0.0]), mesh, 1e-4).any()
 
 
 @pytest.mark.slow
@@ -157,6 +159,8 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
     assert np.std(rock.given_m) > 0.03
     # The proof tells these crossings from those of rock with relief.
     count = len(rock.crossings)
-    assert _crossings(rock.mesh.vertices, rock.mesh.faces, closed) == {"crossings": 0, "folded": count}
+    mesh = closed.vertices, closed.faces
+    _, own = places_crossed(rock.mesh.vertices, rock.mesh.faces, mesh)
+    assert (own.all(), len(own)) == (True, count)
     moved = rock.mesh.vertices + 0.001
-    assert _crossings(moved, rock.mesh.faces, closed)["crossings"] >= count / 2
+    assert (~places_crossed(moved, rock.mesh.faces, mesh)[1]).sum() >= count / 2
