@@ -42,8 +42,9 @@ from pipeline.survey.drawing.scale import measure_bar
 from pipeline.survey.formats import is_solved, solver_limits
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
-from pipeline.survey.passages.legs import SurveyLeg, build_workings
+from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan, start_over
