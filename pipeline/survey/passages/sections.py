@@ -11,8 +11,10 @@ _LEAST_M = 0.05  # of a width that is compared
 _NO_LENGTH_M = 1e-12
 
 
-def sections_of(places_m: Points2, walls_m: Points2) -> np.ndarray:
-    """Return the directions to the left of a passage's sections, at both ends of each of its legs.
+def sections_of(
+    places_m: Points2, walls_m: Points2, may_share: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions to the left of a passage's sections, and which stations have one for both of their legs.
 
     The section at a station is square to the line from the station before to the one after, if both legs keep 96 % of
     the width that the survey has along them. If not, each leg has a section of its own there, square to the leg.
@@ -23,21 +25,27 @@ def sections_of(places_m: Points2, walls_m: Points2) -> np.ndarray:
         Stations, in plan.
     walls_m : (n, 2) float64, m
         Distances to the left and right wall.
+    may_share : (n,) bool, optional
+        Stations at which both legs may have one section; all if not stated.
 
     Returns
     -------
     (n - 1, 2, 2) float64
-        Unit vectors; zeros of a leg without a length in plan.
+        Unit vectors at both ends of each leg; zeros of a leg without a length in plan.
+    (n,) bool
+        Whether both legs of a station have one section; never at the first and the last.
     """
     own, shared = _left_of(np.diff(places_m, axis=0)), _left_of(np.gradient(places_m, axis=0))[1:-1]
     is_shared = (np.einsum("kd,kd->k", own[:-1], shared) >= KEPT) & (np.einsum("kd,kd->k", own[1:], shared) >= KEPT)
+    if may_share is not None:
+        is_shared &= may_share[1:-1]
     while True:  # with another section at one end, a leg's walls change up to the other
         across = np.stack([own, own], axis=1)
         across[:-1, 1][is_shared] = across[1:, 0][is_shared] = shared[is_shared]
         kept = widths_kept(places_m, walls_m, across)
         narrow = is_shared & ((kept[:-1, 1] < KEPT) | (kept[1:, 0] < KEPT))
         if not narrow.any():
-            return across
+            return across, np.concatenate([[False], is_shared, [False]])
         is_shared &= ~narrow
 
 

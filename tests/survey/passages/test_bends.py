@@ -88,7 +88,7 @@ def test_a_bend_is_the_same_in_one_leg_and_between_two():
 
 def test_a_bend_that_costs_little_width_has_one_section_and_no_corner():
     leg = leg_of([(0, 0), (10, 0), (10 + 10 * np.cos(0.3), 10 * np.sin(0.3))])
-    across = sections_of(leg.positions_m, leg.walls_m)
+    across, _ = sections_of(leg.positions_m, leg.walls_m)
     np.testing.assert_allclose(across[0, 1], across[1, 0])
     np.testing.assert_allclose(across[0, 1], (-np.sin(0.15), np.cos(0.15)), atol=1e-12)
     assert widths_kept(leg.positions_m, leg.walls_m, across).min() == pytest.approx(np.cos(0.15), abs=1e-3)
@@ -96,7 +96,7 @@ def test_a_bend_that_costs_little_width_has_one_section_and_no_corner():
 
 def test_a_section_that_leans_over_a_short_leg_beside_a_long_one_is_not_shared():
     leg = leg_of([(0, 0), (100, 0), (100 + 5 * np.cos(0.5), 5 * np.sin(0.5))])
-    across = sections_of(leg.positions_m, leg.walls_m)
+    across, _ = sections_of(leg.positions_m, leg.walls_m)
     np.testing.assert_allclose(across[0, 1], (0, 1), atol=1e-12)
     np.testing.assert_allclose(across[1, 0], (-np.sin(0.5), np.cos(0.5)), atol=1e-12)
 
