@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-_TURN_RAD = 0.1  # between corners of an arc: 1 mm off at 1 m
 _LEAST_RAD = 1e-6  # of a sector that is more than rounding
 
 
@@ -52,7 +51,7 @@ class OuterSector:
         return found
 
 
-def outer_sectors(ends: list[LegEnd], overlap_rad: float) -> list[OuterSector]:
+def outer_sectors(ends: list[LegEnd], step_rad: float, overlap_rad: float) -> list[OuterSector]:
     """Return the sectors about a station that no leg fills: on the outside of a bend, where sections open like a fan.
 
     Legs count in the order of their directions. One whose section is the next one's leaves nothing open.
@@ -61,6 +60,8 @@ def outer_sectors(ends: list[LegEnd], overlap_rad: float) -> list[OuterSector]:
     ----------
     ends : list of LegEnd
         Legs that have a length in plan.
+    step_rad : float
+        Between corners of an arc, at most.
     overlap_rad : float
         Of a sector with the legs beside it: shapes that only touch leave slits.
     """
@@ -74,7 +75,7 @@ def outer_sectors(ends: list[LegEnd], overlap_rad: float) -> list[OuterSector]:
         between = (second.direction_rad - first.direction_rad) % (2 * np.pi)
         turn = between + second.turn_rad - np.pi - first.turn_rad
         if turn > _LEAST_RAD and max(first.walls_m[0], second.walls_m[1]) > 0:
-            share = np.linspace(0.0, 1.0, int(np.ceil(turn / _TURN_RAD)) + 1)
+            share = np.linspace(0.0, 1.0, int(np.ceil(turn / step_rad)) + 1)
             angle = begin + share * turn + overlap_rad * np.linspace(-1.0, 1.0, len(share))
             found.append(OuterSector(one, other, share, np.column_stack([np.cos(angle), np.sin(angle)])))
     return found

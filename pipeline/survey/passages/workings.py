@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +13,9 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.survey.passages.bends import LegEnd, outer_sectors
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.sections import sections_of
+from pipeline.types import NO_LEGS, SurveyedLegs, text_array
 
+_STEP_RAD = 0.1  # an arc is 1 mm off at 1 m
 _OVERLAP_RAD = 1e-6
 _SLIT_M2 = 1e-6
 
@@ -45,12 +48,26 @@ def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
                 ends[stations[1]].append(LegEnd(both[0] - both[1], -across[k, 1], (far[1], far[0])))
         shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1), quad_segs=16))
     for name, meeting in ends.items():
-        for sector in outer_sectors(meeting, _OVERLAP_RAD):
+        for sector in outer_sectors(meeting, _STEP_RAD, _OVERLAP_RAD):
             radii = sector.radii_m(meeting[sector.one].walls_m[0], meeting[sector.other].walls_m[1])
             arc = places[name] + radii[:, None] * sector.directions
             shapes.append(shapely.Polygon([places[name], *arc]))
     solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
     return _without_slits(shapely.union_all(solid))
+
+
+def level_legs(legs: list[SurveyLeg], origin: tuple[float, float]) -> SurveyedLegs:
+    """Return legs that are built as a plan, m, mine frame, from their own frame, in which it has an origin."""
+    places = np.concatenate([leg.positions_m for leg in legs]) - np.array(origin)
+    walls = np.concatenate([leg.walls_m for leg in legs])
+    return replace(
+        NO_LEGS,
+        positions_m=np.column_stack([places, np.zeros(len(places))]),
+        lrud_m=np.column_stack([walls, np.full((len(walls), 2), np.nan)]),
+        first=np.cumsum([0, *(len(leg.stations) for leg in legs)]).astype(np.int32),
+        names=text_array([name for leg in legs for name in leg.stations]),
+        surveyed_m=float(sum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1).sum() for leg in legs)),
+    )
 
 
 def _without_slits(workings: BaseGeometry) -> BaseGeometry:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -15,8 +16,10 @@ _SIDES = 12
 _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
 _LEAST_M = 0.05  # a hub's radius
 _BEYOND = 1.05  # of a hub's radius: what reaches no farther is filled by the hub
+_STEP_RAD = 0.4  # between corners of a sector: its walls are nearer by 2 % in their middles
 _OVERLAP_M = 0.01  # of a sector and the legs beside it: solids that only touch are what booleans are worst at
 
+Distance = TypeVar("Distance", float, np.ndarray)
 Ends = list[tuple[int, int]]  # legs, by number, and which of their ends is at a station
 
 
@@ -48,7 +51,8 @@ def joints_at(network: SurveyNetwork, station: int, ends: Ends, feet: list[np.nd
     place = network.places_m[station]
     yield _prism(place, ring, HIGH * ring, np.full(len(ring), up), down)
     meeting = [_leg_end(network, shot, end, way) for (shot, end), way in zip(ends, ways, strict=True)]
-    for sector in outer_sectors(meeting, _OVERLAP_M / max(float(walls[:, :2].max()), _LEAST_M)):
+    overlap_rad = _OVERLAP_M / max(float(walls[:, :2].max()), _LEAST_M)
+    for sector in outer_sectors(meeting, _STEP_RAD, overlap_rad):
         (near, far), (far_end, near_end) = meeting[sector.one].walls_m, meeting[sector.other].walls_m
         if min(max(near, near_end), most) < _BEYOND * radius:
             continue
@@ -65,12 +69,13 @@ def joints_at(network: SurveyNetwork, station: int, ends: Ends, feet: list[np.nd
         )
 
 
-def roof_reach(near_m: np.ndarray | float, far_m: np.ndarray | float) -> np.ndarray | float:
+def roof_reach(near_m: Distance, far_m: Distance) -> Distance:
     """Return how far a flat roof reaches from its station on the side whose wall is `near_m` away, m.
 
     A roof is over the middle, half as wide as the section, and over its station, where its height was measured.
     """
-    return np.maximum((near_m - far_m) / 2 + HIGH * (near_m + far_m) / 2, 0.0)
+    found: Distance = np.maximum((near_m - far_m) / 2 + HIGH * (near_m + far_m) / 2, 0.0)
+    return found
 
 
 def _leg_end(network: SurveyNetwork, shot: int, end: int, way: np.ndarray) -> LegEnd:

@@ -6,55 +6,16 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.worlds.random_bends import KEPT, KINDS, judge, least_share, robots_parts
 from pipeline.survey.passages.legs import SurveyLeg, shots_of
 from pipeline.survey.passages.sections import sections_of, widths_kept
 from pipeline.survey.passages.workings import build_workings
-
-ROBOT_M = 0.35
-KEPT = 0.95
 
 
 def leg_of(places, walls=(2.0, 2.0)):
     places = np.array(places, float)
     walls = np.broadcast_to(np.array(walls, float), (len(places), 2)).copy()
     return SurveyLeg("1", [f"s{k}" for k in range(len(places))], places, walls)
-
-
-def traverse(rng, walls):
-    """Return a leg of 3 to 8 shots of 5 to 100 m that turn by 20 to 160 deg, which does not cross itself."""
-    while True:
-        turns = rng.choice([-1, 1], rng.integers(2, 8)) * np.radians(rng.uniform(20, 160))
-        heading = np.cumsum([rng.uniform(0, 2 * np.pi), *turns])
-        steps = rng.uniform(5, 100, len(heading))[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-        places = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-        if shapely.LineString(places).is_simple:
-            return leg_of(places, walls(rng, len(places)))
-
-
-def least_share(leg, free):
-    """Return the least share of the survey's section, every 0.25 m along a leg, that is free in one stretch."""
-    least = 1.0
-    for (start, end), (near, far) in zip(
-        zip(leg.positions_m, leg.positions_m[1:], strict=False),
-        zip(leg.walls_m, leg.walls_m[1:], strict=False),
-        strict=True,
-    ):
-        step = end - start
-        length = float(np.hypot(*step))
-        left = np.array([-step[1], step[0]]) / length
-        share = np.linspace(1e-3, 1 - 1e-3, max(3, int(length / 0.25)))[:, None]
-        middle, walls = start + share * step, (1 - share) * near + share * far
-        sections = np.stack([middle + left * walls[:, :1], middle - left * walls[:, 1:]], axis=1)
-        parts, of = shapely.get_parts(shapely.intersection(shapely.linestrings(sections), free), return_index=True)
-        widest = np.zeros(len(share))
-        np.maximum.at(widest, of, shapely.length(parts))
-        least = min(least, float((widest / walls.sum(axis=1)).min()))
-    return least
-
-
-def robots_parts(free):
-    """Return how many parts the middle of a robot can be in, without specks."""
-    return sum(part.area > 0.01 for part in shapely.get_parts(free.buffer(-ROBOT_M)))
 
 
 def test_a_crosscut_of_ten_metres_between_long_drifts_keeps_its_four_metres():
@@ -119,19 +80,12 @@ def test_the_width_that_a_shared_section_keeps_is_what_is_built():
         assert least_share(leg, shapely.union_all(quads).buffer(1e-9)) <= min(stated, 1.0) + 3e-3
 
 
-@pytest.mark.parametrize("kind", ["level", "uneven", "at a wall"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_random_traverses_are_as_wide_as_surveyed_and_in_one_part(kind):
-    walls = {
-        "level": lambda rng, n: (2.0, 2.0),
-        "uneven": lambda rng, n: rng.uniform(0.5, 3.0, (n, 2)),
-        "at a wall": lambda rng, n: np.column_stack([np.zeros(n), rng.uniform(1.0, 4.0, n)]),
-    }[kind]
-    rng = np.random.default_rng(7)
-    for _ in range(8):
-        leg = traverse(rng, walls)
-        free = build_workings([leg])
-        assert least_share(leg, free) >= KEPT
-        assert robots_parts(free) == 1
+    for seed in range(6):
+        share, parts = judge(kind, seed)
+        assert share >= KEPT
+        assert parts == 1
 
 
 def test_a_station_without_walls_parts_the_workings_as_the_survey_states():
