@@ -16,8 +16,10 @@ _SIDES = 12
 _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
 _LEAST_M = 0.05  # a hub's radius
 _BEYOND = 1.05  # of a hub's radius: what reaches no farther is filled by the hub
-_STEP_RAD = 0.4  # between corners of a sector: its walls are nearer by 2 % in their middles
+_STEP_RAD = 0.3  # between corners of a sector: its walls are nearer by 1 % in their middles
+_INSIDE = 0.97  # of the legs' walls and roofs, at which those of sectors are: surfaces that coincide leave slivers
 _OVERLAP_M = 0.01  # of a sector and the legs beside it: solids that only touch are what booleans are worst at
+_WITHIN = 0.5  # of a hub's radius, by which a sector reaches into it
 
 Distance = TypeVar("Distance", float, np.ndarray)
 Ends = list[tuple[int, int]]  # legs, by number, and which of their ends is at a station
@@ -56,14 +58,16 @@ def joints_at(network: SurveyNetwork, station: int, ends: Ends, feet: list[np.nd
         (near, far), (far_end, near_end) = meeting[sector.one].walls_m, meeting[sector.other].walls_m
         if min(max(near, near_end), most) < _BEYOND * radius:
             continue
-        arc = np.minimum(sector.radii_m(near, near_end), most)[:, None] * sector.directions
-        roof = sector.radii_m(min(roof_reach(near, far), most), min(roof_reach(near_end, far_end), most))
+        arc = _INSIDE * np.minimum(sector.radii_m(near, near_end), most)[:, None] * sector.directions
+        reach = sector.radii_m(min(roof_reach(near, far), most), min(roof_reach(near_end, far_end), most))
+        roof = _INSIDE * reach[:, None] * sector.directions
         heights = sector.radii_m(float(walls[sector.one, 2]), float(walls[sector.other, 2]))
-        middle = np.zeros((1, 2))
+        heights -= (1 - _INSIDE) * (heights + down)
+        middle = -_WITHIN * radius * sector.directions[len(sector.share) // 2][None]
         yield _prism(
             place,
             np.concatenate([middle, arc]),
-            np.concatenate([middle, roof[:, None] * sector.directions]),
+            np.concatenate([middle, roof]),
             np.append(heights.min(), heights),
             down,
         )
