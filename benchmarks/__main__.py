@@ -91,6 +91,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("fuzz", "setup", "benchmarks.fuzz", _PARTS + "fuzz.md"),
     _python("random-mines", "setup", "benchmarks.worlds.random_mines", _PARTS + "random-mines.md"),
     _python("reach", "setup", "benchmarks.worlds.reach", "artifacts/bench/reach.md", "10"),
+    _python("random-bends", "setup", "benchmarks.worlds.random_bends", _PARTS + "random-bends.md", "3"),
     _python("scans", "setup", "benchmarks.scans.judge", _PARTS + "scans.md"),
     _python("large-scan", "setup", "benchmarks.scans.large", "nothing", "1"),
     _python("round-trips", "setup", "benchmarks.scans.round_trips", _PARTS + "round-trips.md", "1"),

@@ -20,6 +20,7 @@ STAGE = Stage(
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
         "floors": Artifact("survey/floors.npz", FloorMesh),
+        "level_legs": Artifact("survey/level_legs.npz", SurveyedLegs),
     },
 )
 

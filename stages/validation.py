@@ -50,12 +50,14 @@ def validate_world(
     network: SurveyedLegs = NO_LEGS,
     solid: ClosedMesh = NO_SOLID,
     floors: FloorMesh = NO_FLOORS,
+    level_legs: SurveyedLegs = NO_LEGS,
 ) -> dict[str, Any]:
     """Return the metrics, the load times, the certificate, and reports and pictures as evidence."""
     if len(floors) or len(network) or len(solid):
         return _validate_volume(params, world, survey, traced, network, solid, floors)
-    groups, whole = [group for group in MEASURES if is_measured(group, params)], params.extent != "certificate"
-    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0])
+    whole, groups = params.extent != "certificate", [group for group in MEASURES if is_measured(group, params)]
+    groups = [group for group in groups if group != "survey" or len(level_legs)]
+    validator = Validator(params, world, cleaned, raw, survey, traced=traced.polygons.geoms[0], legs=level_legs)
     if not whole:
         metrics = {group: validator.measure(group) for group in groups}
         timings = {"world_sha256": validator.world.record.world_sha256}
@@ -231,6 +233,7 @@ STAGE = Stage(
         "network": Artifact("survey/network.npz", SurveyedLegs),
         "solid": Artifact("survey/solid.npz", ClosedMesh),
         "floors": Artifact("contours/floors.npz", FloorMesh),
+        "level_legs": Artifact("survey/level_legs.npz", SurveyedLegs),
     },
     writes={
         "metrics": Artifact("validation/metrics.json", dict, in_git=True),

@@ -10,7 +10,7 @@ from pipeline.params.validation import Limit, ValidationParams
 _OF_ROCK = ("texture", "relief")
 OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
 JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the height of the upper cut
-_OF_CERTIFICATE = ("areas", "collision", "certificate")
+_OF_CERTIFICATE = ("areas", "collision", "survey", "certificate")
 # of a cut to the wall in plan: in a volume that wall is not the border of the floor everywhere
 _TO_PLAN = ".length_ratio"
 
@@ -44,6 +44,7 @@ def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dic
         own = {name: limit for name, limit in rock.items() if not name.endswith(_TO_PLAN)}
         return params.volume.applying(figures) | own
     groups = {name.partition(".")[0] for name in params.limits}
+    groups -= set() if "survey.narrowed_m" in figures else {"survey"}  # of plans and maps there are no legs
     return _of_groups(params, {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)})
 
 

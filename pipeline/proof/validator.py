@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from pipeline.errors import ArtifactError
 from pipeline.geometry.outline.binarize import left_out
 from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.metrics.iou import differing_areas, intersection_over_union
+from pipeline.metrics.leg_widths import LegFigures, measure_legs, sections_along
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.rock.relief import Relief
 from pipeline.metrics.size import measure_size, parts_per_wall_m
@@ -37,7 +39,7 @@ from pipeline.proof.rebuilt.whole_bundle import require_rock, require_solid, tol
 from pipeline.proof.surface import SeenRock, WallBands, level_rock, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
-from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey
+from pipeline.types import NO_LEGS, DriftNetwork, FreeSpace, Mask, Survey, SurveyedLegs, lines_of
 
 _AREA_M2 = 1.1e-3  # areas have three decimals
 
@@ -54,11 +56,13 @@ class Validator:
         survey: Survey,
         checked: bool = True,
         traced: Polygon | None = None,
+        legs: SurveyedLegs = NO_LEGS,
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
         With `extent=certificate` the tables of `pipeline.schema` are applied, but nothing is made again. `traced` is
-        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced.
+        the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. `legs` are those of a
+        survey that is built as a plan.
 
         Raises
         ------
@@ -67,7 +71,7 @@ class Validator:
             visible rock where the parameters say that there is none.
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
-        self._traced = traced
+        self._traced, self._legs = traced, legs
         self.world: OpenedBundle = open_bundle(bundle, checked)
         _require_overlay(bundle, self.world, params)
         self._tracing = params.network_cell_m, params.network_min_leg_m
@@ -116,6 +120,16 @@ class Validator:
             GeomGroup.FLOOR,
             GeomGroup.COLLISION,
         )
+
+    @functools.cached_property
+    def legs(self) -> LegFigures:
+        """Return how the survey's legs are built."""
+        first, names = self._legs.first, lines_of(self._legs.names)
+        shots = np.array([(k, k + 1) for begin, end in pairwise(first.tolist()) for k in range(begin, end - 1)], int)
+        ends = [(names[a], names[b]) for a, b in shots.tolist()]
+        sections = sections_along(self._legs.positions_m[shots, :2], self._legs.lrud_m[shots, :2], ends)
+        start, radius = self.world.record.spawn.anchor_m, self.params.certificate.robot_radius_m
+        return measure_legs(self.free_space.polygon, sections, start, radius, tolerance_of(self.params))
 
     @property
     def _rock(self) -> SeenRock:
@@ -232,6 +246,11 @@ def _world(validator: Validator) -> dict[str, Any]:
     }
 
 
+def _survey(validator: Validator) -> dict[str, Any]:
+    figures = dataclasses.asdict(validator.legs)
+    return {name: round(value, 4) if isinstance(value, float) else value for name, value in figures.items()}
+
+
 MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metrics.json -> its metrics
     "iou": _iou,
     "against_plan": lambda v: vars(differing_areas(v.world_free, v.cleaned, v.survey.frame.px_per_m)),
@@ -241,6 +260,7 @@ MEASURES: dict[str, Callable[[Validator], dict[str, Any]]] = {  # group of metri
     "areas": _areas,
     "collision": _collision,
     "per_m2": lambda v: vars(measure_size(v.free_space.polygon, v.world.record.height_m, v.world.bytes)),
+    "survey": _survey,  # of a station survey, or of lines
     "certificate": lambda v: {"holds": v.certificate.holds, **v.containment},
     "texture": lambda v: texture_metrics(v.texture),
     "relief": lambda v: dataclasses.asdict(v.relief),

@@ -42,8 +42,9 @@ from pipeline.survey.drawing.scale import measure_bar
 from pipeline.survey.formats import is_solved, solver_limits
 from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
-from pipeline.survey.passages.legs import SurveyLeg, build_workings
+from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan, start_over
@@ -82,6 +83,7 @@ class Reading:
     map_px_per_m: float | None = None
     georeference: Georeference = METRIC
     heights: Heights | None = None
+    level_legs: SurveyedLegs = NO_LEGS
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ class _Drawn:
     legs: SurveyedLegs = NO_LEGS
     solid: ClosedMesh = NO_SOLID
     floors: FloorMesh = NO_FLOORS
+    level_legs: SurveyedLegs = NO_LEGS
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,7 @@ class _SurveyContent:
     legs: SurveyedLegs
     solid: ClosedMesh
     floors: FloorMesh
+    level_legs: SurveyedLegs
 
 
 def read_survey(params: SurveyParams) -> dict[str, Any]:
@@ -124,6 +128,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
         a vector survey; `survey`, the frame, scale and origin of both; `network`, the legs of a survey that is built
         as one volume, `solid`, its mesh where it is one, and `floors`, those of drawn areas; none of others.
+        `level_legs`, the legs of a station survey, or of lines, that is built as a plan.
 
     Raises
     ------
@@ -140,7 +145,7 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
     payload = run_limited("survey", arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
     polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
     survey = TypeAdapter(Survey).validate_python(payload.values)
-    whole = (_unpacked(kind, payload.arrays) for kind in (SurveyedLegs, ClosedMesh, FloorMesh))
+    whole = (_unpacked(kind, name, payload.arrays) for name, kind in _RECORDS.items())
     return _outputs(_SurveyContent(payload.arrays["plan"], survey, polygons, *whole))
 
 
@@ -152,17 +157,30 @@ def _outputs(read: _SurveyContent) -> dict[str, Any]:
         "network": read.legs,
         "solid": read.solid,
         "floors": read.floors,
+        "level_legs": read.level_legs,
     }
 
 
-def _packed(record: SurveyedLegs | ClosedMesh | FloorMesh) -> dict[str, np.ndarray]:
-    """Return a record of arrays and numbers as arrays."""
-    return {f"{type(record).__name__}/{f.name}": np.asarray(getattr(record, f.name)) for f in fields(record)}
+_RECORDS: dict[str, type[Any]] = {  # of arrays and numbers, by their names in `_SurveyContent`
+    "legs": SurveyedLegs,
+    "solid": ClosedMesh,
+    "floors": FloorMesh,
+    "level_legs": SurveyedLegs,
+}
 
 
-def _unpacked(kind: type[Any], arrays: dict[str, np.ndarray]) -> Any:
-    """Return the record that `_packed` took apart."""
-    found = {f: arrays[f"{kind.__name__}/{f.name}"] for f in fields(kind)}
+def _packed(read: _SurveyContent) -> dict[str, np.ndarray]:
+    """Return the records of arrays and numbers as arrays."""
+    return {
+        f"{name}/{f.name}": np.asarray(getattr(getattr(read, name), f.name))
+        for name, kind in _RECORDS.items()
+        for f in fields(kind)
+    }
+
+
+def _unpacked(kind: type[Any], name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """Return a record that `_packed` took apart."""
+    found = {f: arrays[f"{name}/{f.name}"] for f in fields(kind)}
     return kind(**{f.name: value.item() if f.type == "float" else value for f, value in found.items()})
 
 
@@ -170,7 +188,7 @@ def read_here(params: dict[str, Any]) -> Payload:
     """Read a survey in this process; `read_survey` has limits."""
     read = _read(_section(params))
     arrays = {"plan": read.plan, "workings": np.frombuffer(shapely.to_wkb(read.workings), np.uint8)}
-    arrays |= _packed(read.legs) | _packed(read.solid) | _packed(read.floors)
+    arrays |= _packed(read)
     return Payload(TypeAdapter(Survey).dump_python(read.survey, mode="json"), arrays)
 
 
@@ -215,7 +233,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
             read = _Drawn(
                 found.draw_plan(), found.frame, scale, found.georeference, found.heights, workings=found.workings
             )
-            read = replace(read, legs=found.legs, floors=found.floors)
+            read = replace(read, legs=found.legs, floors=found.floors, level_legs=found.level_legs)
     stated = _stated_heights(params, read)
     if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
@@ -237,7 +255,7 @@ def _read_by_kind(params: SurveyParams) -> _SurveyContent:
         licences,
         heights,
     )
-    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid, read.floors)
+    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid, read.floors, read.level_legs)
 
 
 def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
@@ -308,7 +326,7 @@ def _read_scaled(params: Scaled) -> _Drawn:
             )
             for col0, row0, col1, row1 in boxes
         ]
-    return _Drawn(plan, frame, scale, reading.georeference, reading.heights, boxes)
+    return _Drawn(plan, frame, scale, reading.georeference, reading.heights, boxes, level_legs=reading.level_legs)
 
 
 def plan_of_stations(params: StationSurveyParams) -> Reading:
@@ -329,7 +347,7 @@ def plan_of_stations(params: StationSurveyParams) -> Reading:
     frame = frame_around(extent, params.px_per_m)
     plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.drawing_grey)
     bar = measure_bar(plan[box[1] : box[3], box[0] : box[2]], params.scale.bar_length_m, "the drawn plan's scale bar")
-    return Reading(plan, frame, [box], bar, heights=heights)
+    return Reading(plan, frame, [box], bar, heights=heights, level_legs=level_legs(legs, (0.0, 0.0)))
 
 
 def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:

@@ -31,11 +31,11 @@ from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import (
     SurveyLeg,
-    build_workings,
     require_no_crossing,
     warn_of_shafts,
 )
 from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs
+from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights
@@ -77,8 +77,8 @@ class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and what draws their plan, with its frame.
 
     `legs` are those of a survey that is built as one volume, `floors` those of drawn areas with heights, whose shafts
-    are the legs; the workings are their view from above. A procedural mine with `as_picture` has none: stage 2 traces
-    them from the plan.
+    are the legs; the workings are their view from above. `level_legs` are those of a survey that is built as a plan. A
+    procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
     """
 
     workings: MultiPolygon
@@ -88,6 +88,7 @@ class VectorReading:
     draw_plan: partial[Image]  # one of 6,000 px takes 2 s, and detection needs none
     legs: SurveyedLegs = NO_LEGS
     floors: FloorMesh = NO_FLOORS
+    level_legs: SurveyedLegs = NO_LEGS
 
     @property
     def width_m(self) -> float:
@@ -109,6 +110,7 @@ class _Workings:
     heights: Heights | None = None
     legs: SurveyedLegs = NO_LEGS
     floors: FloorMesh = NO_FLOORS
+    level_legs: SurveyedLegs = NO_LEGS
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -127,7 +129,9 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(name, workings, params)
     if params.kind != "procedural" or not params.as_picture:
         draw = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, frame, draw, read.legs, read.floors)
+        return VectorReading(
+            workings, read.georeference, read.heights, frame, draw, read.legs, read.floors, read.level_legs
+        )
     draw = partial(draw_picture, workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(MultiPolygon(), read.georeference, None, frame, draw)
 
@@ -178,10 +182,11 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
     whole = read_whole(path, params)
     _require_short(path, whole.legs)
     if whole.is_level:
-        built = _level_workings(path, whole, params)
+        built, driven = _level_workings(path, whole, params)
         shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
         place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        return _Workings(as_polygons(shapely.union_all(shapes)), place)
+        workings, legs = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
+        return _Workings(workings, place, level_legs=legs)
     piece = built_piece(path, whole, params.piece)
     _, georeference = locate(path, Shapes([footprint(path, piece.legs)], "m"), "m", params.origin)
     surveyed = whole_in_frame(piece, params, georeference.origin)
@@ -201,7 +206,8 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     _require_short(path, legs)
     whole = WholeSurvey(legs, not has_relief(legs), is_named=False)
     if whole.is_level:
-        return _Workings(as_polygons(_level_workings(path, whole, params)), georeference)
+        built, driven = _level_workings(path, whole, params)
+        return _Workings(as_polygons(built), georeference, level_legs=level_legs(driven, (0.0, 0.0)))
     piece = built_piece(path, whole, params.piece)
     surveyed = whole_in_frame(piece, params, (0.0, 0.0))
     return _Workings(seen_from_above(path, surveyed), georeference, legs=surveyed)
@@ -209,8 +215,8 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
 
 def _level_workings(
     path: Path, whole: WholeSurvey, params: PassageSurveyParams | CentrelineSurveyParams
-) -> BaseGeometry:
-    """Return the workings of a piece of a survey whose floors are level, seen from above, without shafts."""
+) -> tuple[BaseGeometry, list[SurveyLeg]]:
+    """Return the workings of a piece of a survey whose floors are level, seen from above, and its legs but shafts."""
     driven = [leg for leg in whole.legs if not leg.is_plumb]
     warn_of_shafts(path, [leg for leg in whole.legs if leg.is_plumb])
     if not driven:
@@ -225,7 +231,7 @@ def _level_workings(
     built = build_workings(driven)
     if built.is_empty:
         raise InputError(f"{path}: the stations' walls enclose no area")
-    return choose_flat_piece(path, built, params.piece) if is_drawn else built
+    return choose_flat_piece(path, built, params.piece) if is_drawn else built, driven
 
 
 def _require_short(path: Path, legs: list[SurveyLeg]) -> None:

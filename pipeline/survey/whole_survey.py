@@ -17,9 +17,10 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, says_enough, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, legs_of, says_enough, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.ties import Tie, passages_of_ties
+from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
 from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, station_names, with_sides
 from pipeline.survey.solved_surveys import solve_file

@@ -11,10 +11,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg, along_stations
+from pipeline.survey.passages.sections import sections_of
 
-_BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
+_NO_AREA_M2 = 1e-12
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
 _DIGITS = 6  # of a metre, in sections that are compared, as worlds state them
@@ -45,7 +46,7 @@ class SurveyNetwork:
     shots : (m, 2) int64
         Stations at the start and the end.
     across : (m, 2, 2) float64
-        Horizontal unit vector to the left at either end, square to the shot or along the bisector of a bend.
+        Horizontal unit vector to the left at either end, as of `sections_of`.
     lrud_m : (m, 2, 4) float64, m
         Distances left, right, up and down at either end.
     joined : (m, 2) bool
@@ -270,29 +271,29 @@ def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:
     ]
 
 
-def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, list[bool]]:
+def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the vectors to the left (n - 1, 2, 2) at both ends of each shot of a chain, and which stations share one.
 
-    Shots that turn little share a section along the bisector, if that leaves a length to both walls. A plumb shot takes
-    the direction of the one before it.
+    Shots share a section as `sections_of` has it, if that leaves a length to both walls. Steep shots have their own. A
+    plumb shot takes the direction of the one before it.
     """
     step = np.diff(at[:, :2], axis=0)
     run = np.linalg.norm(step, axis=1)
-    heading = np.tile([1.0, 0.0], (len(step), 1))
-    for k in range(len(step)):
-        heading[k] = step[k] / run[k] if run[k] > _NO_LENGTH_M else heading[max(k - 1, 0)]
-    left = np.column_stack([-heading[:, 1], heading[:, 0]])
-    across = np.stack([left, left], axis=1)
     steep = np.abs(np.diff(at[:, 2])) > run
-    joined = [False] * len(at)
+    may_share = np.zeros(len(at), bool)
     lost = np.zeros(len(step))  # of each shot's length, at the wall on the inside of its bends
     for k in range(1, len(step)):
-        cosine = heading[k - 1] @ heading[k]
-        short = walls[k].max() * np.sqrt(max(0.0, (1 - cosine) / (1 + cosine))) if cosine > _BISECTED else np.inf
-        fits = all(lost[j] + short < _INSIDE * run[j] for j in (k - 1, k))
-        if fits and not steep[k - 1] and not steep[k]:
-            middle = left[k - 1] + left[k]
-            across[k - 1, 1] = across[k, 0] = middle / np.linalg.norm(middle)
-            joined[k] = True
-            lost[k - 1 : k + 1] += short
+        both, chord = slice(k - 1, k + 1), at[k + 1, :2] - at[k - 1, :2]
+        area = np.abs(step[both, 0] * chord[1] - step[both, 1] * chord[0])
+        short = walls[k].max() * area / np.maximum(run[both] * np.hypot(*chord), _NO_AREA_M2)
+        if not steep[both].any() and (lost[both] + short < _INSIDE * run[both]).all():
+            may_share[k] = True
+            lost[both] += short
+    across, joined = sections_of(at[:, :2], walls, may_share)
+    left = np.array([0.0, 1.0])
+    for k in range(len(step)):
+        if run[k] > _NO_LENGTH_M:
+            left = np.array([-step[k, 1], step[k, 0]]) / run[k]
+        else:
+            across[k] = left
     return across, joined

@@ -9,19 +9,16 @@ from itertools import pairwise
 
 import manifold3d
 import numpy as np
-import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.tubes import Tube, solids_through
+from pipeline.volume.passages.joints import LOW, joints_at, roof_reach
+from pipeline.volume.passages.tubes import Tube, solids_through
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
-_HUB_SIDES = 12
-_HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
-_LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
@@ -183,7 +180,7 @@ def _some(mesh: manifold3d.Mesh64, vertices: np.ndarray, faces: np.ndarray, kept
 
 
 def pieces_of(network: SurveyNetwork) -> list[Solid]:
-    """Return a convex piece for each leg, and one at each station where legs meet without a common section."""
+    """Return a convex piece for each leg, and those at each station where legs meet without a common section."""
     flat = network.grades <= STEEPEST
     pieces = [_leg(network, shot, bool(flat[shot])) for shot in range(len(network.shots))]
     loose: dict[int, list[tuple[int, int]]] = {}
@@ -194,7 +191,11 @@ def pieces_of(network: SurveyNetwork) -> list[Solid]:
         drivable = [(shot, end) for shot, end in ends if flat[shot]]
         if len(ends) > 1 and drivable and not all(network.joined[shot, end] for shot, end in ends):
             plumb = [pieces[shot] for shot, _ in ends if pieces[shot].is_plumb]
-            pieces.append(_hub(network, station, drivable, plumb))
+            place = network.places_m[station, :2]
+            feet = [one.foot[:, :2] - place for one in plumb if network.foot_of(one.shot) == station]
+            for corners in joints_at(network, station, drivable, feet):
+                floor = np.array([*place, corners[0, 0, 2], 0, 0])
+                pieces.append(Solid(corners.reshape(1, -1, 3), floor, corners[0, :, :2], drivable[0][0], True))
     return pieces
 
 
@@ -209,8 +210,8 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
         sections = _plumb_sections(places, lrud, across[0])
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + right + _LOW * tall, *(floors + end + tall for end in _roof_ends(across, lrud))]
-    ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
+    ring = [floors + right + LOW * tall, *(floors + end + tall for end in _roof_ends(across, lrud))]
+    ring += [floors + left + LOW * tall, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
     slope = step[:2] * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9) ** 2
     footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])
@@ -218,12 +219,8 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
 
 
 def _roof_ends(across: np.ndarray, lrud: np.ndarray) -> list[np.ndarray]:
-    """Return where flat roofs end, from right to left, (2, 3) m from the stations, by the directions `across` (2, 2).
-
-    A roof is over the middle, half as wide as the section, and over its station, where its height was measured.
-    """
-    middle, half = (lrud[:, 0] - lrud[:, 1]) / 2, _HIGH * lrud[:, :2].sum(axis=1) / 2
-    reach = np.minimum(middle - half, 0), np.maximum(middle + half, 0)
+    """Return where flat roofs end, to the right and left, (2, 3) m from the stations; `across` (2, 2) is left."""
+    reach = -np.asarray(roof_reach(lrud[:, 1], lrud[:, 0])), np.asarray(roof_reach(lrud[:, 0], lrud[:, 1]))
     return [np.column_stack([across * side[:, None], [0, 0]]) for side in reach]
 
 
@@ -275,26 +272,3 @@ def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> n
 def _level(ring: np.ndarray, height_m: float) -> np.ndarray:
     """Return the corners (k, 3) m of a level ring (k, 2)."""
     return np.column_stack([ring, np.full(len(ring), height_m)])
-
-
-def _hub(network: SurveyNetwork, station: int, ends: list[tuple[int, int]], plumb: list[Solid]) -> Solid:
-    """Return the piece at a station: a prism, level as the sections are that end there.
-
-    It is as wide as the narrowest leg, and as the plumb legs that stand on it.
-    """
-    walls = np.array([network.lrud_m[shot, end] for shot, end in ends])
-    radius, up, down = max(walls[:, :2].min(), 0.05), walls[:, 2].min(), walls[:, 3].max()
-    steps = [network.floors_m[shot, 1 - end] - network.floors_m[shot, end] for shot, end in ends]
-    runs = [float(np.hypot(step[0], step[1])) for step in steps]
-    radius = min(radius, max(_HUB_M, min(runs)))
-    angle = 2 * np.pi * np.arange(_HUB_SIDES) / _HUB_SIDES
-    x, y, z = network.places_m[station]
-    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    feet = [one.foot[:, :2] - (x, y) for one in plumb if network.foot_of(one.shot) == station]
-    if feet:
-        ring = shapely.get_coordinates(shapely.multipoints(np.concatenate([ring, *feet])).convex_hull)[1:]
-    foot = np.column_stack([ring + np.array([x, y]), np.full(len(ring), z - down)])
-    tall = np.array([0, 0, up + down])
-    roof = np.column_stack([ring * _HIGH + np.array([x, y]), np.full(len(ring), z + up)])
-    corners = np.concatenate([foot, foot + _LOW * tall, roof])
-    return Solid(corners[None], np.array([x, y, z - down, 0, 0]), foot[:, :2], ends[0][0], True)

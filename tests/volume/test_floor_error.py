@@ -256,7 +256,7 @@ def test_rock_is_put_before_a_thin_wall_where_no_leg_runs(tmp_path):
 
 
 def test_a_steep_leg_between_skew_sections_is_free_along_its_way(tmp_path):
-    skew = "A,1,-6,-3,1,1,0,1,0.5\nA,2,0,0,5.5,1.6,0,1,0.5\nA,3,4.7,0,0.3,2.4,3.7,1,0.5\n"
+    skew = "A,1,-6,-1,1,1,0,1,0.5\nA,2,0,0,2.5,1.6,0,1,0.5\nA,3,4.7,0,0.3,2.4,3.7,1,0.5\n"
     network, rough = built(HEADER + skew, tmp_path)
     assert network.joined[1, 0]
     assert not rough.pieces[1].is_drivable

@@ -1,4 +1,4 @@
-"""Legs of a station survey: check their network and rebuild the workings."""
+"""Legs of a station survey, and the check of their network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import networkx as nx
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
@@ -259,29 +258,3 @@ def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x
         share = np.dot((x, y) - leg.positions_m[start], step) / np.dot(step, step)
         heights.append(leg.heights_m[start, 0] + share * (leg.heights_m[end, 0] - leg.heights_m[start, 0]))
     return abs(heights[0] - heights[1]) > floor_rules().flat_step_m
-
-
-def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
-    """Rebuild the workings in plan: a quadrilateral between neighbouring stations and a disc at each station.
-
-    A disc's radius is the smaller wall distance, so the disc never crosses a measured wall.
-
-    Returns
-    -------
-    shapely geometry, m, mine frame
-        Several polygons where both wall distances of a station are zero.
-    """
-    shapes: list[BaseGeometry] = []
-    for leg in legs:
-        heading = np.gradient(leg.positions_m, axis=0)
-        heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-12)
-        to_left = np.column_stack([-heading[:, 1], heading[:, 0]])
-        left = leg.positions_m + to_left * leg.walls_m[:, :1]
-        right = leg.positions_m - to_left * leg.walls_m[:, 1:]
-        shapes += [
-            shapely.convex_hull(shapely.multipoints([left[i], left[i + 1], right[i + 1], right[i]]))
-            for i in range(len(left) - 1)
-        ]
-        shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1), quad_segs=16))
-    solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
-    return shapely.union_all(solid)

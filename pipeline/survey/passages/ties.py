@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, shots_of
+from pipeline.survey.passages.workings import build_workings
 
 
 @dataclass(frozen=True)

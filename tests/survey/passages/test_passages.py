@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.survey.passages.legs import build_workings
+from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved_surveys import read_passages, survey_files
 from pipeline.survey.stations.compass import read_plt
 

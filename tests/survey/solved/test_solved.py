@@ -10,8 +10,8 @@ import pytest
 from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, old_3d, place, ring_3d
 from pipeline.errors import InputError
 from pipeline.guard import plain_file
-from pipeline.survey.passages.legs import build_workings
 from pipeline.survey.passages.relief import has_relief
+from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files

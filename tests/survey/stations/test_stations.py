@@ -10,7 +10,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_here, detect_survey
-from pipeline.survey.passages.legs import build_workings
+from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey

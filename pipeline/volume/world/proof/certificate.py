@@ -31,6 +31,7 @@ from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.floor import floor_figures
 from pipeline.volume.world.proof.fronts import fronts_of
+from pipeline.volume.world.proof.leg_widths import width_figures
 from pipeline.volume.world.proof.physics import ROBOTS, RobotsAtRest, measure_standing
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
 from pipeline.volume.world.proof.region import region_of
@@ -188,6 +189,7 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
         "legs": len(world.legs.legs),
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
+        **width_figures(params, surveyed, world.mine),
     }
 
 
