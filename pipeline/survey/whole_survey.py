@@ -100,7 +100,7 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
         (list(range(len(leg.stations))), np.column_stack([leg.walls_m, roof]))
         for leg, roof in zip(driven, unknown, strict=True)
     ]
-    filled = with_sides(path, rows, half_width_m, [walls for _, walls in rows])
+    filled, _ = with_sides(path, rows, half_width_m)
     walled = [replace(leg, walls_m=walls[:, :2]) for leg, (_, walls) in zip(driven, filled, strict=True)]
     return walled + [leg for leg in legs if leg.is_plumb]
 
@@ -187,7 +187,16 @@ def whole_in_frame(
         np.array([length for _, length in piece.others]),
         piece.surveyed_m,
         datum,
+        np.concatenate([leg.known for leg in piece.legs]).astype(np.uint8),
+        np.concatenate([~leg.surveyed for leg in piece.legs]).astype(np.uint8),
+        splays_from(piece.legs) - np.array([*origin, datum]),
     )
+
+
+def splays_from(legs: list[SurveyLeg]) -> np.ndarray:
+    """Return the splays (k, 2, 3) m from stations of legs, start and end, each once."""
+    found = [leg.splays_m for leg in legs if leg.splays_m is not None and len(leg.splays_m)]
+    return np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2, 3))
 
 
 def seen_from_above(path: Path, legs: SurveyedLegs) -> MultiPolygon:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.types import Points2, SurveyedLegs, lines_of
+from pipeline.types import Points2, Source, SurveyedLegs, lines_of
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
@@ -29,6 +29,9 @@ class SurveyLeg:
     `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
     None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
     `grades` (n - 1,) are rise over run of the shots as stated, nan where none is; None if the survey states none.
+    `sources` (n, 4) says of the distances left, right, up and down whether they were measured (`Source`); None if all
+    that are no nan were. `between` (n,) is true for places between two stations, where splays hit a wall; None if all
+    are stations. `splays_m` (k, 2, 3) has the start and the end of each splay from these stations.
     """
 
     name: str
@@ -38,6 +41,21 @@ class SurveyLeg:
     heights_m: np.ndarray | None = None
     is_plumb: bool = False
     grades: np.ndarray | None = None
+    sources: np.ndarray | None = None
+    between: np.ndarray | None = None
+    splays_m: np.ndarray | None = None
+
+    @property
+    def known(self) -> np.ndarray:
+        """Return the `Source` (n, 4) of the distances left, right, up and down; ones that are nan are assumed."""
+        heights = np.full((len(self.stations), 2), np.nan) if self.heights_m is None else self.heights_m[:, 1:]
+        stated = np.where(np.isfinite(np.column_stack([self.walls_m, heights])), Source.MEASURED, Source.ASSUMED)
+        return stated if self.sources is None else np.minimum(stated, self.sources)
+
+    @property
+    def surveyed(self) -> np.ndarray:
+        """Return which places (n,) are stations of the survey."""
+        return np.ones(len(self.stations), bool) if self.between is None else ~self.between
 
 
 def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
@@ -47,7 +65,10 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
     for number, (begin, end) in enumerate(pairwise(surveyed.first.tolist())):
         places, lrud = surveyed.positions_m[begin:end], surveyed.lrud_m[begin:end]
         heights = np.column_stack([places[:, 2], lrud[:, 2:]])
-        legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights))
+        sources = surveyed.sources[begin:end] if len(surveyed.sources) else None
+        between = surveyed.between[begin:end] > 0 if len(surveyed.between) else None
+        leg = SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights)
+        legs.append(replace(leg, sources=sources, between=between))
     return legs
 
 
@@ -83,21 +104,26 @@ def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
 
 
 def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
-    heights = None if leg.heights_m is None else leg.heights_m[at]
-    return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
+    heights, sources, between = (
+        None if rows is None else rows[at] for rows in (leg.heights_m, leg.sources, leg.between)
+    )
+    some = SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
+    return replace(some, sources=sources, between=between)
 
 
 @dataclass(frozen=True)
 class ChainStation:
     """A station of a passage, m: its place in plan, and its distances to the left and right wall (nan: not measured).
 
-    `heights_m` holds its elevation and the distances up and down; None in a level survey.
+    `heights_m` holds its elevation and the distances up and down; None in a level survey. `sources` says of the
+    distances left, right, up and down whether they were measured (`Source`).
     """
 
     name: str
     place_m: tuple[float, float]
     sides_m: tuple[float, float]
     heights_m: tuple[float, float, float] | None = None
+    sources: tuple[int, int, int, int] = (Source.MEASURED,) * 4
 
 
 Chain = list[ChainStation]
@@ -155,7 +181,9 @@ def _leg_of(name: str, stations: Chain, is_plumb: bool = False) -> SurveyLeg:
     sides = np.array([station.sides_m for station in stations], dtype=float)
     heights = [station.heights_m for station in stations if station.heights_m]
     known = np.array(heights, dtype=float) if heights else None
-    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb)
+    sources = np.array([station.sources for station in stations], np.uint8)
+    sources[:, :2][np.isnan(sides)] = Source.INTERPOLATED
+    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb, sources=sources)
 
 
 def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:

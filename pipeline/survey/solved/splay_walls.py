@@ -15,6 +15,7 @@ from scipy.sparse.linalg import spsolve
 
 from pipeline.survey.passages.legs import along_stations, says_enough
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from pipeline.types import Source
 
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
@@ -107,32 +108,27 @@ def usual_half_width_m(rows: Rows) -> float | None:
 
 @dataclass(frozen=True)
 class FilledSides:
-    """Walls (n, 4) m with both sides of every station, and which stations (n,) have a side that nobody measured there.
-
-    A side is `usual`, `interpolated`, or `unused`: it is usual, too, in spite of splays.
-    """
+    """Walls (n, 4) m with both sides of every station, and how each side (n, 2) is known (`Source`)."""
 
     walls: np.ndarray
-    usual: np.ndarray
-    interpolated: np.ndarray
-    unused: np.ndarray
+    sources: np.ndarray
+
+    def have(self, source: Source) -> int:
+        """Return how many stations have a side that is known so."""
+        return int((self.sources == source).any(axis=1).sum())
 
 
-def fill_sides(walls: np.ndarray, half_width_m: float, sections: np.ndarray) -> FilledSides:
-    """Fill in the sides of walls (n, 4) m, of which `sections` (n, 4) m are those of cross-sections, nan elsewhere.
+def fill_sides(walls: np.ndarray, half_width_m: float) -> FilledSides:
+    """Fill in the sides of walls (n, 4) m, nan where none was measured: those that were measured stay.
 
-    On a side that less than half of a row's stations have, splays do not count: the few splays of a traverse look into
-    side workings, and say nothing of a drift of 200 m. Cross-sections stay.
+    Others are interpolated where half of the row's stations or more have that side, else `half_width_m` (m).
     """
-    filled = walls.copy()
-    usual, interpolated, unused = np.zeros((3, len(walls), 2), dtype=bool)
+    filled, sources = walls.copy(), np.full((len(walls), 2), Source.MEASURED)
     for k in (0, 1):
-        enough = says_enough(walls[:, k])
-        known = walls[:, k] if enough else sections[:, k]
-        filled[:, k] = along_stations(known, half_width_m)
-        (interpolated if enough else usual)[:, k] = ~np.isfinite(known)
-        unused[:, k] = np.isfinite(walls[:, k]) & ~np.isfinite(known)
-    return FilledSides(filled, *(flags[:, 0] | flags[:, 1] for flags in (usual, interpolated, unused)))
+        filled[:, k] = along_stations(walls[:, k], half_width_m)
+        other = Source.INTERPOLATED if says_enough(walls[:, k]) else Source.ASSUMED
+        sources[~np.isfinite(walls[:, k]), k] = other
+    return FilledSides(filled, sources)
 
 
 def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:
@@ -176,8 +172,8 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
     return agreed, differ
 
 
-def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
-    """Return the rows with a distance down to the floor at every node; nan everywhere if no node has one.
+def fill_down(rows: Rows, places_m: np.ndarray) -> tuple[Rows, dict[int, Source]]:
+    """Return the rows with a distance down to the floor at every node, and how it is known; nan if no node has one.
 
     Between nodes where it was measured it varies linearly along the survey's legs, so that all legs that meet at a
     station have one floor. Beyond the last of these it is the median of the measured ones: the depth of a chamber says
@@ -188,10 +184,14 @@ def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
     for nodes, walls in rows:
         known |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
         nx.add_path(graph, nodes)
+    sources = dict.fromkeys(graph, Source.ASSUMED)
     if not known:
-        return rows
-    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | _interpolated(graph, known, places_m)
-    return [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
+        return rows, sources
+    between = _interpolated(graph, known, places_m)
+    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | between
+    sources |= dict.fromkeys(between, Source.INTERPOLATED) | dict.fromkeys(known, Source.MEASURED)
+    filled = [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
+    return filled, sources
 
 
 def _interpolated(graph: nx.Graph, known: dict[int, float], places_m: np.ndarray) -> dict[int, float]:
