@@ -62,32 +62,36 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
             return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
     if is_solved(path):
-        survey = solve_file(path, params.declination_deg)
-        legs = plan_legs(path, survey, params.half_width_m)
-        if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
-            warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
-        crs = None if survey.crs is None else one_line(survey.crs, 200)
-        ties = _ties_of(survey)
-        lone = passages_of_ties(legs, ties)
-        if lone:
-            listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
-            warn_user(
-                f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
-                f"{first_few(listed, _NAMED)}"
-            )
-        legs, names = legs + lone, _names_of(survey)
-        entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
-        return WholeSurvey(
-            legs,
-            not has_relief(legs),
-            entrances,
-            crs,
-            ties=tuple(tie.stations for tie in ties),
-            names=names,
-            doubt=survey.doubt,
-        )
+        return whole_of(path, solve_file(path, params.declination_deg), params.half_width_m)
     legs, crs = leg_reader(path)(path, params.half_width_m)
     return WholeSurvey(legs, not has_relief(legs), (), crs)
+
+
+def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> WholeSurvey:
+    """Return a solved survey as `read_whole`; `InputError` if it has no widths."""
+    legs = plan_legs(path, survey, half_width_m)
+    if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
+        warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
+    crs = None if survey.crs is None else one_line(survey.crs, 200)
+    ties = _ties_of(survey)
+    lone = passages_of_ties(legs, ties)
+    if lone:
+        listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
+        warn_user(
+            f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
+            f"{first_few(listed, _NAMED)}"
+        )
+    legs, names = legs + lone, _names_of(survey)
+    entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
+    return WholeSurvey(
+        legs,
+        not has_relief(legs),
+        entrances,
+        crs,
+        ties=tuple(tie.stations for tie in ties),
+        names=names,
+        doubt=survey.doubt,
+    )
 
 
 def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -> list[SurveyLeg]:
@@ -153,7 +157,7 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
     """Warn of the stations without a measured roof, with what is taken."""
     roofs, usual = roofs_of(legs), usual_roof_m(legs)
     unknown = {name for name, tall in roofs.items() if np.isnan(tall)}
-    between = {name for leg in legs if says_enough(_heights(leg)[:, 1]) for name in leg.stations} & unknown
+    between = {name for leg in legs if says_enough(_heights(leg)[leg.surveyed, 1]) for name in leg.stations} & unknown
     taken = "compile3d.height_m" if usual is None else f"{usual:.2f} m"
     source = "" if usual is None else ", the median of the others"
     if count := len(unknown - between):

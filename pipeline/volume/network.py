@@ -170,7 +170,7 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
         roofless = ~np.isfinite(lrud[:, 2])
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
-        tall = along_stations(lrud[:, 2] + lrud[:, 3], height_m)
+        tall = _heights_along(leg, lrud[:, 2] + lrud[:, 3], at, height_m)
         lrud[roofless, 2] = np.maximum(tall - lrud[:, 3], 0.0)[roofless]  # a station is in the free space
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
@@ -202,6 +202,16 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     named = tuple(names)
     none = np.zeros_like(assumed)
     return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
+
+
+def _heights_along(leg: SurveyLeg, tall: np.ndarray, at: np.ndarray, height_m: float) -> np.ndarray:
+    """Return the roof's height (n,) m over the floor along a leg, between stations (n, 3) m by the length."""
+    own = leg.surveyed
+    filled, way = (
+        along_stations(tall[own], height_m),
+        np.append(0.0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))),
+    )
+    return np.where(np.isfinite(tall), tall, np.interp(way, way[own], filled))
 
 
 @dataclass(frozen=True)

@@ -70,8 +70,9 @@ def roofs_of(legs: list[SurveyLeg]) -> dict[str, float]:
     for leg in legs:
         assert leg.heights_m is not None
         tall = leg.heights_m[:, 1] + np.nan_to_num(leg.heights_m[:, 2])
-        for name, height in zip(leg.stations, tall.tolist(), strict=True):
-            over[name] = np.fmax(height, over.get(name, np.nan)).item()
+        for name, height, is_station in zip(leg.stations, tall.tolist(), leg.surveyed, strict=True):
+            if is_station:
+                over[name] = np.fmax(height, over.get(name, np.nan)).item()
     return over
 
 

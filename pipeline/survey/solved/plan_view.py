@@ -14,17 +14,19 @@ from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
+from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
+from pipeline.survey.solved.splay_hits import SplayHits, with_hits
 from pipeline.survey.solved.splay_walls import (
     Rows,
     agree_on_floors,
     beyond_ends,
     fill_down,
     fill_sides,
+    heights_of,
     measured,
     splays_by_node,
     usual_half_width_m,
-    walls_across,
 )
 from pipeline.types import Source
 
@@ -66,7 +68,15 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         )
     splays = splays_by_node(survey, plan.node)
     rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
-    rows += plan.between(rows, splays)
+    continued = plan.between(rows)
+    rows += [(nodes, np.full((len(nodes), 4), np.nan)) for nodes, _ in continued]
+    hits = SplayHits([nodes for nodes, _ in rows], plan.places, splays)
+    rows = [(nodes, plan.with_splays(nodes, walls, hits, splays)) for nodes, walls in rows]
+    first = len(rows) - len(continued)
+    rows[first:] = [
+        (nodes, np.where(np.isfinite(walls), walls, ends))
+        for (nodes, walls), (_, ends) in zip(rows[first:], continued, strict=True)
+    ]
     _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
     _warn_of_unsurveyed(path, plan)
     rows, sides = with_sides(path, rows, half_width_m)
@@ -79,6 +89,8 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
     steps = {plan.names[node]: found for node, found in splays.items()}
+    if has_relief(legs):
+        legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
 
@@ -144,10 +156,17 @@ class _StationPlan:
             found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), tuple(known)))
         return found
 
-    def between(self, passages: Rows, splays: dict[int, np.ndarray]) -> Rows:
+    def with_splays(
+        self, nodes: Nodes, walls: np.ndarray, hits: SplayHits, splays: dict[int, np.ndarray]
+    ) -> np.ndarray:
+        """Return the distances left, right, up and down (n, 4) m of a row of nodes, with those of splays where nan."""
+        found = np.column_stack([hits.sides(nodes, self._headings(nodes)), heights_of([splays.get(k) for k in nodes])])
+        return np.where(np.isfinite(walls), walls, found)
+
+    def between(self, passages: Rows) -> Rows:
         """Return the legs of the centreline that are in no passage, between junctions, ends and stations of passages.
 
-        Distances are those of splays. At an end that continues a passage, what no splay measured is the passage's.
+        Distances are nan, but those of a passage at an end that continues it.
         """
         drawn, measured_at = set[frozenset[int]](), set[int]()
         ends = dict[int, tuple[np.ndarray, np.ndarray]]()  # of passages: the heading in plan, and the section
@@ -159,14 +178,13 @@ class _StationPlan:
         edges = [(a, b) for a, b in self.edges.tolist() if frozenset((a, b)) not in drawn]
         found = []
         for nodes in _chains(edges, measured_at):
-            walls = walls_across(self.places[nodes], [splays.get(node) for node in nodes])
             heading = self._headings(nodes)
-            of_passages = np.full_like(walls, np.nan)
+            of_passages = np.full((len(nodes), 4), np.nan)
             for k in (0, -1):
                 if nodes[k] in ends:
                     theirs, section = ends[nodes[k]]
                     of_passages[k] = section if theirs @ heading[k] >= 0 else section[[1, 0, 2, 3]]
-            found.append((nodes, np.where(np.isfinite(walls), walls, of_passages)))
+            found.append((nodes, of_passages))
         return found
 
     def _headings(self, nodes: Nodes) -> np.ndarray:

@@ -32,35 +32,21 @@ def splays_by_node(survey: SolvedSurvey, node: np.ndarray) -> dict[int, np.ndarr
     return {key: np.array(steps) for key, steps in found.items()}
 
 
-def walls_across(places_m: np.ndarray, splays: list[np.ndarray | None]) -> np.ndarray:
-    """Return the distances left, right, up and down (n, 4) m that splays measure along a row of stations, else nan.
+def heights_of(splays: list[np.ndarray | None]) -> np.ndarray:
+    """Return the distances up and down (n, 2) m of stations with splays (k, 3) m, or None; nan if none measures one.
 
-    Of the splays within 45 deg of level and of square to the passage, the longest on each side counts; up and down, the
-    longest within 45 deg of plumb. A station whose splays reach one side only stands at the wall of the other: an
-    instrument cannot measure the wall that it is held against. Surveyors of narrow drifts go from wall to wall.
-
-    Parameters
-    ----------
-    places_m : (n, 3) m
-    splays : n arrays (k, 3) m, or None
+    Of the splays within 45 deg of plumb the longest counts.
     """
-    heading = np.gradient(places_m[:, :2], axis=0)
-    heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
-    walls = np.full((len(places_m), 4), np.nan)
-    for row, steps, (east, north) in zip(walls, splays, heading, strict=True):
+    found = np.full((len(splays), 2), np.nan)
+    for row, steps in zip(found, splays, strict=True):
         if steps is None:
             continue
-        along = steps[:, 0] * east + steps[:, 1] * north
-        left = steps[:, 1] * east - steps[:, 0] * north
-        run = np.hypot(along, left)
-        across = left[(np.abs(steps[:, 2]) <= run) & (np.abs(left) >= np.abs(along))]
-        if len(across):
-            row[:2] = across.max(initial=0.0), (-across).max(initial=0.0)
-        for column, rise in ((2, steps[:, 2]), (3, -steps[:, 2])):
+        run = np.hypot(steps[:, 0], steps[:, 1])
+        for column, rise in enumerate((steps[:, 2], -steps[:, 2])):
             plumb = rise[rise > run]
             if len(plumb):
                 row[column] = plumb.max()
-    return walls
+    return found
 
 
 def beyond_ends(
