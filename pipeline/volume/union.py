@@ -21,7 +21,8 @@ from pipeline.volume.tubes import Tube, solids_through
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _HUB_SIDES = 12
 _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors of other stations
-_LOW, _HIGH = 0.6, 0.5  # where the walls end, of the height; how wide the roof is there, of the width
+_LOW, _HIGH = 0.6, 0.5  # where the walls end at the least, of the height; how wide the roof is there, of the width
+_LOW_MOST = 0.95  # the same at the most: where the station is higher, walls are as wide as measured up to it
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
@@ -209,8 +210,9 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
         sections = _plumb_sections(places, lrud, across[0])
         return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + right + _LOW * tall, *(floors + end + tall for end in _roof_ends(across, lrud))]
-    ring += [floors + left + _LOW * tall, floors + left, network.ways_m[shot], floors + right]
+    low = np.clip(lrud[:, 3] / np.maximum(lrud[:, 2:].sum(axis=1), _LEAST_RISE_M), _LOW, _LOW_MOST)[:, None] * tall
+    ring = [floors + right + low, *(floors + end + tall for end in _roof_ends(across, lrud))]
+    ring += [floors + left + low, floors + left, network.ways_m[shot], floors + right]
     sections = _between(np.stack(ring, axis=1), lrud)
     slope = step[:2] * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9) ** 2
     footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])

@@ -14,7 +14,6 @@ from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
-from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
 from pipeline.survey.solved.splay_hits import SplayHits, with_hits
 from pipeline.survey.solved.splay_walls import (
@@ -89,8 +88,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
     steps = {plan.names[node]: found for node, found in splays.items()}
-    if has_relief(legs):
-        legs = with_hits(legs, hits, plan.names)
+    legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
 

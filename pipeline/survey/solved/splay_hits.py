@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import networkx as nx
@@ -16,13 +16,13 @@ from pipeline.types import Source
 _STRAY = 0.5  # of the way to the own passage: a splay that ends so near another one went through a window
 _SQUARE = 0.35  # along over aside, at most, where a splay measures the section of a station: within 19 deg of square
 _AT_STATION_M = 0.3  # along, where it does, too
-_APART_M = 0.3  # between sections, at least
+_APART_M = 0.15  # between sections, at least
 _INSIDE_M = 0.1  # a wall so much nearer than one that a splay passed is no wall of the passage
 _NEAR_M = (
     5.0  # along the survey, between a station without a measured wall and the hits that it is interpolated between
 )
 _FADE_M = 2.0  # along the survey from a measured wall to an assumed one, at least
-_LEVEL = 0.5  # rise over length of a splay that says what is free on its way
+_SAMPLE_M = 0.2  # along a splay, of what it passed
 _PLUMB_M = 1e-6  # in plan
 
 
@@ -30,7 +30,8 @@ _PLUMB_M = 1e-6  # in plan
 class WallHit:
     """The end of a splay at a wall of the shot between two nodes, m: along it from the first, and to its left.
 
-    `tilt` is rise over length of the splay, `start` the node from which it was measured, `end_m` (3,) m where it ends.
+    `tilt` is rise over length of the splay, `start` the node from which it was measured, `step_m` (3,) m the way from
+    there, and `end_m` (3,) m where it ends.
     """
 
     along_m: float
@@ -41,7 +42,17 @@ class WallHit:
     end_m: np.ndarray
 
 
-Hits = dict[tuple[int, int], list[WallHit]]
+@dataclass
+class _Shot:
+    """What splays say of a shot: hits of its walls, and places that they passed, m along it and to its left, tilt."""
+
+    hits: list[WallHit] = field(default_factory=list)
+    free: list[tuple[float, float]] = field(default_factory=list)
+
+    def turned(self, run_m: float) -> _Shot:
+        """Return the same seen from the other end."""
+        hits = [replace(hit, along_m=run_m - hit.along_m, aside_m=-hit.aside_m) for hit in self.hits]
+        return _Shot(hits, [(run_m - along, -aside) for along, aside in self.free])
 
 
 class SplayHits:
@@ -58,58 +69,72 @@ class SplayHits:
         """
         self.places_m = places_m
         self.strays = 0
-        self.between: Hits = defaultdict(list)
+        self.shots: dict[tuple[int, int], _Shot] = defaultdict(_Shot)
         self.at: dict[tuple[int, int], list[WallHit]] = defaultdict(list)  # by node and the other node of the shot
         self._shots = np.array([pair for row in rows for pair in pairwise(row)], int).reshape(-1, 2)
+        self._start, end = np.moveaxis(places_m[self._shots], 1, 0)
+        self._way = end - self._start
         graph: nx.Graph = nx.Graph()
-        for a, b in self._shots.tolist():
-            graph.add_edge(a, b, length=float(np.linalg.norm(places_m[a] - places_m[b])))
+        for (a, b), way in zip(self._shots.tolist(), self._way, strict=True):
+            graph.add_edge(a, b, length=float(np.linalg.norm(way)))
         for node in sorted(splays.keys() & set(graph)):
             self._assign(graph, node, splays[node])
 
     def _assign(self, graph: nx.Graph, node: int, steps: np.ndarray) -> None:
+        """Enter the splays from a node, (k, 3) m; those that go up or down alone measure no wall."""
         reach = float(np.linalg.norm(steps, axis=1).max())
         ways = nx.single_source_dijkstra_path_length(graph, node, cutoff=reach, weight="length")
         far = np.full(len(self.places_m), np.inf)
         far[list(ways)] = list(ways.values())
-        start, end = np.moveaxis(self.places_m[self._shots], 1, 0)
-        way = end - start
-        square = np.maximum((way**2).sum(axis=1), 1e-12)
-        for step in steps:
+        far = far[self._shots].min(axis=1)
+        for step in steps[np.abs(steps[:, 2]) <= np.hypot(steps[:, 0], steps[:, 1])]:
             length, place = float(np.linalg.norm(step)), self.places_m[node] + step
-            if abs(step[2]) > np.hypot(step[0], step[1]):
-                continue
-            share = np.clip(((place - start) * way).sum(axis=1) / square, 0, 1)
-            apart = np.linalg.norm(start + share[:, None] * way - place, axis=1)
-            near = far[self._shots].min(axis=1) <= length
-            own = np.flatnonzero(near)[apart[near].argmin()]
-            if apart[~near].min(initial=np.inf) < _STRAY * apart[own]:
+            near = np.flatnonzero(far <= length)
+            apart, others = self._apart(near, place[None])[0], np.flatnonzero(far > length)
+            if self._apart(others, place[None]).min(initial=np.inf) < _STRAY * apart.min():
                 self.strays += 1
                 continue
-            self._enter(node, step, place, tuple(self._shots[own].tolist()))
+            self._enter(node, step, place, int(near[apart.argmin()]))
+            share = np.arange(_SAMPLE_M, length, _SAMPLE_M)[:, None] / length
+            passed = self.places_m[node] + share * step
+            for shot, spot in zip(near[self._apart(near, passed).argmin(axis=1)].tolist(), passed, strict=True):
+                self.shots[self._pair(shot)].free.append(self._beside(shot, spot))
 
-    def _enter(self, node: int, step: np.ndarray, place: np.ndarray, shot: tuple[int, int]) -> None:
+    def _pair(self, shot: int) -> tuple[int, int]:
+        a, b = self._shots[shot].tolist()
+        return a, b
+
+    def _apart(self, shots: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return how far (n, k) m places (n, 3) m are from shots (k,)."""
+        start, way = self._start[shots], self._way[shots]
+        square = np.maximum((way**2).sum(axis=1), 1e-12)
+        share = np.clip(((places[:, None] - start) * way).sum(axis=2) / square, 0, 1)
+        return np.asarray(np.linalg.norm(start + share[:, :, None] * way - places[:, None], axis=2))
+
+    def _beside(self, shot: int, place: np.ndarray) -> tuple[float, float]:
+        """Return how far a place (3,) m is along a shot and to its left, m, in plan."""
+        way, from_start = self._way[shot, :2], (place - self._start[shot])[:2]
+        ahead = way / max(float(np.linalg.norm(way)), _PLUMB_M)
+        return float(from_start @ ahead), float(ahead[0] * from_start[1] - ahead[1] * from_start[0])
+
+    def _enter(self, node: int, step: np.ndarray, place: np.ndarray, shot: int) -> None:
         """Enter a splay from a node to a place (3,) m of a shot's wall."""
-        a, b = shot
-        way = (self.places_m[b] - self.places_m[a])[:2]
-        run = float(np.linalg.norm(way))
+        a, b = self._pair(shot)
+        run = float(np.linalg.norm(self._way[shot, :2]))
         tilt = abs(float(step[2])) / float(np.linalg.norm(step))
-        if run < _PLUMB_M or abs(self.places_m[b, 2] - self.places_m[a, 2]) > run:
+        if run < _PLUMB_M or abs(self._way[shot, 2]) > run:
             for one, other in ((a, b), (b, a)):
                 if one == node:
                     self.at[one, other].append(WallHit(0.0, 0.0, tilt, node, step, place))
             return
-        ahead = way / run
-        from_start = (place - self.places_m[a])[:2]
-        along, aside = float(from_start @ ahead), float(ahead[0] * from_start[1] - ahead[1] * from_start[0])
+        along, aside = self._beside(shot, place)
         hit = WallHit(along, aside, tilt, node, step, place)
-        zone = max(_AT_STATION_M, _SQUARE * abs(aside))
-        if along <= zone and along <= run / 2:
+        zone = min(max(_AT_STATION_M, _SQUARE * abs(aside)), run / 2)
+        if along <= zone:
             self.at[a, b].append(hit)
         elif along >= run - zone:
             self.at[b, a].append(hit)
-        else:
-            self.between[shot].append(hit)
+        self.shots[a, b].hits.append(hit)
 
     def sides(self, nodes: list[int], heading: np.ndarray) -> np.ndarray:
         """Return the distances left and right (n, 2) m that splays measure at a row of nodes, else nan.
@@ -138,50 +163,119 @@ class SplayHits:
 
 
 def with_hits(legs: list[SurveyLeg], hits: SplayHits, names: list[str]) -> list[SurveyLeg]:
-    """Return legs with sections where splays hit their walls between stations; `names` are those of the nodes."""
-    by_name: dict[tuple[str, str], list[WallHit]] = {}
-    for (a, b), found in hits.between.items():
+    """Return legs with sections where splays hit their walls, also beyond ends; `names` are those of the nodes."""
+    by_name: dict[tuple[str, str], _Shot] = {}
+    for (a, b), found in hits.shots.items():
         run = float(np.linalg.norm((hits.places_m[b] - hits.places_m[a])[:2]))
         by_name[names[a], names[b]] = found
-        by_name[names[b], names[a]] = [
-            replace(hit, along_m=run - hit.along_m, aside_m=-hit.aside_m) for hit in reversed(found)
-        ]
-    return [leg if leg.is_plumb else _with_hits(leg, by_name) for leg in legs]
+        by_name[names[b], names[a]] = found.turned(run)
+    legs_at = Counter(name for leg in legs for pair in pairwise(leg.stations) for name in pair)
+    ends = {name for name, count in legs_at.items() if count == 1}
+    return [leg if leg.is_plumb else _with_hits(_with_faces(leg, by_name, ends), by_name) for leg in legs]
+
+
+def _with_faces(leg: SurveyLeg, shots: dict[tuple[str, str], _Shot], ends: set[str]) -> SurveyLeg:
+    """Return a leg that goes on to the farthest place that splays hit ahead of its ends."""
+    for _ in range(2):
+        before, last = leg.stations[-2:]
+        step = leg.positions_m[-1] - leg.positions_m[-2]
+        run = float(np.linalg.norm(step))
+        found = shots.get((before, last))
+        ahead = max((hit.along_m - run for hit in found.hits), default=0.0) if found and last in ends else 0.0
+        if ahead > _AT_STATION_M:
+            assert leg.heights_m is not None
+            name = f"{last} and {ahead:.2f} m on"
+            shots[last, name] = _Shot(
+                [replace(hit, along_m=hit.along_m - run) for hit in found.hits if hit.along_m > run],
+                [(along - run, aside) for along, aside in found.free if along > run],
+            )
+            shots[name, last] = shots[last, name].turned(ahead)
+            known = leg.known[-1:].copy()
+            known[:, :2] = Source.ASSUMED
+            leg = replace(
+                leg,
+                stations=[*leg.stations, name],
+                positions_m=np.concatenate([leg.positions_m, [leg.positions_m[-1] + ahead * step / run]]),
+                walls_m=np.concatenate([leg.walls_m, leg.walls_m[-1:]]),
+                heights_m=np.concatenate([leg.heights_m, leg.heights_m[-1:]]),
+                sources=np.concatenate([leg.known, known]).astype(np.uint8),
+                between=np.append(~leg.surveyed, True),
+            )
+        leg = _turned(leg)
+    return leg
+
+
+def _turned(leg: SurveyLeg) -> SurveyLeg:
+    """Return a leg the other way round."""
+    assert leg.heights_m is not None
+    return replace(
+        leg,
+        stations=leg.stations[::-1],
+        positions_m=leg.positions_m[::-1],
+        walls_m=leg.walls_m[::-1, ::-1],
+        heights_m=leg.heights_m[::-1],
+        sources=leg.known[::-1, [1, 0, 2, 3]],
+        between=~leg.surveyed[::-1],
+    )
 
 
 Knot = tuple[float, float, int]  # m along a leg in plan, m to the wall, and its source
 
 
-def _with_hits(leg: SurveyLeg, hits: dict[tuple[str, str], list[WallHit]]) -> SurveyLeg:
+def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], _Shot]) -> SurveyLeg:
     """Return a leg with sections where splays hit its walls."""
     at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1)))
     walls, known = leg.walls_m.copy(), leg.known.copy()
-    sides: list[list[Knot]] = [[], []]
-    for k, pair in enumerate(pairwise(leg.stations)):
-        found = hits.get(pair, [])
-        for side in (0, 1):
-            some = [(hit.along_m, abs(hit.aside_m), hit) for hit in found if (hit.aside_m < 0) == side]
-            sides[side] += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(some, at[k + 1] - at[k])]
-    for side in (0, 1):
-        _fill(at, walls[:, side], known[:, side], sides[side])
+    sides: list[list[Knot]] = []
+    for side, sign in enumerate((1, -1)):
+        hits, free = list[Knot](), list[tuple[float, float]]()
+        for k, pair in enumerate(pairwise(leg.stations)):
+            found, run = shots.get(pair, _Shot()), at[k + 1] - at[k]
+            own = [(one.along_m, sign * one.aside_m, one.tilt) for one in found.hits if sign * one.aside_m > 0]
+            hits += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(own, run, not leg.surveyed[k + 1])]
+            free += [(at[k] + t, sign * w) for t, w in found.free if sign * w > 0 and 0 <= t <= run]
+        _fill(at, walls[:, side], known[:, side], hits)
         stations = [(s, w, int(o)) for s, w, o in zip(at.tolist(), walls[:, side], known[:, side], strict=True)]
-        sides[side] = list(_faded(sorted([*stations, *sides[side]])))
+        sides.append(_widened(list(_faded(sorted([*stations, *hits]))), np.array(free).reshape(-1, 2)))
     extra = _apart(at, sides)
-    if not extra:
-        return replace(leg, walls_m=walls, sources=known.astype(np.uint8))
-    return _refined(leg, at, extra, sides, walls, known)
+    return _refined(leg, at, extra, sides, known)
 
 
-def _walls_of(hits: list[tuple[float, float, WallHit]], length: float) -> Iterator[tuple[float, float]]:
-    """Yield where one side's wall is along a shot, and how far aside, of hits; the most level ones first count."""
-    taken: list[tuple[float, float]] = []
-    for along, aside, hit in sorted(hits, key=lambda one: one[2].tilt):
-        if along < _APART_M or along > length - _APART_M:
+def _walls_of(hits: list[tuple[float, float, float]], run_m: float, is_face: bool) -> Iterator[tuple[float, float]]:
+    """Yield where one side's wall is along a shot, and how far aside, of hits; the most level ones first count.
+
+    At a face hits count up to the end of the shot.
+    """
+    taken: list[float] = []
+    most = run_m - _APART_M * (not is_face)
+    for along, aside, _ in sorted(hits, key=lambda one: one[2]):
+        if _APART_M <= along <= most and all(abs(along - other) >= _APART_M for other in taken):
+            taken.append(along)
+            yield along, aside
+
+
+def _widened(knots: list[Knot], free: np.ndarray) -> list[Knot]:
+    """Return knots, with further ones so that no wall is before places (n, 2) m along and aside that splays passed."""
+    free = free[free[:, 1] > 0]
+    for _ in range(len(free)):
+        s, w, _ = np.array(knots).T
+        short = free[:, 1] - np.interp(free[:, 0], s, w)
+        worst = int(short.argmax())
+        if short[worst] < _INSIDE_M:
+            break
+        where, width = free[worst].tolist()
+        beside = [k for k, knot in enumerate(knots) if abs(knot[0] - where) < _APART_M]
+        if beside:
+            k = min(beside, key=lambda one: abs(knots[one][0] - where))
+            if knots[k][1] < width and knots[k][2] != Source.MEASURED:
+                knots[k] = (knots[k][0], width, Source.INTERPOLATED)
+                continue
+            free = np.delete(free, worst, axis=0)
+            if not len(free):
+                break
             continue
-        if any(abs(along - other) < _APART_M for other, _ in taken):
-            continue
-        taken.append((along, aside))
-        yield along, aside
+        knots = sorted([*knots, (where, width, int(Source.INTERPOLATED))])
+    return knots
 
 
 def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot]) -> None:
@@ -222,7 +316,7 @@ def _apart(at: np.ndarray, sides: list[list[Knot]]) -> list[float]:
 
 
 def _refined(
-    leg: SurveyLeg, at: np.ndarray, extra: list[float], sides: list[list[Knot]], walls: np.ndarray, known: np.ndarray
+    leg: SurveyLeg, at: np.ndarray, extra: list[float], sides: list[list[Knot]], known: np.ndarray
 ) -> SurveyLeg:
     """Return a leg with places between its stations at some lengths along it."""
     assert leg.heights_m is not None
@@ -258,5 +352,5 @@ def _refined(
         walls_m=wide,
         heights_m=heights,
         sources=sources.astype(np.uint8),
-        between=~is_station,
+        between=~(is_station & leg.surveyed[row]),
     )
