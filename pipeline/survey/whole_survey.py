@@ -17,7 +17,7 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, says_enough, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.ties import Tie, passages_of_ties
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
@@ -25,7 +25,7 @@ from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, statio
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
-from pipeline.types import Piece, SurveyedLegs, text_array
+from pipeline.types import Piece, Source, SurveyedLegs, text_array
 
 _NEAR_M = 10.0  # from a stated place to the station that it names
 _NAMED = 10  # pieces that a message names
@@ -157,7 +157,8 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
     """Warn of the stations without a measured roof, with what is taken."""
     roofs, usual = roofs_of(legs), usual_roof_m(legs)
     unknown = {name for name, tall in roofs.items() if np.isnan(tall)}
-    between = {name for leg in legs if says_enough(_heights(leg)[leg.surveyed, 1]) for name in leg.stations} & unknown
+    roofed = [leg for leg in legs if 2 * (leg.known[leg.surveyed, 2] == Source.MEASURED).mean() >= 1]
+    between = {name for leg in roofed for name in leg.stations} & unknown
     taken = "compile3d.height_m" if usual is None else f"{usual:.2f} m"
     source = "" if usual is None else ", the median of the others"
     if count := len(unknown - between):

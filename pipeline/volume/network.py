@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.survey.passages.legs import SurveyLeg, along_stations
+from pipeline.types import Source
 
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
@@ -168,10 +169,12 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
             raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
-        roofless = ~np.isfinite(lrud[:, 2])
+        roofless, least = leg.known[:, 2] < Source.MEASURED, lrud[:, 2]
+        lrud[:, 2] = np.where(roofless, np.nan, least)
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
         tall = _heights_along(leg, lrud[:, 2] + lrud[:, 3], at, height_m)
-        lrud[roofless, 2] = np.maximum(tall - lrud[:, 3], 0.0)[roofless]  # a station is in the free space
+        # A station is in the free space, and what splays passed is under its roof.
+        lrud[roofless, 2] = np.fmax(np.maximum(tall - lrud[:, 3], 0.0), least)[roofless]
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))

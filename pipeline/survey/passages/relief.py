@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.types import Source
 
 _EVEN_M = 0.01  # smaller differences are rounding
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one
@@ -69,7 +70,8 @@ def roofs_of(legs: list[SurveyLeg]) -> dict[str, float]:
     over: dict[str, float] = {}
     for leg in legs:
         assert leg.heights_m is not None
-        tall = leg.heights_m[:, 1] + np.nan_to_num(leg.heights_m[:, 2])
+        up = np.where(leg.known[:, 2] == Source.MEASURED, leg.heights_m[:, 1], np.nan)
+        tall = up + np.nan_to_num(leg.heights_m[:, 2])
         for name, height, is_station in zip(leg.stations, tall.tolist(), leg.surveyed, strict=True):
             if is_station:
                 over[name] = np.fmax(height, over.get(name, np.nan)).item()

@@ -17,6 +17,7 @@ _STRAY = 0.5  # of the way to the own passage: a splay that ends so near another
 _SQUARE = 0.35  # along over aside, at most, where a splay measures the section of a station: within 19 deg of square
 _AT_STATION_M = 0.3  # along, where it does, too
 _APART_M = 0.15  # between sections, at least
+_SHOULDER = 0.6  # of a section's height, up to which it is as wide as at its station
 _INSIDE_M = 0.1  # a wall so much nearer than one that a splay passed is no wall of the passage
 _NEAR_M = (
     5.0  # along the survey, between a station without a measured wall and the hits that it is interpolated between
@@ -44,15 +45,15 @@ class WallHit:
 
 @dataclass
 class _Shot:
-    """What splays say of a shot: hits of its walls, and places that they passed, m along it and to its left, tilt."""
+    """What splays say of a shot: hits of its walls, and places in the free space, m along it, to its left, over it."""
 
     hits: list[WallHit] = field(default_factory=list)
-    free: list[tuple[float, float]] = field(default_factory=list)
+    free: list[tuple[float, float, float]] = field(default_factory=list)
 
     def turned(self, run_m: float) -> _Shot:
         """Return the same seen from the other end."""
         hits = [replace(hit, along_m=run_m - hit.along_m, aside_m=-hit.aside_m) for hit in self.hits]
-        return _Shot(hits, [(run_m - along, -aside) for along, aside in self.free])
+        return _Shot(hits, [(run_m - along, -aside, rise) for along, aside, rise in self.free])
 
 
 class SplayHits:
@@ -95,7 +96,7 @@ class SplayHits:
                 self.strays += 1
                 continue
             self._enter(node, step, place, int(near[apart.argmin()]))
-            share = np.arange(_SAMPLE_M, length, _SAMPLE_M)[:, None] / length
+            share = np.append(np.arange(_SAMPLE_M, length, _SAMPLE_M), length)[:, None] / length
             passed = self.places_m[node] + share * step
             for shot, spot in zip(near[self._apart(near, passed).argmin(axis=1)].tolist(), passed, strict=True):
                 self.shots[self._pair(shot)].free.append(self._beside(shot, spot))
@@ -111,11 +112,13 @@ class SplayHits:
         share = np.clip(((places[:, None] - start) * way).sum(axis=2) / square, 0, 1)
         return np.asarray(np.linalg.norm(start + share[:, :, None] * way - places[:, None], axis=2))
 
-    def _beside(self, shot: int, place: np.ndarray) -> tuple[float, float]:
-        """Return how far a place (3,) m is along a shot and to its left, m, in plan."""
-        way, from_start = self._way[shot, :2], (place - self._start[shot])[:2]
-        ahead = way / max(float(np.linalg.norm(way)), _PLUMB_M)
-        return float(from_start @ ahead), float(ahead[0] * from_start[1] - ahead[1] * from_start[0])
+    def _beside(self, shot: int, place: np.ndarray) -> tuple[float, float, float]:
+        """Return how far a place (3,) m is along a shot and to its left in plan, and over it, m."""
+        way, from_start = self._way[shot], place - self._start[shot]
+        run = max(float(np.linalg.norm(way[:2])), _PLUMB_M)
+        ahead = way[:2] / run
+        along, aside = float(from_start[:2] @ ahead), float(ahead[0] * from_start[1] - ahead[1] * from_start[0])
+        return along, aside, float(from_start[2] - np.clip(along / run, 0, 1) * way[2])
 
     def _enter(self, node: int, step: np.ndarray, place: np.ndarray, shot: int) -> None:
         """Enter a splay from a node to a place (3,) m of a shot's wall."""
@@ -127,7 +130,7 @@ class SplayHits:
                 if one == node:
                     self.at[one, other].append(WallHit(0.0, 0.0, tilt, node, step, place))
             return
-        along, aside = self._beside(shot, place)
+        along, aside, _ = self._beside(shot, place)
         hit = WallHit(along, aside, tilt, node, step, place)
         zone = min(max(_AT_STATION_M, _SQUARE * abs(aside)), run / 2)
         if along <= zone:
@@ -180,14 +183,14 @@ def _with_faces(leg: SurveyLeg, shots: dict[tuple[str, str], _Shot], ends: set[s
         before, last = leg.stations[-2:]
         step = leg.positions_m[-1] - leg.positions_m[-2]
         run = float(np.linalg.norm(step))
-        found = shots.get((before, last))
-        ahead = max((hit.along_m - run for hit in found.hits), default=0.0) if found and last in ends else 0.0
+        found = shots.get((before, last), _Shot())
+        ahead = max((hit.along_m - run for hit in found.hits), default=0.0) if last in ends else 0.0
         if ahead > _AT_STATION_M:
             assert leg.heights_m is not None
             name = f"{last} and {ahead:.2f} m on"
             shots[last, name] = _Shot(
                 [replace(hit, along_m=hit.along_m - run) for hit in found.hits if hit.along_m > run],
-                [(along - run, aside) for along, aside in found.free if along > run],
+                [(along - run, aside, rise) for along, aside, rise in found.free if along > run],
             )
             shots[name, last] = shots[last, name].turned(ahead)
             known = leg.known[-1:].copy()
@@ -227,18 +230,48 @@ def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], _Shot]) -> SurveyLeg
     at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1)))
     walls, known = leg.walls_m.copy(), leg.known.copy()
     sides: list[list[Knot]] = []
+    everywhere = [
+        (at[k] + t, w, rise)
+        for k, pair in enumerate(pairwise(leg.stations))
+        for t, w, rise in shots.get(pair, _Shot()).free
+        if 0 <= t <= at[k + 1] - at[k]
+    ]
+    free = np.array(everywhere).reshape(-1, 3)
     for side, sign in enumerate((1, -1)):
-        hits, free = list[Knot](), list[tuple[float, float]]()
+        hits = list[Knot]()
         for k, pair in enumerate(pairwise(leg.stations)):
             found, run = shots.get(pair, _Shot()), at[k + 1] - at[k]
             own = [(one.along_m, sign * one.aside_m, one.tilt) for one in found.hits if sign * one.aside_m > 0]
             hits += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(own, run, not leg.surveyed[k + 1])]
-            free += [(at[k] + t, sign * w) for t, w in found.free if sign * w > 0 and 0 <= t <= run]
         _fill(at, walls[:, side], known[:, side], hits)
         stations = [(s, w, int(o)) for s, w, o in zip(at.tolist(), walls[:, side], known[:, side], strict=True)]
-        sides.append(_widened(list(_faded(sorted([*stations, *hits]))), np.array(free).reshape(-1, 2)))
+        sides.append(_widened(list(_faded(sorted([*stations, *hits]))), free[:, :2] * (1, sign)))
     extra = _apart(at, sides)
-    return _refined(leg, at, extra, sides, known)
+    return _roofed(_refined(leg, at, extra, sides, known), free)
+
+
+def _roofed(leg: SurveyLeg, free: np.ndarray) -> SurveyLeg:
+    """Return a leg whose roofs that nobody measured are over places (n, 3) m in the free space.
+
+    The places are along the leg, to its left and over it. Such a roof is no measured one: it is at least so high.
+    """
+    assert leg.heights_m is not None
+    at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1)))
+    down = np.nan_to_num(leg.heights_m[:, 2])
+    least = np.full(len(at), np.nan)
+    for along, aside, rise in free[free[:, 2] > 0]:
+        left, right = (np.interp(along, at, leg.walls_m[:, side]) for side in (0, 1))
+        half = max((left + right) / 2, _INSIDE_M)
+        share = min(abs(aside - (left - right) / 2) / half, 1.0)
+        over = np.interp(along, at, down)
+        most = 1.0 - (1.0 - _SHOULDER) * max(0.0, 2 * share - 1.0)
+        k = int(np.searchsorted(at, along).clip(1, len(at) - 1))
+        for near in (k - 1, k):
+            least[near] = np.fmax(least[near], (over + rise) / most - down[near])
+    heights, sources = leg.heights_m.copy(), leg.known.astype(np.uint8)
+    raised = np.isfinite(least) & (sources[:, 2] < Source.MEASURED)
+    heights[raised, 1] = np.fmax(heights[raised, 1], least[raised])
+    return replace(leg, heights_m=heights, sources=sources)
 
 
 def _walls_of(hits: list[tuple[float, float, float]], run_m: float, is_face: bool) -> Iterator[tuple[float, float]]:
@@ -309,7 +342,7 @@ def _faded(knots: list[Knot]) -> Iterator[Knot]:
 def _apart(at: np.ndarray, sides: list[list[Knot]]) -> list[float]:
     """Return where sections are between stations at some lengths (n,) along a leg, so that they are apart."""
     found: list[float] = []
-    for where, _, source in sorted((knot for knots in sides for knot in knots), key=lambda knot: -knot[2]):
+    for where, _, _ in sorted((knot for knots in sides for knot in knots), key=lambda knot: -knot[2]):
         if np.abs(at - where).min() > _APART_M / 2 and all(abs(where - other) > _APART_M / 4 for other in found):
             found.append(where)
     return found

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.survey.passages.legs import SurveyLeg, legs_of, says_enough
+from pipeline.survey.passages.legs import SurveyLeg, legs_of
 from pipeline.types import Source, SurveyedLegs
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.inside import Inside
@@ -39,10 +39,8 @@ def wall_figures(surveyed: SurveyedLegs, volume: Volume) -> dict[str, Any]:
 def known_parts(leg: SurveyLeg) -> np.ndarray:
     """Return how walls, roof and floor (n, 3) of each station of a leg are known (`Source`)."""
     known = leg.known.astype(int)
-    assert leg.heights_m is not None
-    up = leg.heights_m[:, 1]
-    rest = Source.INTERPOLATED if says_enough(up[leg.surveyed]) else Source.ASSUMED
-    known[np.isnan(up), 2] = rest
+    roofs = known[:, 2] == Source.MEASURED
+    known[~roofs, 2] = Source.INTERPOLATED if roofs[leg.surveyed].mean() >= 1 / 2 else Source.ASSUMED
     return np.column_stack([known[:, part].min(axis=1) for part in _PARTS.values()])
 
 
