@@ -239,7 +239,8 @@ def _places(leg: SurveyLeg) -> np.ndarray:
 
 
 def _length_m(leg: SurveyLeg) -> float:
-    return float(np.linalg.norm(np.diff(_places(leg), axis=0), axis=1).sum())
+    """Return the length of a leg, m, from its first station to its last: a face beyond them is not surveyed."""
+    return float(np.linalg.norm(np.diff(_places(leg)[leg.surveyed], axis=0), axis=1).sum())
 
 
 def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[SurveyLeg], list[tuple[str, float]]]:

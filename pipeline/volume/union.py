@@ -27,6 +27,7 @@ _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _CRUMB_M3 = 1e-9  # of a shell, at least: the volume of a wall of no thickness is rounding
+_OVER_STATION_M = 0.1  # that the walls of a steep leg go on over its upper station, at least
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 
 
@@ -261,10 +262,14 @@ def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> n
         rings.append(np.array(ring))
     floors[1 - lower, 2] = max(floors[1 - lower, 2], floors[lower, 2] + _LEAST_RISE_M)
     rise = floors[1 - lower] - floors[lower]
+    for end in (0, 1):  # the line between the stations is behind that between the floors, at one height
+        behind = -rise[:2] / rise[2] * lrud[end, 3]
+        rings[end] = np.where((rings[end] @ behind > 0)[:, None], rings[end] + behind, rings[end])
     share = min(_FOOT_M / rise[2], 0.5)
     leans = (rings[lower] @ rise[:2] > 0)[:, None]
     foot = np.where(leans, rings[lower] + share * rise[:2], rings[lower])
-    upper, over = floors[1 - lower], lrud[1 - lower, 2:].sum() / 2
+    upper = floors[1 - lower]
+    over = max(lrud[1 - lower, 2:].sum() / 2, lrud[1 - lower, 3] + min(_OVER_STATION_M, lrud[1 - lower, 2]))
     sections = [
         _level(foot + floors[lower, :2], floors[lower, 2]),
         _level(foot + floors[lower, :2], floors[lower, 2] + share * rise[2]),

@@ -25,8 +25,8 @@ _START_M = 0.02  # ahead of a station, where rays begin: it may be on the wall b
 def wall_figures(surveyed: SurveyedLegs, volume: Volume) -> dict[str, Any]:
     """Return which share of the stations and of the length was measured, and how splays end at the built rock.
 
-    A part of a station is as well known as the worse of its sides, in the passage that knows it best. Half of a leg's
-    length is that of either station. Without sources, as of a bundle alone, there are no shares.
+    Of the walls each side is a half. A station counts as the passage that knows it best, and half of a leg's length is
+    that of either end. Without sources, as of a bundle alone, there are no shares.
     """
     found: dict[str, Any] = {}
     if len(surveyed.sources):
@@ -37,37 +37,40 @@ def wall_figures(surveyed: SurveyedLegs, volume: Volume) -> dict[str, Any]:
 
 
 def known_parts(leg: SurveyLeg) -> np.ndarray:
-    """Return how walls, roof and floor (n, 3) of each station of a leg are known (`Source`)."""
+    """Return how the distances left, right, up and down (n, 4) of the places of a leg are known (`Source`)."""
     known = leg.known.astype(int)
     roofs = known[:, 2] == Source.MEASURED
-    known[~roofs, 2] = Source.INTERPOLATED if roofs[leg.surveyed].mean() >= 1 / 2 else Source.ASSUMED
-    return np.column_stack([known[:, part].min(axis=1) for part in _PARTS.values()])
+    known[~roofs, 2] = Source.INTERPOLATED if 2 * roofs[leg.surveyed].mean() >= 1 else Source.ASSUMED
+    return known
 
 
 def _shares(legs: list[SurveyLeg]) -> dict[str, Any]:
     stations: dict[str, np.ndarray] = {}
     widths: dict[str, float] = {}
-    length = np.zeros((len(_PARTS), len(Source)))
+    length = np.zeros((4, len(Source)))
     for leg in legs:
         assert leg.heights_m is not None
         known = known_parts(leg)
-        for name, parts, sides, is_station in zip(leg.stations, known, leg.walls_m, leg.surveyed, strict=True):
+        for name, sides, walls, is_station in zip(leg.stations, known, leg.walls_m, leg.surveyed, strict=True):
             if is_station:
-                stations[name] = np.maximum(parts, stations.get(name, parts))
-                if parts[0] == Source.MEASURED:
-                    widths[name] = max(float(sides.sum()), widths.get(name, 0.0))
+                stations[name] = np.maximum(sides, stations.get(name, sides))
+                if (sides[:2] == Source.MEASURED).all():
+                    widths[name] = max(float(walls.sum()), widths.get(name, 0.0))
         places = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         half = np.linalg.norm(np.diff(places, axis=0), axis=1) / 2
         weight = np.append(half, 0.0) + np.append(0.0, half)
-        for part in range(len(_PARTS)):
-            length[part] += np.bincount(known[:, part], weight, len(Source))
+        for side in range(4):
+            length[side] += np.bincount(known[:, side], weight, len(Source))
     rows = np.array(list(stations.values()))
     found: dict[str, Any] = {}
     for source in Source:
         name = source.name.lower()
-        found[f"{name}_share"] = {part: round(float((rows[:, k] == source).mean()), 6) for k, part in enumerate(_PARTS)}
+        found[f"{name}_share"] = {
+            part: round(float((rows[:, some] == source).mean()), 6) for part, some in _PARTS.items()
+        }
         found[f"{name}_length_share"] = {
-            part: round(float(length[k, source] / max(length[k].sum(), 1e-9)), 6) for k, part in enumerate(_PARTS)
+            part: round(float(length[some, source].sum() / max(length[some].sum(), 1e-9)), 6)
+            for part, some in _PARTS.items()
         }
     found["stations"] = len(rows)
     if widths:
