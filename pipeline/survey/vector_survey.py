@@ -33,9 +33,8 @@ from pipeline.survey.passages.legs import (
     SurveyLeg,
     build_workings,
     require_no_crossing,
-    warn_of_shafts,
 )
-from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs
+from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights

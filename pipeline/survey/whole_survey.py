@@ -19,10 +19,10 @@ from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
-from pipeline.survey.passages.ties import Tie, passages_of_ties
-from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
-from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, station_names, with_sides
-from pipeline.survey.solved_surveys import solve_file
+from pipeline.survey.passages.ties import passages_of_ties
+from pipeline.survey.solved.model import SolvedSurvey
+from pipeline.survey.solved.plan_view import plan_legs, with_sides
+from pipeline.survey.solved_surveys import entrances_of, names_of, solve_file, ties_of
 from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, Source, SurveyedLegs, text_array
@@ -73,7 +73,7 @@ def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> Wh
     if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
         warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
     crs = None if survey.crs is None else one_line(survey.crs, 200)
-    ties = _ties_of(survey)
+    ties = ties_of(survey)
     lone = passages_of_ties(legs, ties)
     if lone:
         listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
@@ -81,7 +81,7 @@ def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> Wh
             f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
             f"{first_few(listed, _NAMED)}"
         )
-    legs, names = legs + lone, _names_of(survey)
+    legs, names = legs + lone, names_of(survey)
     entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
     return WholeSurvey(
         legs,
@@ -107,27 +107,6 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
     filled, _ = with_sides(path, rows, half_width_m)
     walled = [replace(leg, walls_m=walls[:, :2]) for leg, (_, walls) in zip(driven, filled, strict=True)]
     return walled + [leg for leg in legs if leg.is_plumb]
-
-
-def entrances_of(survey: SolvedSurvey) -> list[str]:
-    """Return the names of the stations that are open to the surface."""
-    is_open = (survey.station_flags & StationFlag.ENTRANCE) != 0
-    return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
-
-
-def _names_of(survey: SolvedSurvey) -> dict[str, str]:
-    """Return the station of the legs that each name stands for."""
-    _, node = node_of_stations(survey)
-    names = station_names(survey, node)
-    return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
-
-
-def _ties_of(survey: SolvedSurvey) -> list[Tie]:
-    """Return the legs that are flagged duplicate."""
-    places, node = node_of_stations(survey)
-    names = station_names(survey, node)
-    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
-    return [Tie((names[a], names[b]), places[[a, b]]) for a, b in pairs if a != b]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.passages.legs import SurveyLeg, along_stations
+from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.relief import heights_along
 from pipeline.types import Source
 
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
@@ -169,12 +170,11 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
             raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
-        roofless, least = leg.known[:, 2] < Source.MEASURED, lrud[:, 2]
-        lrud[:, 2] = np.where(roofless, np.nan, least)
+        roofless, least = leg.known[:, 2] < Source.MEASURED, lrud[:, 2].copy()
+        lrud[roofless, 2] = np.nan
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
-        tall = _heights_along(leg, lrud[:, 2] + lrud[:, 3], at, height_m)
-        # A station is in the free space, and what splays passed is under its roof.
-        lrud[roofless, 2] = np.fmax(np.maximum(tall - lrud[:, 3], 0.0), least)[roofless]
+        tall = heights_along(leg, lrud[:, 2] + lrud[:, 3], height_m)
+        lrud[roofless, 2] = np.fmax(np.maximum(tall - lrud[:, 3], 0.0), least)[roofless]  # over stations and splays
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
@@ -205,16 +205,6 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     named = tuple(names)
     none = np.zeros_like(assumed)
     return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
-
-
-def _heights_along(leg: SurveyLeg, tall: np.ndarray, at: np.ndarray, height_m: float) -> np.ndarray:
-    """Return the roof's height (n,) m over the floor along a leg, between stations (n, 3) m by the length."""
-    own = leg.surveyed
-    filled, way = (
-        along_stations(tall[own], height_m),
-        np.append(0.0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))),
-    )
-    return np.where(np.isfinite(tall), tall, np.interp(way, way[own], filled))
 
 
 @dataclass(frozen=True)

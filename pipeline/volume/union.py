@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import manifold3d
 import numpy as np
@@ -16,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.tubes import Tube, solids_through
+from pipeline.volume.tubes import Tube, sections_along, sections_between, solids_through
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _HUB_SIDES = 12
@@ -24,7 +23,6 @@ _HUB_M = 1.0  # a wider hub ends where the shortest leg does: beyond are floors 
 _LOW, _HIGH = 0.6, 0.5  # where the walls end at the least, of the height; how wide the roof is there, of the width
 _LOW_MOST = 0.95  # the same at the most: where the station is higher, walls are as wide as measured up to it
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
-_LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _CRUMB_M3 = 1e-9  # of a shell, at least: the volume of a wall of no thickness is rounding
 _OVER_STATION_M = 0.1  # that the walls of a steep leg go on over its upper station, at least
@@ -209,12 +207,14 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     right = np.column_stack([-across * lrud[:, 1:2], [0, 0]])
     if min(abs(step[2]), abs(floors[1, 2] - floors[0, 2])) > run:  # stations may be at any height over a floor
         sections = _plumb_sections(places, lrud, across[0])
-        return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
+        return Solid(
+            sections_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True
+        )
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
     low = np.clip(lrud[:, 3] / np.maximum(lrud[:, 2:].sum(axis=1), _LEAST_RISE_M), _LOW, _LOW_MOST)[:, None] * tall
     ring = [floors + right + low, *(floors + end + tall for end in _roof_ends(across, lrud))]
     ring += [floors + left + low, floors + left, network.ways_m[shot], floors + right]
-    sections = _between(np.stack(ring, axis=1), lrud)
+    sections = sections_between(np.stack(ring, axis=1), lrud)
     slope = step[:2] * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9) ** 2
     footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])
     return Solid(sections, np.array([*floors[0], *slope]), footprint, shot, is_drivable)
@@ -228,20 +228,6 @@ def _roof_ends(across: np.ndarray, lrud: np.ndarray) -> list[np.ndarray]:
     middle, half = (lrud[:, 0] - lrud[:, 1]) / 2, _HIGH * lrud[:, :2].sum(axis=1) / 2
     reach = np.minimum(middle - half, 0), np.maximum(middle + half, 0)
     return [np.column_stack([across * side[:, None], [0, 0]]) for side in reach]
-
-
-def _between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
-    """Return the two sections (2, k, 3) with others between them, as far apart as the leg is wide."""
-    length = float(np.linalg.norm(sections.mean(axis=1)[1] - sections.mean(axis=1)[0]))
-    count = max(1, round(length / max(_LEAST_STEP_M, float(lrud[:, :2].sum(axis=1).max()))))
-    share = np.linspace(0, 1, count + 1)[:, None, None]
-    return np.asarray(sections[0] * (1 - share) + sections[1] * share)
-
-
-def _along(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
-    """Return sections (n, k, 3) with others between each and the next."""
-    rows = [_between(np.stack(pair), lrud) for pair in pairwise(sections)]
-    return np.concatenate([rows[0], *(row[1:] for row in rows[1:])])
 
 
 def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.types import Points2, Source, SurveyedLegs, lines_of
@@ -29,9 +28,9 @@ class SurveyLeg:
     `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
     None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
     `grades` (n - 1,) are rise over run of the shots as stated, nan where none is; None if the survey states none.
-    `sources` (n, 4) says of the distances left, right, up and down whether they were measured (`Source`); None if all
-    that are no nan were. `between` (n,) is true for places between two stations, where splays hit a wall; None if all
-    are stations. `splays_m` (k, 2, 3) has the start and the end of each splay from these stations.
+    `sources` (n, 4) says of the distances left, right, up and down whether they were measured (`Source`), None if all
+    that are no nan were; a roof that was not is at least so high. `between` (n,) is true for places that are no
+    stations, None if all are. `splays_m` (k, 2, 3) has the start and the end of each splay from these stations.
     """
 
     name: str
@@ -67,8 +66,8 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
         heights = np.column_stack([places[:, 2], lrud[:, 2:]])
         sources = surveyed.sources[begin:end] if len(surveyed.sources) else None
         between = surveyed.between[begin:end] > 0 if len(surveyed.between) else None
-        leg = SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights)
-        legs.append(replace(leg, sources=sources, between=between))
+        rows = places[:, :2], lrud[:, :2], heights
+        legs.append(SurveyLeg(str(number), names[begin:end], *rows, sources=sources, between=between))
     return legs
 
 
@@ -104,11 +103,10 @@ def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
 
 
 def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
-    heights, sources, between = (
-        None if rows is None else rows[at] for rows in (leg.heights_m, leg.sources, leg.between)
-    )
-    some = SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
-    return replace(some, sources=sources, between=between)
+    optional = leg.heights_m, leg.sources, leg.between
+    heights, sources, between = (None if rows is None else rows[at] for rows in optional)
+    names, places, walls = [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at]
+    return SurveyLeg(leg.name, names, places, walls, heights, sources=sources, between=between)
 
 
 @dataclass(frozen=True)
@@ -199,18 +197,6 @@ def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
             part.append(station)
         found.append(part)
     return found, legs
-
-
-def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
-    """Warn of plumb legs, which a level plan leaves out: their number, and the deepest."""
-    if not shafts:
-        return
-    depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
-    deepest = shafts[int(np.argmax(depths))]
-    warn_user(
-        f"{path.name}: {len(shafts)} shafts are left out, the deepest {max(depths):.1f} m, from "
-        f"{deepest.stations[0]} to {deepest.stations[1]}"
-    )
 
 
 def check_network(path: Path, legs: list[SurveyLeg]) -> None:

@@ -15,7 +15,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
-from pipeline.survey.solved.splay_hits import SplayHits, with_hits
+from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
     Rows,
     agree_on_floors,
@@ -27,6 +27,7 @@ from pipeline.survey.solved.splay_walls import (
     splays_by_node,
     usual_half_width_m,
 )
+from pipeline.survey.solved.wall_sections import with_hits
 from pipeline.types import Source
 
 Nodes = list[int]
