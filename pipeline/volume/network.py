@@ -202,8 +202,7 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     shots, left, walls, shared, assumed = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    named = tuple(names)
-    none = np.zeros_like(assumed)
+    none, named = np.zeros_like(assumed), tuple(names)
     return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
 
 

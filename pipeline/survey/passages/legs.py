@@ -47,8 +47,8 @@ class SurveyLeg:
     @property
     def known(self) -> np.ndarray:
         """Return the `Source` (n, 4) of the distances left, right, up and down; ones that are nan are assumed."""
-        heights = np.full((len(self.stations), 2), np.nan) if self.heights_m is None else self.heights_m[:, 1:]
-        stated = np.where(np.isfinite(np.column_stack([self.walls_m, heights])), Source.MEASURED, Source.ASSUMED)
+        heights = self.walls_m * np.nan if self.heights_m is None else self.heights_m[:, 1:]
+        stated = np.isfinite(np.column_stack([self.walls_m, heights])) * int(Source.MEASURED)
         return stated if self.sources is None else np.minimum(stated, self.sources)
 
     @property
@@ -66,8 +66,8 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
         heights = np.column_stack([places[:, 2], lrud[:, 2:]])
         sources = surveyed.sources[begin:end] if len(surveyed.sources) else None
         between = surveyed.between[begin:end] > 0 if len(surveyed.between) else None
-        rows = places[:, :2], lrud[:, :2], heights
-        legs.append(SurveyLeg(str(number), names[begin:end], *rows, sources=sources, between=between))
+        rows = names[begin:end], places[:, :2], lrud[:, :2], heights, False, None, sources, between
+        legs.append(SurveyLeg(str(number), *rows))
     return legs
 
 
@@ -103,10 +103,9 @@ def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
 
 
 def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
-    optional = leg.heights_m, leg.sources, leg.between
-    heights, sources, between = (None if rows is None else rows[at] for rows in optional)
+    heights, *known = (None if rows is None else rows[at] for rows in (leg.heights_m, leg.sources, leg.between))
     names, places, walls = [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at]
-    return SurveyLeg(leg.name, names, places, walls, heights, sources=sources, between=between)
+    return SurveyLeg(leg.name, names, places, walls, heights, False, None, *known)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
     Rows,
     agree_on_floors,
-    beyond_ends,
     fill_down,
     fill_sides,
     heights_of,
@@ -77,7 +76,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         (nodes, np.where(np.isfinite(walls), walls, ends))
         for (nodes, walls), (_, ends) in zip(rows[first:], continued, strict=True)
     ]
-    _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
+    _warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
     rows, sides = with_sides(path, rows, half_width_m)
     rows = _with_one_floor(path, plan, rows)
@@ -105,13 +104,12 @@ def _splays_of(leg: SurveyLeg, steps: dict[str, np.ndarray]) -> np.ndarray:
     return np.concatenate([np.zeros((0, 2, 3)), *found])
 
 
-def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], splays: dict[int, np.ndarray]) -> None:
-    """Warn of splays that end beyond the last station of a passage; the space that they measured is not built."""
-    count, farthest, end = beyond_ends(chains, plan.places, splays)
-    if end is not None:
+def _warn_of_strays(path: Path, count: int) -> None:
+    """Warn of splays that end in a passage that is not near along the survey."""
+    if count:
         warn_user(
-            f"{path.name}: {count} splays point beyond ends of passages, which are built to their last stations: the "
-            f"farthest is {farthest:.1f} m beyond {plan.names[end]}; a leg to a station there builds that part"
+            f"{path.name}: {count} splays go through windows into passages that are not near along the survey; they "
+            "measure no wall of their own passage"
         )
 
 

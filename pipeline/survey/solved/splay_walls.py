@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -17,7 +16,6 @@ from pipeline.survey.passages.legs import along_stations, says_enough
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.types import Source
 
-_BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
 _JOINT = -1  # no node
 _DIFFER_M = 0.01  # distances down that differ by more are listed
@@ -49,47 +47,17 @@ def heights_of(splays: list[np.ndarray | None]) -> np.ndarray:
     return found
 
 
-def beyond_ends(
-    chains: list[list[int]], places_m: np.ndarray, splays: dict[int, np.ndarray]
-) -> tuple[int, float, int | None]:
-    """Return how many splays end beyond the ends of passages, how far, m, the farthest does, and from which node.
-
-    A passage ends where one leg alone does, square to that leg in plan: what lies ahead is in no section. Splays within
-    45 deg of plumb measure the roof or the floor and do not count.
-
-    Parameters
-    ----------
-    chains : rows of nodes
-    places_m : (n, 3) m, of the nodes
-    splays : arrays (k, 3) m by node
-    """
-    count, farthest, at = 0, 0.0, None
-    legs = Counter(node for chain in chains for pair in pairwise(chain) for node in pair)
-    for chain in (chain for chain in chains if len(chain) > 1):
-        for end, before in ((chain[0], chain[1]), (chain[-1], chain[-2])):
-            step = (places_m[end] - places_m[before])[:2]
-            run = float(np.linalg.norm(step))
-            if legs[end] > 1 or end not in splays or run < _PLUMB_M:
-                continue
-            level = np.abs(splays[end][:, 2]) <= np.hypot(*splays[end][:, :2].T)
-            ahead = np.append(splays[end][level, :2] @ step / run, 0.0)
-            count += int((ahead > _BEYOND_M).sum())
-            if ahead.max() > max(farthest, _BEYOND_M):
-                farthest, at = float(ahead.max()), end
-    return count, farthest, at
-
-
 def measured(walls: np.ndarray) -> np.ndarray:
     """Return the distances left, right, up and down (n, 4) m; four zeros stand for a section that nobody measured."""
     return np.where((walls == 0).all(axis=1, keepdims=True), np.nan, walls)
 
 
 def usual_half_width_m(rows: Rows) -> float | None:
-    """Return half the median width where both sides are known; None if they are nowhere."""
-    widths = [walls[:, :2].sum(axis=1) for _, walls in rows]
-    known = np.concatenate(widths) if widths else np.zeros(0)
-    known = known[np.isfinite(known)]
-    return float(np.median(known)) / 2 if len(known) else None
+    """Return half the median width where both sides are known, else the median of the sides; None without any."""
+    sides = np.concatenate([np.zeros((0, 2)), *(walls[:, :2] for _, walls in rows)])
+    both = sides[np.isfinite(sides).all(axis=1)].sum(axis=1) / 2
+    known = both if len(both) else sides[np.isfinite(sides)]
+    return float(np.median(known)) if len(known) else None
 
 
 @dataclass(frozen=True)

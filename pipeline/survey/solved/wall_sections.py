@@ -29,7 +29,12 @@ def with_hits(legs: list[SurveyLeg], hits: SplayHits, names: list[str]) -> list[
         by_name[names[b], names[a]] = found.turned(run)
     legs_at = Counter(name for leg in legs for pair in pairwise(leg.stations) for name in pair)
     ends = {name for name, count in legs_at.items() if count == 1}
-    return [leg if leg.is_plumb else _with_hits(_with_faces(leg, by_name, ends), by_name) for leg in legs]
+    return [_with_hits(_with_faces(leg, by_name, ends), by_name) if _has_splays(leg, by_name) else leg for leg in legs]
+
+
+def _has_splays(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays]) -> bool:
+    """Return whether splays say anything of a leg."""
+    return not leg.is_plumb and any(pair in shots for pair in pairwise(leg.stations))
 
 
 def _with_faces(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays], ends: set[str]) -> SurveyLeg:
