@@ -78,7 +78,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     _warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
-    rows, sides = with_sides(path, rows, half_width_m)
+    rows, sides = with_sides(path, rows, half_width_m, bool(splays))
     rows = _with_one_floor(path, plan, rows)
     _warn_of_floors(path, rows)
     rows, floors = fill_down(rows, plan.places)
@@ -205,10 +205,13 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> tuple[Rows, list[np.ndarray]]:
+def with_sides(
+    path: Path, rows: Rows, half_width_m: float | None, of_sides: bool = False
+) -> tuple[Rows, list[np.ndarray]]:
     """Return the rows with both sides of every station, and how each side (n, 2) is known (`Source`).
 
-    Warnings count the stations whose sides were not measured.
+    Warnings count the stations whose sides were not measured. `of_sides` takes the median side as the usual one where
+    no station has both.
 
     Raises
     ------
@@ -219,7 +222,7 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None) -> tuple[Rows
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
     if farthest > most:
         raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
-    usual = half_width_m or usual_half_width_m(rows)
+    usual = half_width_m or usual_half_width_m(rows, of_sides)
     if usual is None and not np.isfinite(sides).all():
         raise InputError(
             f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"

@@ -13,6 +13,7 @@ _STRAY = 0.5  # of the way to the own passage: a splay that ends so near another
 _SQUARE = 0.35  # along over aside, at most, where a splay measures the section of a station: within 19 deg of square
 AT_STATION_M = 0.3  # along, where it does, too
 _SAMPLE_M = 0.2  # along a splay, of what it passed
+_ON_LINE_M = 0.05  # from the survey line
 _PLUMB_M = 1e-6  # in plan
 
 
@@ -81,6 +82,8 @@ class SplayHits:
             length, place = float(np.linalg.norm(step)), self.places_m[node] + step
             near = np.flatnonzero(far <= length)
             apart, others = self._apart(near, place[None])[0], np.flatnonzero(far > length)
+            if apart.min() < _ON_LINE_M:
+                continue  # it measures a station or a line, and no wall
             if self._apart(others, place[None]).min(initial=np.inf) < _STRAY * apart.min():
                 self.strays += 1
                 continue

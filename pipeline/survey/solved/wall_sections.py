@@ -15,6 +15,7 @@ from pipeline.types import Source
 
 _APART_M = 0.15  # between sections, at least
 _SHOULDER = 0.6  # of a section's height, up to which it is as wide as at its station
+_STEEPER = 0.2  # rise over length of a splay more than that of another: it may hit the roof
 _INSIDE_M = 0.1  # a wall so much nearer than one that a splay passed is no wall of the passage
 _NEAR_M = 5.0  # along the survey, from a station without a measured wall to hits that it is interpolated between
 _FADE_M = 2.0  # along the survey from a measured wall to an assumed one, at least
@@ -103,7 +104,7 @@ def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays]) -> Surv
             found, run = shots.get(pair, ShotSplays()), at[k + 1] - at[k]
             own = [(one.along_m, sign * one.aside_m, one.tilt) for one in found.hits if sign * one.aside_m > 0]
             hits += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(own, run, not leg.surveyed[k + 1])]
-        _fill(at, walls[:, side], known[:, side], hits)
+        _fill(at, walls[:, side], known[:, side], hits, ~leg.surveyed)
         stations = [(s, w, int(o)) for s, w, o in zip(at.tolist(), walls[:, side], known[:, side], strict=True)]
         sides.append(_widened(list(_faded(sorted([*stations, *hits]))), free[:, :2] * (1, sign)))
     extra = _apart(at, sides)
@@ -137,14 +138,19 @@ def _roofed(leg: SurveyLeg, free: np.ndarray) -> SurveyLeg:
 def _walls_of(hits: list[tuple[float, float, float]], run_m: float, is_face: bool) -> Iterator[tuple[float, float]]:
     """Yield where one side's wall is along a shot, and how far aside, of hits; the most level ones first count.
 
-    At a face hits count up to the end of the shot.
+    One that is nearer than the wall that more level ones hit before and behind it is of the roof. At a face hits count
+    up to the end of the shot.
     """
-    taken: list[float] = []
+    taken: list[tuple[float, float, float]] = []
     most = run_m - _APART_M * (not is_face)
-    for along, aside, _ in sorted(hits, key=lambda one: one[2]):
-        if _APART_M <= along <= most and all(abs(along - other) >= _APART_M for other in taken):
-            taken.append(along)
-            yield along, aside
+    for along, aside, tilt in sorted(hits, key=lambda one: one[2]):
+        if not _APART_M <= along <= most or any(abs(along - other[0]) < _APART_M for other in taken):
+            continue
+        level = np.array([(t, w) for t, w, other in sorted(taken) if other < tilt - _STEEPER]).reshape(-1, 2).T
+        if level.size and level[0, 0] < along < level[0, -1] and np.interp(along, *level) > aside + _INSIDE_M:
+            continue
+        taken.append((along, aside, tilt))
+        yield along, aside
 
 
 def _widened(knots: list[Knot], free: np.ndarray) -> list[Knot]:
@@ -171,8 +177,8 @@ def _widened(knots: list[Knot], free: np.ndarray) -> list[Knot]:
     return knots
 
 
-def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot]) -> None:
-    """Fill in walls (n,) of stations that are assumed, of hits near them on either side."""
+def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot], is_face: np.ndarray) -> None:
+    """Fill in walls (n,) of stations that are assumed, of hits near them on either side; of a face, of the nearest."""
     knots = sorted(
         [(s, w) for s, w, o in zip(at, walls, known, strict=True) if o == Source.MEASURED]
         + [(s, w) for s, w, _ in hits]
@@ -182,7 +188,8 @@ def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot]
     where, width = np.array(knots).T
     for k in np.flatnonzero(known == Source.ASSUMED):
         before, after = where[where <= at[k]], where[where >= at[k]]
-        if len(before) and len(after) and at[k] - before[-1] <= _NEAR_M and after[0] - at[k] <= _NEAR_M:
+        near = [side for side in (at[k] - before[-1:], after[:1] - at[k]) if len(side) and side[0] <= _NEAR_M]
+        if len(near) == 2 or is_face[k]:
             walls[k], known[k] = np.interp(at[k], where, width), Source.INTERPOLATED
 
 

@@ -162,14 +162,14 @@ def test_legs_without_a_section_are_built_and_go_on_as_the_passages_that_they_co
         tuple("abcdefg"), places, np.zeros(7, np.uint8), legs, flags, np.zeros(6, np.uint8), (passage,)
     )
     found = {frozenset((leg.stations[0], leg.stations[-1])): leg for leg in plan_legs(Path("cave.3d"), survey, 0.8)}
-    assert set(found) == {frozenset(pair) for pair in ("ac", "cd", "be", "bf")}
+    assert set(found) == {frozenset(pair) for pair in ("ac", "cd", "be")} | {frozenset(("b", "f and 1.50 m on"))}
     on = found[frozenset("cd")]
     sides = [1.0, 2.0] if on.stations == ["c", "d"] else [2.0, 1.0]
     np.testing.assert_allclose(on.walls_m, [sides, sides])
     assert sorted(on.heights_m[:, 1:].tolist()) == [[3, 0.5], [pytest.approx(NAN, nan_ok=True), 0.5]]
     np.testing.assert_allclose(found[frozenset("be")].walls_m, 0.8)
     assert {tuple(row) for row in found[frozenset("be")].heights_m[:, [0, 2]]} == {(0, 0.5), (1, 0.5)}
-    assert found[frozenset("bf")].walls_m.shape == (2, 2)
+    assert found[frozenset(("b", "f and 1.50 m on"))].surveyed.sum() == 2  # a splay ahead of its end is its face
 
 
 def test_a_section_of_one_station_is_that_of_the_legs_that_end_there():
