@@ -295,8 +295,6 @@ def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
             shapely.convex_hull(shapely.multipoints([left[i], left[i + 1], right[i + 1], right[i]]))
             for i in range(len(left) - 1)
         ]
-        shapes += list(
-            shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1) * leg.surveyed, quad_segs=16)
-        )
-    solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
-    return shapely.union_all(solid)
+        radii = leg.walls_m.min(axis=1) * leg.surveyed
+        shapes += list(shapely.buffer(shapely.points(leg.positions_m), radii, quad_segs=16))
+    return shapely.union_all([s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty])
