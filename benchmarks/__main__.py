@@ -110,6 +110,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
         "random-volumes", "setup", "benchmarks.comparisons.volume.random_volumes", _PARTS + "random-volumes.md", "15"
     ),
     _python("volume-large", "setup", "benchmarks.comparisons.volume.large", "artifacts/bench/volume-large.jsonl", "15"),
+    _python("splays", "setup", "benchmarks.comparisons.splays", "", "2"),
     _python("peers", "setup", "benchmarks.comparisons.peers", _PARTS + "peers.md", "2", one_thread=True),
     _python("sensors", "all", "benchmarks.sensors.page", _PARTS + "sensors.md", "4", one_thread=True),
     _python("sensing-loss", "all", "benchmarks.sensors.sensing_loss", _PARTS + "sensing-loss.md", "40"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 import cv2
 import numpy as np
@@ -146,6 +147,10 @@ class SurveyedLegs:
     station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are to
     start, empty if nobody says.
 
+    `sources` says of each of these distances whether it was measured (`Source`); empty if all that are no nan were.
+    `between` is 1 for places between two stations, where splays hit a wall; empty if there is none. `splays_m` has the
+    start and the end of each splay.
+
     `surveyed_m` is the length of all legs of the file. `pieces` and `pieces_m` are a station and the length of each
     piece that shares no station with this one.
     """
@@ -160,10 +165,25 @@ class SurveyedLegs:
     pieces_m: Float64[np.ndarray, " pieces"]
     surveyed_m: float
     datum_m: float
+    sources: UInt8[np.ndarray, "n 4"] = field(
+        default_factory=lambda: np.zeros((0, 4), np.uint8), metadata={"optional": True}
+    )
+    between: UInt8[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0, np.uint8), metadata={"optional": True})
+    splays_m: Float64[np.ndarray, "s 2 3"] = field(
+        default_factory=lambda: np.zeros((0, 2, 3)), metadata={"optional": True}
+    )
 
     def __len__(self) -> int:
         """Return the number of legs."""
         return len(self.first) - 1
+
+
+class Source(IntEnum):
+    """How a distance from a station to a wall, the roof or the floor is known."""
+
+    ASSUMED = 0
+    INTERPOLATED = 1
+    MEASURED = 2
 
 
 def text_array(lines: Sequence[str]) -> np.ndarray:

@@ -7,15 +7,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import one_line
 from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
 from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.ties import Tie
 from pipeline.survey.solved.lox import LOX, read_lox
-from pipeline.survey.solved.model import SolvedSurvey
+from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
-from pipeline.survey.solved.plan_view import plan_legs
+from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, station_names
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.stations.table import read_station_survey
@@ -123,3 +126,24 @@ def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[S
     """
     survey = solve_file(path)
     return plan_legs(path, survey, half_width_m), None if survey.crs is None else one_line(survey.crs, 200)
+
+
+def entrances_of(survey: SolvedSurvey) -> list[str]:
+    """Return the names of the stations that are open to the surface."""
+    is_open = (survey.station_flags & StationFlag.ENTRANCE) != 0
+    return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
+
+
+def names_of(survey: SolvedSurvey) -> dict[str, str]:
+    """Return the station of the legs that each name stands for."""
+    _, node = node_of_stations(survey)
+    names = station_names(survey, node)
+    return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
+
+
+def ties_of(survey: SolvedSurvey) -> list[Tie]:
+    """Return the legs that are flagged duplicate."""
+    places, node = node_of_stations(survey)
+    names = station_names(survey, node)
+    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
+    return [Tie((names[a], names[b]), places[[a, b]]) for a, b in pairs if a != b]

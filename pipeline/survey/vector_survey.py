@@ -32,9 +32,8 @@ from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import (
     SurveyLeg,
     require_no_crossing,
-    warn_of_shafts,
 )
-from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs
+from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
 from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files

@@ -17,16 +17,16 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, legs_of, says_enough, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, legs_of, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
-from pipeline.survey.passages.ties import Tie, passages_of_ties
+from pipeline.survey.passages.ties import passages_of_ties
 from pipeline.survey.passages.workings import build_workings
-from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
-from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, station_names, with_sides
-from pipeline.survey.solved_surveys import solve_file
+from pipeline.survey.solved.model import SolvedSurvey
+from pipeline.survey.solved.plan_view import plan_legs, with_sides
+from pipeline.survey.solved_surveys import entrances_of, names_of, solve_file, ties_of
 from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
-from pipeline.types import Piece, SurveyedLegs, text_array
+from pipeline.types import Piece, Source, SurveyedLegs, text_array
 
 _NEAR_M = 10.0  # from a stated place to the station that it names
 _NAMED = 10  # pieces that a message names
@@ -63,32 +63,36 @@ def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
             return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
     if is_solved(path):
-        survey = solve_file(path, params.declination_deg)
-        legs = plan_legs(path, survey, params.half_width_m)
-        if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
-            warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
-        crs = None if survey.crs is None else one_line(survey.crs, 200)
-        ties = _ties_of(survey)
-        lone = passages_of_ties(legs, ties)
-        if lone:
-            listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
-            warn_user(
-                f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
-                f"{first_few(listed, _NAMED)}"
-            )
-        legs, names = legs + lone, _names_of(survey)
-        entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
-        return WholeSurvey(
-            legs,
-            not has_relief(legs),
-            entrances,
-            crs,
-            ties=tuple(tie.stations for tie in ties),
-            names=names,
-            doubt=survey.doubt,
-        )
+        return whole_of(path, solve_file(path, params.declination_deg), params.half_width_m)
     legs, crs = leg_reader(path)(path, params.half_width_m)
     return WholeSurvey(legs, not has_relief(legs), (), crs)
+
+
+def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> WholeSurvey:
+    """Return a solved survey as `read_whole`; `InputError` if it has no widths."""
+    legs = plan_legs(path, survey, half_width_m)
+    if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
+        warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
+    crs = None if survey.crs is None else one_line(survey.crs, 200)
+    ties = ties_of(survey)
+    lone = passages_of_ties(legs, ties)
+    if lone:
+        listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
+        warn_user(
+            f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
+            f"{first_few(listed, _NAMED)}"
+        )
+    legs, names = legs + lone, names_of(survey)
+    entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
+    return WholeSurvey(
+        legs,
+        not has_relief(legs),
+        entrances,
+        crs,
+        ties=tuple(tie.stations for tie in ties),
+        names=names,
+        doubt=survey.doubt,
+    )
 
 
 def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -> list[SurveyLeg]:
@@ -101,30 +105,9 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
         (list(range(len(leg.stations))), np.column_stack([leg.walls_m, roof]))
         for leg, roof in zip(driven, unknown, strict=True)
     ]
-    filled = with_sides(path, rows, half_width_m, [walls for _, walls in rows])
+    filled, _ = with_sides(path, rows, half_width_m)
     walled = [replace(leg, walls_m=walls[:, :2]) for leg, (_, walls) in zip(driven, filled, strict=True)]
     return walled + [leg for leg in legs if leg.is_plumb]
-
-
-def entrances_of(survey: SolvedSurvey) -> list[str]:
-    """Return the names of the stations that are open to the surface."""
-    is_open = (survey.station_flags & StationFlag.ENTRANCE) != 0
-    return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
-
-
-def _names_of(survey: SolvedSurvey) -> dict[str, str]:
-    """Return the station of the legs that each name stands for."""
-    _, node = node_of_stations(survey)
-    names = station_names(survey, node)
-    return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
-
-
-def _ties_of(survey: SolvedSurvey) -> list[Tie]:
-    """Return the legs that are flagged duplicate."""
-    places, node = node_of_stations(survey)
-    names = station_names(survey, node)
-    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
-    return [Tie((names[a], names[b]), places[[a, b]]) for a, b in pairs if a != b]
 
 
 @dataclass(frozen=True)
@@ -154,7 +137,8 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
     """Warn of the stations without a measured roof, with what is taken."""
     roofs, usual = roofs_of(legs), usual_roof_m(legs)
     unknown = {name for name, tall in roofs.items() if np.isnan(tall)}
-    between = {name for leg in legs if says_enough(_heights(leg)[:, 1]) for name in leg.stations} & unknown
+    roofed = [leg for leg in legs if 2 * (leg.known[leg.surveyed, 2] == Source.MEASURED).mean() >= 1]
+    between = {name for leg in roofed for name in leg.stations} & unknown
     taken = "compile3d.height_m" if usual is None else f"{usual:.2f} m"
     source = "" if usual is None else ", the median of the others"
     if count := len(unknown - between):
@@ -188,7 +172,16 @@ def whole_in_frame(
         np.array([length for _, length in piece.others]),
         piece.surveyed_m,
         datum,
+        np.concatenate([leg.known for leg in piece.legs]).astype(np.uint8),
+        np.concatenate([~leg.surveyed for leg in piece.legs]).astype(np.uint8),
+        splays_from(piece.legs) - np.array([*origin, datum]),
     )
+
+
+def splays_from(legs: list[SurveyLeg]) -> np.ndarray:
+    """Return the splays (k, 2, 3) m from stations of legs, start and end, each once."""
+    found = [leg.splays_m for leg in legs if leg.splays_m is not None and len(leg.splays_m)]
+    return np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2, 3))
 
 
 def seen_from_above(path: Path, legs: SurveyedLegs) -> MultiPolygon:
@@ -226,7 +219,8 @@ def _places(leg: SurveyLeg) -> np.ndarray:
 
 
 def _length_m(leg: SurveyLeg) -> float:
-    return float(np.linalg.norm(np.diff(_places(leg), axis=0), axis=1).sum())
+    """Return the length of a leg, m, from its first station to its last: a face beyond them is not surveyed."""
+    return float(np.linalg.norm(np.diff(_places(leg)[leg.surveyed], axis=0), axis=1).sum())
 
 
 def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[SurveyLeg], list[tuple[str, float]]]:

@@ -61,6 +61,7 @@ class FloorFigures:
     steepest: float  # rise over run along the legs and 0.25 m beside them, where all sections state one floor
     share_built: float  # of all the surveyed length
     elsewhere: tuple[InOtherWorking, ...]
+    elsewhere_share: float  # of the samples
     ledges: tuple[Ledge, ...]
     error_at: FloorPlace
     step_at: FloorPlace | None
@@ -122,18 +123,19 @@ def measure_floor(volume: Volume, network: SurveyNetwork) -> FloorFigures:
     judged = np.flatnonzero(on_floor & ~(listed & (section >= 0)))
     error, worst = beyond[judged], judged[beyond[judged].argmax()]
     ledges, steps, step_at = _steps(volume, network, places)
-    down, area = -volume.normals[:, 2], np.linalg.norm(volume.normals, axis=1) * (volume.label == FacetLabel.FLOOR)
-    steep = area[down < np.cos(np.radians(20)) * area].sum() / area.sum()
+    area = np.linalg.norm(volume.normals, axis=1) * (volume.label == FacetLabel.FLOOR)
+    steep = area[-volume.normals[:, 2] < np.cos(np.radians(20)) * area].sum()
     return FloorFigures(
         float(error.max()),
         float(np.median(error)),
         float((error > _OFF_M).mean()),
         float(on_floor.mean()),
         *steps,
-        float(steep),
+        float(steep / area.sum()),
         *_tracks(volume, network, floors, shots),
         _share_built(volume, network),
-        tuple(_in_other_working(network, places, owner, other, listed, off)),
+        (*_in_other_working(network, places, owner, other, listed, off),),
+        float(listed.mean()),
         ledges,
         _place(network, [owner[worst]], places[worst]),
         step_at,
@@ -288,10 +290,8 @@ def _across(
 def _open(volume: Volume, middle: np.ndarray, out: np.ndarray) -> np.ndarray:
     """Return across which edges (n,) no wall stands between the two floors: the tip of a pillar is no step."""
     centre = volume.vertices.mean(axis=0)
-    scene = ray_scene(volume.vertices - centre, volume.faces, 1)
-    way = np.column_stack([out, np.zeros(len(out))])
-    starts = middle - centre - 1e-3 * way + np.array([0, 0, _OVER_M])
-    rays = np.column_stack([starts, way]).astype(np.float32)
+    scene, way = ray_scene(volume.vertices - centre, volume.faces, 1), np.column_stack([out, np.zeros(len(out))])
+    rays = np.column_stack([middle - centre - 1e-3 * way + np.array([0, 0, _OVER_M]), way]).astype(np.float32)
     return np.asarray(scene.cast_rays(rays, nthreads=1)["t_hit"].numpy() > _STEP_REACH_M)
 
 

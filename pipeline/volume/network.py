@@ -10,8 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.passages.legs import SurveyLeg, along_stations
+from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.relief import heights_along
 from pipeline.survey.passages.sections import sections_of
+from pipeline.types import Source
 
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
@@ -169,10 +171,11 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
             raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
-        roofless = ~np.isfinite(lrud[:, 2])
+        roofless, least = leg.known[:, 2] < Source.MEASURED, lrud[:, 2].copy()
+        lrud[roofless, 2] = np.nan
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
-        tall = along_stations(lrud[:, 2] + lrud[:, 3], height_m)
-        lrud[roofless, 2] = np.maximum(tall - lrud[:, 3], 0.0)[roofless]  # a station is in the free space
+        tall = heights_along(leg, lrud[:, 2] + lrud[:, 3], height_m)
+        lrud[roofless, 2] = np.fmax(np.maximum(tall - lrud[:, 3], 0.0), least)[roofless]  # over stations and splays
         repairs += _narrow(leg.stations, lrud)
         lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
         lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
@@ -200,8 +203,7 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     shots, left, walls, shared, assumed = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    named = tuple(names)
-    none = np.zeros_like(assumed)
+    none, named = np.zeros_like(assumed), tuple(names)
     return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
 
 

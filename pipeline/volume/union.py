@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import manifold3d
 import numpy as np
@@ -16,13 +15,14 @@ from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.passages.joints import LOW, joints_at, roof_reach
-from pipeline.volume.passages.tubes import Tube, solids_through
+from pipeline.volume.passages.tubes import Tube, sections_along, sections_between, solids_through
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
+_LOW_MOST = 0.95  # of the height, at the most: where the station is higher, walls are as wide as measured up to it
 _FLOOR_NZ = -0.7  # of a facet's normal, which points out of the free space
-_LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _FOOT_M = 0.6  # of a steep leg, over which its walls are plumb: floors meet it within a ledge's height
 _CRUMB_M3 = 1e-9  # of a shell, at least: the volume of a wall of no thickness is rounding
+_OVER_STATION_M = 0.1  # that the walls of a steep leg go on over its upper station, at least
 _LEAST_RISE_M = 0.1  # between the floors of a steep leg: sections that cross make no solid
 
 
@@ -208,11 +208,14 @@ def _leg(network: SurveyNetwork, shot: int, is_drivable: bool) -> Solid:
     right = np.column_stack([-across * lrud[:, 1:2], [0, 0]])
     if min(abs(step[2]), abs(floors[1, 2] - floors[0, 2])) > run:  # stations may be at any height over a floor
         sections = _plumb_sections(places, lrud, across[0])
-        return Solid(_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True)
+        return Solid(
+            sections_along(sections, lrud), np.array([*places[0], 0, 0]), sections[0, :, :2], shot, False, True
+        )
     tall = lrud[:, 2:].sum(axis=1)[:, None] * [0, 0, 1.0]
-    ring = [floors + right + LOW * tall, *(floors + end + tall for end in _roof_ends(across, lrud))]
-    ring += [floors + left + LOW * tall, floors + left, network.ways_m[shot], floors + right]
-    sections = _between(np.stack(ring, axis=1), lrud)
+    low = np.clip(lrud[:, 3] / np.maximum(lrud[:, 2:].sum(axis=1), _LEAST_RISE_M), LOW, _LOW_MOST)[:, None] * tall
+    ring = [floors + right + low, *(floors + end + tall for end in _roof_ends(across, lrud))]
+    ring += [floors + left + low, floors + left, network.ways_m[shot], floors + right]
+    sections = sections_between(np.stack(ring, axis=1), lrud)
     slope = step[:2] * (floors[1, 2] - floors[0, 2]) / max(run, 1e-9) ** 2
     footprint = np.concatenate([(floors + left)[:, :2], (floors + right)[::-1, :2]])
     return Solid(sections, np.array([*floors[0], *slope]), footprint, shot, is_drivable)
@@ -222,20 +225,6 @@ def _roof_ends(across: np.ndarray, lrud: np.ndarray) -> list[np.ndarray]:
     """Return where flat roofs end, to the right and left, (2, 3) m from the stations; `across` (2, 2) is left."""
     reach = -np.asarray(roof_reach(lrud[:, 1], lrud[:, 0])), np.asarray(roof_reach(lrud[:, 0], lrud[:, 1]))
     return [np.column_stack([across * side[:, None], [0, 0]]) for side in reach]
-
-
-def _between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
-    """Return the two sections (2, k, 3) with others between them, as far apart as the leg is wide."""
-    length = float(np.linalg.norm(sections.mean(axis=1)[1] - sections.mean(axis=1)[0]))
-    count = max(1, round(length / max(_LEAST_STEP_M, float(lrud[:, :2].sum(axis=1).max()))))
-    share = np.linspace(0, 1, count + 1)[:, None, None]
-    return np.asarray(sections[0] * (1 - share) + sections[1] * share)
-
-
-def _along(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
-    """Return sections (n, k, 3) with others between each and the next."""
-    rows = [_between(np.stack(pair), lrud) for pair in pairwise(sections)]
-    return np.concatenate([rows[0], *(row[1:] for row in rows[1:])])
 
 
 def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> np.ndarray:
@@ -256,10 +245,14 @@ def _plumb_sections(places: np.ndarray, lrud: np.ndarray, left: np.ndarray) -> n
         rings.append(np.array(ring))
     floors[1 - lower, 2] = max(floors[1 - lower, 2], floors[lower, 2] + _LEAST_RISE_M)
     rise = floors[1 - lower] - floors[lower]
+    for end in (0, 1):  # the line between the stations is behind that between the floors, at one height
+        behind = -rise[:2] / rise[2] * lrud[end, 3]
+        rings[end] = np.where((rings[end] @ behind > 0)[:, None], rings[end] + behind, rings[end])
     share = min(_FOOT_M / rise[2], 0.5)
     leans = (rings[lower] @ rise[:2] > 0)[:, None]
     foot = np.where(leans, rings[lower] + share * rise[:2], rings[lower])
-    upper, over = floors[1 - lower], lrud[1 - lower, 2:].sum() / 2
+    upper = floors[1 - lower]
+    over = max(lrud[1 - lower, 2:].sum() / 2, lrud[1 - lower, 3] + min(_OVER_STATION_M, lrud[1 - lower, 2]))
     sections = [
         _level(foot + floors[lower, :2], floors[lower, 2]),
         _level(foot + floors[lower, :2], floors[lower, 2] + share * rise[2]),

@@ -8,7 +8,8 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.detect import detect_here, detect_survey
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.whole_survey import entrances_of, read_whole
+from pipeline.survey.solved_surveys import entrances_of
+from pipeline.survey.whole_survey import read_whole
 from pipeline.types import lines_of
 from tests.volume_worlds import HEADER, RAMP, legs_of_table
 

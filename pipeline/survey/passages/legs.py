@@ -12,10 +12,9 @@ import shapely
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.types import Points2, SurveyedLegs, lines_of
+from pipeline.types import Points2, Source, SurveyedLegs, lines_of
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
@@ -28,6 +27,9 @@ class SurveyLeg:
     `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
     None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
     `grades` (n - 1,) are rise over run of the shots as stated, nan where none is; None if the survey states none.
+    `sources` (n, 4) says of the distances left, right, up and down whether they were measured (`Source`), None if all
+    that are no nan were; a roof that was not is at least so high. `between` (n,) is true for places that are no
+    stations, None if all are. `splays_m` (k, 2, 3) has the start and the end of each splay from these stations.
     """
 
     name: str
@@ -37,6 +39,21 @@ class SurveyLeg:
     heights_m: np.ndarray | None = None
     is_plumb: bool = False
     grades: np.ndarray | None = None
+    sources: np.ndarray | None = None
+    between: np.ndarray | None = None
+    splays_m: np.ndarray | None = None
+
+    @property
+    def known(self) -> np.ndarray:
+        """Return the `Source` (n, 4) of the distances left, right, up and down; ones that are nan are assumed."""
+        heights = self.walls_m * np.nan if self.heights_m is None else self.heights_m[:, 1:]
+        stated = np.isfinite(np.column_stack([self.walls_m, heights])) * int(Source.MEASURED)
+        return stated if self.sources is None else np.minimum(stated, self.sources)
+
+    @property
+    def surveyed(self) -> np.ndarray:
+        """Return which places (n,) are stations of the survey."""
+        return np.ones(len(self.stations), bool) if self.between is None else ~self.between
 
 
 def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
@@ -46,7 +63,10 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
     for number, (begin, end) in enumerate(pairwise(surveyed.first.tolist())):
         places, lrud = surveyed.positions_m[begin:end], surveyed.lrud_m[begin:end]
         heights = np.column_stack([places[:, 2], lrud[:, 2:]])
-        legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights))
+        sources = surveyed.sources[begin:end] if len(surveyed.sources) else None
+        between = surveyed.between[begin:end] > 0 if len(surveyed.between) else None
+        rows = names[begin:end], places[:, :2], lrud[:, :2], heights, False, None, sources, between
+        legs.append(SurveyLeg(str(number), *rows))
     return legs
 
 
@@ -82,21 +102,24 @@ def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
 
 
 def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
-    heights = None if leg.heights_m is None else leg.heights_m[at]
-    return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
+    heights, *known = (None if rows is None else rows[at] for rows in (leg.heights_m, leg.sources, leg.between))
+    names, places, walls = [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at]
+    return SurveyLeg(leg.name, names, places, walls, heights, False, None, *known)
 
 
 @dataclass(frozen=True)
 class ChainStation:
     """A station of a passage, m: its place in plan, and its distances to the left and right wall (nan: not measured).
 
-    `heights_m` holds its elevation and the distances up and down; None in a level survey.
+    `heights_m` holds its elevation and the distances up and down; None in a level survey. `sources` says of the
+    distances left, right, up and down whether they were measured (`Source`).
     """
 
     name: str
     place_m: tuple[float, float]
     sides_m: tuple[float, float]
     heights_m: tuple[float, float, float] | None = None
+    sources: tuple[int, int, int, int] = (Source.MEASURED,) * 4
 
 
 Chain = list[ChainStation]
@@ -154,7 +177,9 @@ def _leg_of(name: str, stations: Chain, is_plumb: bool = False) -> SurveyLeg:
     sides = np.array([station.sides_m for station in stations], dtype=float)
     heights = [station.heights_m for station in stations if station.heights_m]
     known = np.array(heights, dtype=float) if heights else None
-    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb)
+    sources = np.array([station.sources for station in stations], np.uint8)
+    sources[:, :2][np.isnan(sides)] = Source.INTERPOLATED
+    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb, sources=sources)
 
 
 def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
@@ -170,18 +195,6 @@ def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
             part.append(station)
         found.append(part)
     return found, legs
-
-
-def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
-    """Warn of plumb legs, which a level plan leaves out: their number, and the deepest."""
-    if not shafts:
-        return
-    depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
-    deepest = shafts[int(np.argmax(depths))]
-    warn_user(
-        f"{path.name}: {len(shafts)} shafts are left out, the deepest {max(depths):.1f} m, from "
-        f"{deepest.stations[0]} to {deepest.stations[1]}"
-    )
 
 
 def check_network(path: Path, legs: list[SurveyLeg]) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
-from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.legs import SurveyLeg, along_stations
+from pipeline.types import Source
 
 _EVEN_M = 0.01  # smaller differences are rounding
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one
@@ -69,9 +70,11 @@ def roofs_of(legs: list[SurveyLeg]) -> dict[str, float]:
     over: dict[str, float] = {}
     for leg in legs:
         assert leg.heights_m is not None
-        tall = leg.heights_m[:, 1] + np.nan_to_num(leg.heights_m[:, 2])
-        for name, height in zip(leg.stations, tall.tolist(), strict=True):
-            over[name] = np.fmax(height, over.get(name, np.nan)).item()
+        up = np.where(leg.known[:, 2] == Source.MEASURED, leg.heights_m[:, 1], np.nan)
+        tall = up + np.nan_to_num(leg.heights_m[:, 2])
+        for name, height, is_station in zip(leg.stations, tall.tolist(), leg.surveyed, strict=True):
+            if is_station:
+                over[name] = np.fmax(height, over.get(name, np.nan)).item()
     return over
 
 
@@ -79,3 +82,27 @@ def usual_roof_m(legs: list[SurveyLeg]) -> float | None:
     """Return the median height of roofs over the floor, m, if ten or more are known: fewer may be those of stopes."""
     known = [tall for tall in roofs_of(legs).values() if np.isfinite(tall)]
     return float(np.median(known)) if len(known) >= _LEAST_ROOFS else None
+
+
+def heights_along(leg: SurveyLeg, tall: np.ndarray, else_m: float) -> np.ndarray:
+    """Return the roof's height (n,) m over the floor along a leg; `tall` is nan where nobody measured it.
+
+    At stations it is as `along_stations` says, and linear between them.
+    """
+    assert leg.heights_m is not None
+    steps = np.diff(np.column_stack([leg.positions_m, leg.heights_m[:, 0]]), axis=0)
+    way, own = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1))), leg.surveyed
+    filled = along_stations(tall[own], else_m)
+    return np.where(np.isfinite(tall), tall, np.interp(way, way[own], filled))
+
+
+def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
+    """Warn of plumb legs, which a level plan leaves out: their number, and the deepest."""
+    if not shafts:
+        return
+    depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
+    deepest = shafts[int(np.argmax(depths))]
+    warn_user(
+        f"{path.name}: {len(shafts)} shafts are left out, the deepest {max(depths):.1f} m, from "
+        f"{deepest.stations[0]} to {deepest.stations[1]}"
+    )

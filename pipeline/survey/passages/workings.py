@@ -46,7 +46,8 @@ def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
             if across[k].any():
                 ends[stations[0]].append(LegEnd(both[1] - both[0], across[k, 0], (near[0], near[1])))
                 ends[stations[1]].append(LegEnd(both[0] - both[1], -across[k, 1], (far[1], far[0])))
-        shapes += list(shapely.buffer(shapely.points(leg.positions_m), leg.walls_m.min(axis=1), quad_segs=16))
+        radii = leg.walls_m.min(axis=1) * leg.surveyed
+        shapes += list(shapely.buffer(shapely.points(leg.positions_m), radii, quad_segs=16))
     for name, meeting in ends.items():
         for sector in outer_sectors(meeting, _STEP_RAD, _OVERLAP_RAD):
             radii = sector.radii_m(meeting[sector.one].walls_m[0], meeting[sector.other].walls_m[1])

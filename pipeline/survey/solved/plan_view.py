@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,18 +15,19 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
 from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
+from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
-    FilledSides,
     Rows,
     agree_on_floors,
-    beyond_ends,
     fill_down,
     fill_sides,
+    heights_of,
     measured,
     splays_by_node,
     usual_half_width_m,
-    walls_across,
 )
+from pipeline.survey.solved.wall_sections import with_hits
+from pipeline.types import Source
 
 Nodes = list[int]
 
@@ -65,24 +67,49 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         )
     splays = splays_by_node(survey, plan.node)
     rows = [(plan.node[p.stations].tolist(), measured(p.lrud_m)) for p in survey.passages]
-    between, ends = plan.between(rows, splays)
-    sections = [walls for _, walls in rows] + ends
-    rows += between
-    _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
+    continued = plan.between(rows)
+    rows += [(nodes, np.full((len(nodes), 4), np.nan)) for nodes, _ in continued]
+    hits = SplayHits([nodes for nodes, _ in rows], plan.places, splays)
+    rows = [(nodes, plan.with_splays(nodes, walls, hits, splays)) for nodes, walls in rows]
+    first = len(rows) - len(continued)
+    rows[first:] = [
+        (nodes, np.where(np.isfinite(walls), walls, ends))
+        for (nodes, walls), (_, ends) in zip(rows[first:], continued, strict=True)
+    ]
+    _warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
-    rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m, sections))
+    rows, sides = with_sides(path, rows, half_width_m, bool(splays))
+    rows = _with_one_floor(path, plan, rows)
     _warn_of_floors(path, rows)
-    rows = fill_down(rows, plan.places)
-    return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
+    rows, floors = fill_down(rows, plan.places)
+    sources = [
+        np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
+        for (nodes, _), known in zip(rows, sides, strict=True)
+    ]
+    legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
+    steps = {plan.names[node]: found for node, found in splays.items()}
+    legs = with_hits(legs, hits, plan.names)
+    return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
 
-def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], splays: dict[int, np.ndarray]) -> None:
-    """Warn of splays that end beyond the last station of a passage; the space that they measured is not built."""
-    count, farthest, end = beyond_ends(chains, plan.places, splays)
-    if end is not None:
+def _splays_of(leg: SurveyLeg, steps: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the splays (k, 2, 3) m from the stations of a leg, start and end, of steps (k, 3) m by station."""
+    assert leg.heights_m is not None
+    places = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
+    found = [
+        np.stack([np.broadcast_to(place, steps[name].shape), place + steps[name]], axis=1)
+        for name, place in zip(leg.stations, places, strict=True)
+        if name in steps
+    ]
+    return np.concatenate([np.zeros((0, 2, 3)), *found])
+
+
+def _warn_of_strays(path: Path, count: int) -> None:
+    """Warn of splays that end in a passage that is not near along the survey."""
+    if count:
         warn_user(
-            f"{path.name}: {count} splays point beyond ends of passages, which are built to their last stations: the "
-            f"farthest is {farthest:.1f} m beyond {plan.names[end]}; a leg to a station there builds that part"
+            f"{path.name}: {count} splays go through windows into passages that are not near along the survey; they "
+            "measure no wall of their own passage"
         )
 
 
@@ -115,19 +142,28 @@ class _StationPlan:
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
-    def chain_of(self, nodes: Nodes, walls: np.ndarray) -> Chain:
-        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage."""
+    def chain_of(self, nodes: Nodes, walls: np.ndarray, sources: np.ndarray) -> Chain:
+        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage.
+
+        `sources` (n, 4) says how each distance is known.
+        """
         found = []
-        for node, (left, right, up, down) in zip(nodes, walls.tolist(), strict=True):
+        for node, (left, right, up, down), known in zip(nodes, walls.tolist(), sources.tolist(), strict=True):
             x, y, z = self.places[node].tolist()
-            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down)))
+            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), tuple(known)))
         return found
 
-    def between(self, passages: Rows, splays: dict[int, np.ndarray]) -> tuple[Rows, list[np.ndarray]]:
+    def with_splays(
+        self, nodes: Nodes, walls: np.ndarray, hits: SplayHits, splays: dict[int, np.ndarray]
+    ) -> np.ndarray:
+        """Return the distances left, right, up and down (n, 4) m of a row of nodes, with those of splays where nan."""
+        found = np.column_stack([hits.sides(nodes, self._headings(nodes)), heights_of([splays.get(k) for k in nodes])])
+        return np.where(np.isfinite(walls), walls, found)
+
+    def between(self, passages: Rows) -> Rows:
         """Return the legs of the centreline that are in no passage, between junctions, ends and stations of passages.
 
-        Distances are those of splays. At an end that continues a passage, what no splay measured is the passage's. The
-        second result has the passages' sections (n, 4) m of each row, nan where it continues none.
+        Distances are nan, but those of a passage at an end that continues it.
         """
         drawn, measured_at = set[frozenset[int]](), set[int]()
         ends = dict[int, tuple[np.ndarray, np.ndarray]]()  # of passages: the heading in plan, and the section
@@ -137,18 +173,16 @@ class _StationPlan:
             heading = self._headings(nodes)
             ends |= {nodes[k]: (heading[k], walls[k]) for k in (0, -1)}
         edges = [(a, b) for a, b in self.edges.tolist() if frozenset((a, b)) not in drawn]
-        found, sections = [], []
+        found = []
         for nodes in _chains(edges, measured_at):
-            walls = walls_across(self.places[nodes], [splays.get(node) for node in nodes])
             heading = self._headings(nodes)
-            of_passages = np.full_like(walls, np.nan)
+            of_passages = np.full((len(nodes), 4), np.nan)
             for k in (0, -1):
                 if nodes[k] in ends:
                     theirs, section = ends[nodes[k]]
                     of_passages[k] = section if theirs @ heading[k] >= 0 else section[[1, 0, 2, 3]]
-            found.append((nodes, np.where(np.isfinite(walls), walls, of_passages)))
-            sections.append(of_passages)
-        return found, sections
+            found.append((nodes, of_passages))
+        return found
 
     def _headings(self, nodes: Nodes) -> np.ndarray:
         """Return the direction (n, 2) in plan of a row of nodes at each of them, of no stated length."""
@@ -171,10 +205,13 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(path: Path, rows: Rows, half_width_m: float | None, sections: list[np.ndarray]) -> Rows:
-    """Return the rows with both sides of every station, with warnings that count those not measured.
+def with_sides(
+    path: Path, rows: Rows, half_width_m: float | None, of_sides: bool = False
+) -> tuple[Rows, list[np.ndarray]]:
+    """Return the rows with both sides of every station, and how each side (n, 2) is known (`Source`).
 
-    `sections` are the distances (n, 4) m of each row that are cross-sections and no splays, nan elsewhere.
+    Warnings count the stations whose sides were not measured. `of_sides` takes the median side as the usual one where
+    no station has both.
 
     Raises
     ------
@@ -185,29 +222,25 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, sections: lis
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
     if farthest > most:
         raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
-    usual = half_width_m or usual_half_width_m(rows)
-    filled: list[FilledSides] = []
-    for (_, walls), stated in zip(rows, sections, strict=True):
-        if usual is None and not np.isfinite(walls[:, :2]).all():
-            raise InputError(
-                f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
-            )
-        filled.append(fill_sides(walls, usual or 0.0, stated))
+    usual = half_width_m or usual_half_width_m(rows, of_sides)
+    if usual is None and not np.isfinite(sides).all():
+        raise InputError(
+            f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
+        )
+    filled = [fill_sides(walls, usual or 0.0) for _, walls in rows]
     total = sum(len(nodes) for nodes, _ in rows)
-    if count := sum(int(sides.usual.sum()) for sides in filled):
-        few = sum(int(sides.unused.sum()) for sides in filled)
-        splays = f", also at {few} whose splays are the few of a long passage," if few else ""
+    if count := sum(one.have(Source.ASSUMED) for one in filled):
         source = "as stated" if half_width_m else "half the median width of the others; --half-width M states another"
         warn_user(
             f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; "
-            f"{usual:.2f} m is taken on each side without one{splays}{'' if few else ','} {source}"
+            f"{usual:.2f} m is taken on each side without one, {source}"
         )
-    if count := sum(int(sides.interpolated.sum()) for sides in filled):
+    if count := sum(one.have(Source.INTERPOLATED) for one in filled):
         warn_user(
             f"{path.name}: {count} of {total} stations of passages lack a wall on a side that most stations of their "
             "passage have; it is interpolated between these"
         )
-    return [(nodes, sides.walls) for (nodes, _), sides in zip(rows, filled, strict=True)]
+    return [(nodes, one.walls) for (nodes, _), one in zip(rows, filled, strict=True)], [one.sources for one in filled]
 
 
 def _warn_of_floors(path: Path, rows: Rows) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import networkx as nx
@@ -15,8 +14,8 @@ from scipy.sparse.linalg import spsolve
 
 from pipeline.survey.passages.legs import along_stations, says_enough
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from pipeline.types import Source
 
-_BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
 _JOINT = -1  # no node
 _DIFFER_M = 0.01  # distances down that differ by more are listed
@@ -31,65 +30,21 @@ def splays_by_node(survey: SolvedSurvey, node: np.ndarray) -> dict[int, np.ndarr
     return {key: np.array(steps) for key, steps in found.items()}
 
 
-def walls_across(places_m: np.ndarray, splays: list[np.ndarray | None]) -> np.ndarray:
-    """Return the distances left, right, up and down (n, 4) m that splays measure along a row of stations, else nan.
+def heights_of(splays: list[np.ndarray | None]) -> np.ndarray:
+    """Return the distances up and down (n, 2) m of stations with splays (k, 3) m, or None; nan if none measures one.
 
-    Of the splays within 45 deg of level and of square to the passage, the longest on each side counts; up and down, the
-    longest within 45 deg of plumb. A station whose splays reach one side only stands at the wall of the other: an
-    instrument cannot measure the wall that it is held against. Surveyors of narrow drifts go from wall to wall.
-
-    Parameters
-    ----------
-    places_m : (n, 3) m
-    splays : n arrays (k, 3) m, or None
+    Of the splays within 45 deg of plumb the longest counts.
     """
-    heading = np.gradient(places_m[:, :2], axis=0)
-    heading /= np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), 1e-9)
-    walls = np.full((len(places_m), 4), np.nan)
-    for row, steps, (east, north) in zip(walls, splays, heading, strict=True):
+    found = np.full((len(splays), 2), np.nan)
+    for row, steps in zip(found, splays, strict=True):
         if steps is None:
             continue
-        along = steps[:, 0] * east + steps[:, 1] * north
-        left = steps[:, 1] * east - steps[:, 0] * north
-        run = np.hypot(along, left)
-        across = left[(np.abs(steps[:, 2]) <= run) & (np.abs(left) >= np.abs(along))]
-        if len(across):
-            row[:2] = across.max(initial=0.0), (-across).max(initial=0.0)
-        for column, rise in ((2, steps[:, 2]), (3, -steps[:, 2])):
+        run = np.hypot(steps[:, 0], steps[:, 1])
+        for column, rise in enumerate((steps[:, 2], -steps[:, 2])):
             plumb = rise[rise > run]
             if len(plumb):
                 row[column] = plumb.max()
-    return walls
-
-
-def beyond_ends(
-    chains: list[list[int]], places_m: np.ndarray, splays: dict[int, np.ndarray]
-) -> tuple[int, float, int | None]:
-    """Return how many splays end beyond the ends of passages, how far, m, the farthest does, and from which node.
-
-    A passage ends where one leg alone does, square to that leg in plan: what lies ahead is in no section. Splays within
-    45 deg of plumb measure the roof or the floor and do not count.
-
-    Parameters
-    ----------
-    chains : rows of nodes
-    places_m : (n, 3) m, of the nodes
-    splays : arrays (k, 3) m by node
-    """
-    count, farthest, at = 0, 0.0, None
-    legs = Counter(node for chain in chains for pair in pairwise(chain) for node in pair)
-    for chain in (chain for chain in chains if len(chain) > 1):
-        for end, before in ((chain[0], chain[1]), (chain[-1], chain[-2])):
-            step = (places_m[end] - places_m[before])[:2]
-            run = float(np.linalg.norm(step))
-            if legs[end] > 1 or end not in splays or run < _PLUMB_M:
-                continue
-            level = np.abs(splays[end][:, 2]) <= np.hypot(*splays[end][:, :2].T)
-            ahead = np.append(splays[end][level, :2] @ step / run, 0.0)
-            count += int((ahead > _BEYOND_M).sum())
-            if ahead.max() > max(farthest, _BEYOND_M):
-                farthest, at = float(ahead.max()), end
-    return count, farthest, at
+    return found
 
 
 def measured(walls: np.ndarray) -> np.ndarray:
@@ -97,42 +52,37 @@ def measured(walls: np.ndarray) -> np.ndarray:
     return np.where((walls == 0).all(axis=1, keepdims=True), np.nan, walls)
 
 
-def usual_half_width_m(rows: Rows) -> float | None:
-    """Return half the median width where both sides are known; None if they are nowhere."""
-    widths = [walls[:, :2].sum(axis=1) for _, walls in rows]
-    known = np.concatenate(widths) if widths else np.zeros(0)
-    known = known[np.isfinite(known)]
-    return float(np.median(known)) / 2 if len(known) else None
+def usual_half_width_m(rows: Rows, of_sides: bool = False) -> float | None:
+    """Return half the median width where both sides are known; without any None, or `of_sides` the median side."""
+    sides = np.concatenate([np.zeros((0, 2)), *(walls[:, :2] for _, walls in rows)])
+    both = sides[np.isfinite(sides).all(axis=1)].sum(axis=1) / 2
+    known = sides[np.isfinite(sides)] if of_sides and not len(both) else both
+    return float(np.median(known)) if len(known) else None
 
 
 @dataclass(frozen=True)
 class FilledSides:
-    """Walls (n, 4) m with both sides of every station, and which stations (n,) have a side that nobody measured there.
-
-    A side is `usual`, `interpolated`, or `unused`: it is usual, too, in spite of splays.
-    """
+    """Walls (n, 4) m with both sides of every station, and how each side (n, 2) is known (`Source`)."""
 
     walls: np.ndarray
-    usual: np.ndarray
-    interpolated: np.ndarray
-    unused: np.ndarray
+    sources: np.ndarray
+
+    def have(self, source: Source) -> int:
+        """Return how many stations have a side that is known so."""
+        return int((self.sources == source).any(axis=1).sum())
 
 
-def fill_sides(walls: np.ndarray, half_width_m: float, sections: np.ndarray) -> FilledSides:
-    """Fill in the sides of walls (n, 4) m, of which `sections` (n, 4) m are those of cross-sections, nan elsewhere.
+def fill_sides(walls: np.ndarray, half_width_m: float) -> FilledSides:
+    """Fill in the sides of walls (n, 4) m, nan where none was measured: those that were measured stay.
 
-    On a side that less than half of a row's stations have, splays do not count: the few splays of a traverse look into
-    side workings, and say nothing of a drift of 200 m. Cross-sections stay.
+    Others are interpolated where half of the row's stations or more have that side, else `half_width_m` (m).
     """
-    filled = walls.copy()
-    usual, interpolated, unused = np.zeros((3, len(walls), 2), dtype=bool)
+    filled, sources = walls.copy(), np.full((len(walls), 2), Source.MEASURED)
     for k in (0, 1):
-        enough = says_enough(walls[:, k])
-        known = walls[:, k] if enough else sections[:, k]
-        filled[:, k] = along_stations(known, half_width_m)
-        (interpolated if enough else usual)[:, k] = ~np.isfinite(known)
-        unused[:, k] = np.isfinite(walls[:, k]) & ~np.isfinite(known)
-    return FilledSides(filled, *(flags[:, 0] | flags[:, 1] for flags in (usual, interpolated, unused)))
+        filled[:, k] = along_stations(walls[:, k], half_width_m)
+        other = Source.INTERPOLATED if says_enough(walls[:, k]) else Source.ASSUMED
+        sources[~np.isfinite(walls[:, k]), k] = other
+    return FilledSides(filled, sources)
 
 
 def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:
@@ -176,8 +126,8 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
     return agreed, differ
 
 
-def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
-    """Return the rows with a distance down to the floor at every node; nan everywhere if no node has one.
+def fill_down(rows: Rows, places_m: np.ndarray) -> tuple[Rows, dict[int, Source]]:
+    """Return the rows with a distance down to the floor at every node, and how it is known; nan if no node has one.
 
     Between nodes where it was measured it varies linearly along the survey's legs, so that all legs that meet at a
     station have one floor. Beyond the last of these it is the median of the measured ones: the depth of a chamber says
@@ -188,10 +138,14 @@ def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
     for nodes, walls in rows:
         known |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
         nx.add_path(graph, nodes)
+    sources = dict.fromkeys(graph, Source.ASSUMED)
     if not known:
-        return rows
-    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | _interpolated(graph, known, places_m)
-    return [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
+        return rows, sources
+    between = _interpolated(graph, known, places_m)
+    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | between
+    sources |= dict.fromkeys(between, Source.INTERPOLATED) | dict.fromkeys(known, Source.MEASURED)
+    filled = [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
+    return filled, sources
 
 
 def _interpolated(graph: nx.Graph, known: dict[int, float], places_m: np.ndarray) -> dict[int, float]:

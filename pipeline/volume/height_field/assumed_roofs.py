@@ -38,7 +38,7 @@ def lower_assumed_roofs(network: SurveyNetwork) -> SurveyNetwork:
 
     A leg passes over another if its floor is higher all over the place that both cover, seen from above, and the two
     are not near each other along the survey. Roofs that were measured stay, and those of passages that would be lower
-    than 1 m.
+    than 1 m. No roof is lower than its station.
     """
     tall = network.lrud_m[:, :, 2:].sum(axis=2)
     most = np.full(len(network.places_m), np.inf)  # m, of the passage's height at each station
@@ -48,7 +48,7 @@ def lower_assumed_roofs(network: SurveyNetwork) -> SurveyNetwork:
             most[stations] = np.minimum(most[stations], gap - ROCK_M)
     lrud, wanted = network.lrud_m.copy(), most[network.shots]
     lower = network.roof_assumed & (tall > wanted)
-    lrud[:, :, 2] = np.where(lower, wanted - lrud[:, :, 3], lrud[:, :, 2])
+    lrud[:, :, 2] = np.where(lower, np.maximum(wanted - lrud[:, :, 3], 0.0), lrud[:, :, 2])
     return replace(network, lrud_m=lrud, roof_lowered=lower) if lower.any() else network
 
 

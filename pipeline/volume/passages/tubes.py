@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 
+_LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at
 
 
@@ -37,6 +38,20 @@ class Tube:
         ends = np.cumsum([len(row) - 1 for row in self.sections])
         sizes = np.cumsum([0, *map(len, faces)])
         return rings.reshape(-1, 3), np.concatenate(faces), sizes[[0, *ends]]
+
+
+def sections_between(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
+    """Return the two sections (2, k, 3) with others between them, as far apart as the leg is wide."""
+    length = float(np.linalg.norm(sections.mean(axis=1)[1] - sections.mean(axis=1)[0]))
+    count = max(1, round(length / max(_LEAST_STEP_M, float(lrud[:, :2].sum(axis=1).max()))))
+    share = np.linspace(0, 1, count + 1)[:, None, None]
+    return np.asarray(sections[0] * (1 - share) + sections[1] * share)
+
+
+def sections_along(sections: np.ndarray, lrud: np.ndarray) -> np.ndarray:
+    """Return sections (n, k, 3) with others between each and the next."""
+    rows = [sections_between(np.stack(pair), lrud) for pair in pairwise(sections)]
+    return np.concatenate([rows[0], *(row[1:] for row in rows[1:])])
 
 
 def solids_through(tubes: list[Tube], numbers: dict[int, int]) -> list[manifold3d.Manifold]:

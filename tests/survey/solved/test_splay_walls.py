@@ -12,60 +12,51 @@ from pipeline.survey.solved.model import LegFlag, LegStyle, Passage, SolvedSurve
 from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.splay_walls import (
-    beyond_ends,
     fill_down,
     fill_sides,
+    heights_of,
     measured,
     usual_half_width_m,
-    walls_across,
 )
 from pipeline.survey.solved_surveys import read_passages, survey_files
 from pipeline.survey.whole_survey import WholeSurvey, built_piece
+from pipeline.types import Source
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 
 NAN = np.nan
 ROW = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])
 
 
-def test_a_station_with_splays_to_one_side_stands_at_the_other_wall():
-    splays = [np.array([[0.1, 1.0, 0.2], [0, 0.2, -1.1]]), None, np.array([[0.2, -1.2, 0], [9, 0.5, 0], [0, 0, 0.8]])]
-    walls = walls_across(ROW, splays)
-    np.testing.assert_allclose(walls, [[1.0, 0, NAN, 1.1], [NAN] * 4, [0, 1.2, 0.8, NAN]])
-    assert usual_half_width_m([([0, 1, 2], walls)]) == pytest.approx(0.55)
+def test_the_longest_plumb_splay_measures_the_roof_and_the_floor():
+    splays = [
+        np.array([[0.1, 1.0, 0.2], [0, 0.2, -1.1], [0, 0.3, -0.9]]),
+        None,
+        np.array([[0.2, -1.2, 0], [0, 0, 0.8]]),
+    ]
+    np.testing.assert_allclose(heights_of(splays), [[NAN, 1.1], [NAN, NAN], [0.8, NAN]])
+    walls = np.array([[1.0, 0.2, NAN, 1.1], [NAN] * 4, [0.5, NAN, 0.8, NAN]])
+    assert usual_half_width_m([([0, 1, 2], walls)]) == pytest.approx(0.6)
 
 
-def test_splays_ahead_of_the_end_of_a_passage_are_counted_and_those_of_walls_and_other_stations_are_not():
-    places = np.vstack([ROW, [20, 0, -9.0], [10, 7, 0]])
-    ahead = np.array([[8.0, 0, 0], [4, 3, 2], [4, 3, 6], [0.9, 2, 0], [-3, 1, 0], [0, 0, 9]])
-    assert beyond_ends([[0, 1, 2]], places, {2: ahead, 1: ahead}) == (2, 8.0, 2)
-    assert beyond_ends([[2, 1, 0]], places, {0: -ahead, 2: ahead / 2}) == (4, 8.0, 0)
-    assert beyond_ends([[0, 1, 2]], places, {0: ahead * [0, 1, 1]}) == (0, 0.0, None)
-    assert beyond_ends([[0, 1], [1, 2], [1, 4]], places, {1: ahead}) == (0, 0.0, None)  # a junction
-    assert beyond_ends([[0, 1, 2, 3]], places, {3: ahead}) == (0, 0.0, None)  # the foot of a shaft
-
-
-def test_sides_are_interpolated_where_most_stations_were_measured_and_stated_elsewhere():
+def test_measured_sides_stay_and_others_are_interpolated_where_most_were_measured():
     walls = np.full((5, 4), NAN)
     walls[1, :2], walls[3, :2] = (1.0, 2.0), (2.0, 0.0)
-    none = np.full_like(walls, NAN)
-    filled = fill_sides(walls, 0.7, none)  # of splays
-    np.testing.assert_allclose(filled.walls[:, :2], [[0.7, 0.7]] * 5)
-    assert (filled.usual.sum(), filled.unused.tolist()) == (5, [False, True, False, True, False])
-    assert fill_sides(none, 0.7, none).usual.all()
-    filled = fill_sides(walls, 0.7, walls)  # of cross-sections
+    filled = fill_sides(walls, 0.7)
     np.testing.assert_allclose(filled.walls[:, :2], [[0.7, 0.7], [1, 2], [0.7, 0.7], [2, 0], [0.7, 0.7]])
-    assert (filled.usual.sum(), filled.interpolated.sum(), filled.unused.sum()) == (3, 0, 0)
+    assert (filled.have(Source.ASSUMED), filled.have(Source.INTERPOLATED)) == (3, 0)
+    assert fill_sides(np.full_like(walls, NAN), 0.7).have(Source.ASSUMED) == 5
     walls[0, :2] = 0.9
-    filled = fill_sides(walls, 0.7, none)  # most stations were measured
+    filled = fill_sides(walls, 0.7)  # most stations were measured
     np.testing.assert_allclose(filled.walls[:, :2], [[0.9, 0.9], [1, 2], [1.5, 1], [2, 0], [2, 0]])
-    assert (filled.usual.sum(), filled.interpolated.sum(), filled.unused.sum()) == (0, 2, 0)
+    assert (filled.have(Source.ASSUMED), filled.have(Source.INTERPOLATED)) == (0, 2)
 
 
 def test_the_distance_down_is_linear_along_the_legs_and_the_same_for_all_legs_of_a_station():
     places = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0], [10, 30, 0], [0, 0, 50], [5, 0, 50]])
     one, two, apart = np.full((3, 4), NAN), np.full((2, 4), NAN), np.full((2, 4), NAN)
     one[0, 3], one[2, 3] = 1.0, 2.0
-    rows = fill_down([([0, 1, 2], one), ([1, 3], two), ([4, 5], apart)], places)
+    rows, sources = fill_down([([0, 1, 2], one), ([1, 3], two), ([4, 5], apart)], places)
+    assert [sources[node] for node in range(6)] == [2, 1, 2, 0, 0, 0]
     np.testing.assert_allclose(rows[0][1][:, 3], [1, 1.5, 2], atol=1e-6)
     np.testing.assert_allclose(rows[1][1][:, 3], [1.5, 1.5], atol=1e-6)
     np.testing.assert_allclose(rows[2][1][:, 3], 1.5, atol=1e-6)  # the median of the measured ones
@@ -75,7 +66,7 @@ def test_the_depth_of_a_chamber_is_not_carried_into_passages_that_nobody_measure
     places = np.column_stack([10.0 * np.arange(7), np.zeros(7), np.zeros(7)])
     walls, ring = np.full((7, 4), NAN), np.full((4, 4), NAN)
     walls[:4, 3] = 1.0, 1.0, NAN, 5.0  # and none at three stations beyond the chamber
-    filled, loop = fill_down([(list(range(7)), walls), ([3, 5, 6, 3], ring)], places)
+    (filled, loop), _ = fill_down([(list(range(7)), walls), ([3, 5, 6, 3], ring)], places)
     np.testing.assert_allclose(filled[1][:, 3], [1, 1, 3, 5, 1, 1, 1])
     np.testing.assert_allclose(loop[1][:, 3], [5, 1, 1, 5])
 
@@ -171,14 +162,14 @@ def test_legs_without_a_section_are_built_and_go_on_as_the_passages_that_they_co
         tuple("abcdefg"), places, np.zeros(7, np.uint8), legs, flags, np.zeros(6, np.uint8), (passage,)
     )
     found = {frozenset((leg.stations[0], leg.stations[-1])): leg for leg in plan_legs(Path("cave.3d"), survey, 0.8)}
-    assert set(found) == {frozenset(pair) for pair in ("ac", "cd", "be", "bf")}
+    assert set(found) == {frozenset(pair) for pair in ("ac", "cd", "be")} | {frozenset(("b", "f and 1.50 m on"))}
     on = found[frozenset("cd")]
     sides = [1.0, 2.0] if on.stations == ["c", "d"] else [2.0, 1.0]
     np.testing.assert_allclose(on.walls_m, [sides, sides])
     assert sorted(on.heights_m[:, 1:].tolist()) == [[3, 0.5], [pytest.approx(NAN, nan_ok=True), 0.5]]
     np.testing.assert_allclose(found[frozenset("be")].walls_m, 0.8)
     assert {tuple(row) for row in found[frozenset("be")].heights_m[:, [0, 2]]} == {(0, 0.5), (1, 0.5)}
-    assert found[frozenset("bf")].walls_m.shape == (2, 2)
+    assert found[frozenset(("b", "f and 1.50 m on"))].surveyed.sum() == 2  # a splay ahead of its end is its face
 
 
 def test_a_section_of_one_station_is_that_of_the_legs_that_end_there():

@@ -38,6 +38,7 @@ from pipeline.volume.world.proof.region import region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
 from pipeline.volume.world.proof.solid import measure_solid
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
+from pipeline.volume.world.proof.walls import line_figures, wall_figures
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
@@ -141,6 +142,7 @@ def validate_volume(
             else {
                 "survey": _survey(params, surveyed, world, volume),
                 "floor": floor_figures(params, surveyed, world.mine),
+                "walls": wall_figures(surveyed, volume),
             }
         ),
         **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
@@ -190,6 +192,7 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
         **width_figures(params, surveyed, world.mine),
+        **line_figures(network, offset, volume),
     }
 
 

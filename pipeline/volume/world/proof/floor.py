@@ -50,6 +50,7 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
         "tracks_mm": round(_MM * found.tracks_m, 6),
         "steepest": round(found.steepest, 6),
         "in_other_workings": len(found.elsewhere),
+        "in_other_workings_share": round(found.elsewhere_share, 6),
         **({"through": named} if through else {}),
         "ledges": len(found.ledges),
     }
