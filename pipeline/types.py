@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 import cv2
 import numpy as np
@@ -137,14 +138,23 @@ class Survey:
     heights: Heights | None = None
 
 
+class Known(IntEnum):
+    """How a survey knows a distance: it is measured, lies between measured ones of its passage, or is assumed."""
+
+    MEASURED = 0
+    INTERPOLATED = 1
+    ASSUMED = 2
+
+
 @dataclass(frozen=True)
 class SurveyedLegs:
     """The legs of a survey that is built as one volume; none of a survey that is built otherwise.
 
     Leg i has the stations `first[i]` to `first[i + 1]`: `positions_m` in the mine frame (z less `datum_m`), and
-    `lrud_m`, the distances left, right, up and down, nan if not measured. `names` is UTF-8 text with a line for each
-    station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are to
-    start, empty if nobody says.
+    `lrud_m`, the distances left, right, up and down, nan where stage 3 has to choose one. `known` has how each of them
+    is known (`Known`); without rows, finite ones are measured. `names` is UTF-8 text with a line for each station;
+    `entrances` are those of the stations that are open to the surface. `start_m` is where robots are to start, empty if
+    nobody says.
 
     `surveyed_m` is the length of all legs of the file. `pieces` and `pieces_m` are a station and the length of each
     piece that shares no station with this one.
@@ -160,6 +170,9 @@ class SurveyedLegs:
     pieces_m: Float64[np.ndarray, " pieces"]
     surveyed_m: float
     datum_m: float
+    known: UInt8[np.ndarray, "k 4"] = field(
+        default_factory=lambda: np.zeros((0, 4), np.uint8), metadata={"optional": True}
+    )
 
     def __len__(self) -> int:
         """Return the number of legs."""

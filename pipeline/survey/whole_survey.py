@@ -17,6 +17,7 @@ from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
+from pipeline.survey.passages.known import known_of
 from pipeline.survey.passages.legs import SurveyLeg, build_workings, legs_of, says_enough, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.ties import Tie, passages_of_ties
@@ -100,7 +101,7 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
         (list(range(len(leg.stations))), np.column_stack([leg.walls_m, roof]))
         for leg, roof in zip(driven, unknown, strict=True)
     ]
-    filled = with_sides(path, rows, half_width_m, [walls for _, walls in rows])
+    filled, _ = with_sides(path, rows, half_width_m, [walls for _, walls in rows])
     walled = [replace(leg, walls_m=walls[:, :2]) for leg, (_, walls) in zip(driven, filled, strict=True)]
     return walled + [leg for leg in legs if leg.is_plumb]
 
@@ -187,6 +188,7 @@ def whole_in_frame(
         np.array([length for _, length in piece.others]),
         piece.surveyed_m,
         datum,
+        np.concatenate([known_of(leg) for leg in piece.legs]),
     )
 
 

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.types import Points2, SurveyedLegs, lines_of
+from pipeline.types import Known, Points2, SurveyedLegs, lines_of
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
@@ -29,6 +29,7 @@ class SurveyLeg:
     `heights_m` (n, 3) m holds elevation and the distances up to the roof and down to the floor, nan if not measured;
     None if the survey has no elevations. A plumb leg has no length in plan, and may have no walls: these are nan.
     `grades` (n - 1,) are rise over run of the shots as stated, nan where none is; None if the survey states none.
+    `known` (n, 4) is how distances left, right, up and down that are finite are known; None if all are measured.
     """
 
     name: str
@@ -38,6 +39,7 @@ class SurveyLeg:
     heights_m: np.ndarray | None = None
     is_plumb: bool = False
     grades: np.ndarray | None = None
+    known: np.ndarray | None = None
 
 
 def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
@@ -47,7 +49,8 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
     for number, (begin, end) in enumerate(pairwise(surveyed.first.tolist())):
         places, lrud = surveyed.positions_m[begin:end], surveyed.lrud_m[begin:end]
         heights = np.column_stack([places[:, 2], lrud[:, 2:]])
-        legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights))
+        known = surveyed.known[begin:end] if len(surveyed.known) else None
+        legs.append(SurveyLeg(str(number), names[begin:end], places[:, :2], lrud[:, :2], heights, known=known))
     return legs
 
 
@@ -84,20 +87,24 @@ def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
 
 def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
     heights = None if leg.heights_m is None else leg.heights_m[at]
-    return SurveyLeg(leg.name, [leg.stations[k] for k in at], leg.positions_m[at], leg.walls_m[at], heights)
+    known = None if leg.known is None else leg.known[at]
+    names = [leg.stations[k] for k in at]
+    return SurveyLeg(leg.name, names, leg.positions_m[at], leg.walls_m[at], heights, known=known)
 
 
 @dataclass(frozen=True)
 class ChainStation:
     """A station of a passage, m: its place in plan, and its distances to the left and right wall (nan: not measured).
 
-    `heights_m` holds its elevation and the distances up and down; None in a level survey.
+    `heights_m` holds its elevation and the distances up and down; None in a level survey. `known` is how the distances
+    left, right, up and down are known.
     """
 
     name: str
     place_m: tuple[float, float]
     sides_m: tuple[float, float]
     heights_m: tuple[float, float, float] | None = None
+    known: tuple[int, int, int, int] = (Known.MEASURED,) * 4
 
 
 Chain = list[ChainStation]
@@ -135,10 +142,12 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
         if len(kept) < 2:
             continue
         leg = _leg_of(str(number), kept)
-        for side, column in zip(("left", "right"), leg.walls_m.T, strict=True):
+        assert leg.known is not None
+        for side, column, known in zip(("left", "right"), leg.walls_m.T, leg.known.T, strict=False):
             measured = np.flatnonzero(np.isfinite(column))
             if not len(measured):
                 raise InputError(f"{path}: no distance to the {side} wall from {kept[0].name} to {kept[-1].name}")
+            known[np.isnan(column)] = Known.INTERPOLATED
             column[:] = np.interp(np.arange(len(column)), measured, column[measured])
         legs.append(leg)
     if not legs and not shafts:
@@ -154,8 +163,9 @@ def _leg_of(name: str, stations: Chain, is_plumb: bool = False) -> SurveyLeg:
     places = np.array([station.place_m for station in stations])
     sides = np.array([station.sides_m for station in stations], dtype=float)
     heights = [station.heights_m for station in stations if station.heights_m]
-    known = np.array(heights, dtype=float) if heights else None
-    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb)
+    elevated = np.array(heights, dtype=float) if heights else None
+    known = np.array([station.known for station in stations], dtype=np.uint8)
+    return SurveyLeg(name, [station.name for station in stations], places, sides, elevated, is_plumb, known=known)
 
 
 def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:

@@ -26,6 +26,7 @@ from pipeline.survey.solved.splay_walls import (
     usual_half_width_m,
     walls_across,
 )
+from pipeline.types import Known
 
 Nodes = list[int]
 
@@ -70,10 +71,12 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     rows += between
     _warn_of_splays_beyond(path, plan, [nodes for nodes, _ in rows], splays)
     _warn_of_unsurveyed(path, plan)
-    rows = _with_one_floor(path, plan, with_sides(path, rows, half_width_m, sections))
+    rows, sides = with_sides(path, rows, half_width_m, sections)
+    rows = _with_one_floor(path, plan, rows)
     _warn_of_floors(path, rows)
-    rows = fill_down(rows, plan.places)
-    return legs_of_chains(path, [plan.chain_of(nodes, walls) for nodes, walls in rows])
+    rows, down = fill_down(rows, plan.places)
+    chains = [plan.chain_of(nodes, walls, known, down) for (nodes, walls), known in zip(rows, sides, strict=True)]
+    return legs_of_chains(path, chains)
 
 
 def _warn_of_splays_beyond(path: Path, plan: _StationPlan, chains: list[Nodes], splays: dict[int, np.ndarray]) -> None:
@@ -115,12 +118,16 @@ class _StationPlan:
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
-    def chain_of(self, nodes: Nodes, walls: np.ndarray) -> Chain:
-        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage."""
+    def chain_of(self, nodes: Nodes, walls: np.ndarray, sides: np.ndarray, floors: dict[int, Known]) -> Chain:
+        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage.
+
+        `sides` (n, 2) is how the first two are known, `floors` how the last is, by node.
+        """
         found = []
-        for node, (left, right, up, down) in zip(nodes, walls.tolist(), strict=True):
+        for node, (left, right, up, down), (port, starboard) in zip(nodes, walls.tolist(), sides.tolist(), strict=True):
             x, y, z = self.places[node].tolist()
-            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down)))
+            known = (port, starboard, Known.MEASURED, floors.get(node, Known.ASSUMED))
+            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), known))
         return found
 
     def between(self, passages: Rows, splays: dict[int, np.ndarray]) -> tuple[Rows, list[np.ndarray]]:
@@ -171,8 +178,10 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(path: Path, rows: Rows, half_width_m: float | None, sections: list[np.ndarray]) -> Rows:
-    """Return the rows with both sides of every station, with warnings that count those not measured.
+def with_sides(
+    path: Path, rows: Rows, half_width_m: float | None, sections: list[np.ndarray]
+) -> tuple[Rows, list[np.ndarray]]:
+    """Return the rows with both sides of every station, and how these (n, 2) are known, with warnings that count them.
 
     `sections` are the distances (n, 4) m of each row that are cross-sections and no splays, nan elsewhere.
 
@@ -207,7 +216,8 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, sections: lis
             f"{path.name}: {count} of {total} stations of passages lack a wall on a side that most stations of their "
             "passage have; it is interpolated between these"
         )
-    return [(nodes, sides.walls) for (nodes, _), sides in zip(rows, filled, strict=True)]
+    walled = [(nodes, sides.walls) for (nodes, _), sides in zip(rows, filled, strict=True)]
+    return walled, [sides.known for sides in filled]
 
 
 def _warn_of_floors(path: Path, rows: Rows) -> None:

@@ -13,8 +13,10 @@ import numpy as np
 from scipy.sparse import lil_matrix
 from scipy.sparse.linalg import spsolve
 
+from pipeline.survey.passages.known import known_along
 from pipeline.survey.passages.legs import along_stations, says_enough
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from pipeline.types import Known
 
 _BEYOND_M = 1.0  # ahead of an end, at least: what is nearer is the wall at which the passage ends
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
@@ -107,15 +109,24 @@ def usual_half_width_m(rows: Rows) -> float | None:
 
 @dataclass(frozen=True)
 class FilledSides:
-    """Walls (n, 4) m with both sides of every station, and which stations (n,) have a side that nobody measured there.
+    """Walls (n, 4) m with both sides of every station, and how the sides (n, 2) are known.
 
-    A side is `usual`, `interpolated`, or `unused`: it is usual, too, in spite of splays.
+    `unused` are the stations (n,) with a side that is assumed in spite of splays.
     """
 
     walls: np.ndarray
-    usual: np.ndarray
-    interpolated: np.ndarray
+    known: np.ndarray
     unused: np.ndarray
+
+    @property
+    def usual(self) -> np.ndarray:
+        """Return the stations (n,) with a side that is assumed."""
+        return (self.known == Known.ASSUMED).any(axis=1)
+
+    @property
+    def interpolated(self) -> np.ndarray:
+        """Return the stations (n,) with a side that is interpolated."""
+        return (self.known == Known.INTERPOLATED).any(axis=1)
 
 
 def fill_sides(walls: np.ndarray, half_width_m: float, sections: np.ndarray) -> FilledSides:
@@ -125,14 +136,14 @@ def fill_sides(walls: np.ndarray, half_width_m: float, sections: np.ndarray) -> 
     side workings, and say nothing of a drift of 200 m. Cross-sections stay.
     """
     filled = walls.copy()
-    usual, interpolated, unused = np.zeros((3, len(walls), 2), dtype=bool)
+    known = np.zeros((len(walls), 2), np.uint8)
+    unused = np.zeros(len(walls), bool)
     for k in (0, 1):
-        enough = says_enough(walls[:, k])
-        known = walls[:, k] if enough else sections[:, k]
-        filled[:, k] = along_stations(known, half_width_m)
-        (interpolated if enough else usual)[:, k] = ~np.isfinite(known)
-        unused[:, k] = np.isfinite(walls[:, k]) & ~np.isfinite(known)
-    return FilledSides(filled, *(flags[:, 0] | flags[:, 1] for flags in (usual, interpolated, unused)))
+        stated = walls[:, k] if says_enough(walls[:, k]) else sections[:, k]
+        filled[:, k] = along_stations(stated, half_width_m)
+        known[:, k] = known_along(stated)
+        unused |= np.isfinite(walls[:, k]) & ~np.isfinite(stated)
+    return FilledSides(filled, known, unused)
 
 
 def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[int, float, float]]]:
@@ -176,8 +187,10 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
     return agreed, differ
 
 
-def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
-    """Return the rows with a distance down to the floor at every node; nan everywhere if no node has one.
+def fill_down(rows: Rows, places_m: np.ndarray) -> tuple[Rows, dict[int, Known]]:
+    """Return the rows with a distance down to the floor at every node, and how it is known by node.
+
+    If no node has one they are nan everywhere.
 
     Between nodes where it was measured it varies linearly along the survey's legs, so that all legs that meet at a
     station have one floor. Beyond the last of these it is the median of the measured ones: the depth of a chamber says
@@ -189,9 +202,12 @@ def fill_down(rows: Rows, places_m: np.ndarray) -> Rows:
         known |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
         nx.add_path(graph, nodes)
     if not known:
-        return rows
-    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | _interpolated(graph, known, places_m)
-    return [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
+        return rows, {}
+    between = _interpolated(graph, known, places_m)
+    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | between
+    how = dict.fromkeys(graph, Known.ASSUMED)
+    how |= dict.fromkeys(known, Known.MEASURED) | dict.fromkeys(between, Known.INTERPOLATED)
+    return [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows], how
 
 
 def _interpolated(graph: nx.Graph, known: dict[int, float], places_m: np.ndarray) -> dict[int, float]:

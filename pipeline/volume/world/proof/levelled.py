@@ -175,9 +175,7 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
     return SeenRock(rough, smooth, drifts, plumb)
 
 
-def _facets(
-    level: _Level, volume: VolumeFacets, some: np.ndarray, piece: str | None = None
-) -> np.ndarray:
+def _facets(level: _Level, volume: VolumeFacets, some: np.ndarray, piece: str | None = None) -> np.ndarray:
     """Return some facets (f,) over a level floor, in pieces of `_LONGEST_M`; they face the workings."""
     corners = split_long(volume.vertices[volume.faces[some]][:, ::-1], _LONGEST_M).reshape(-1, 3)
     return level.move(corners, np.arange(len(corners)).reshape(-1, 3), piece)
