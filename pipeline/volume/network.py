@@ -12,8 +12,8 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.survey.passages.known import known_of
 from pipeline.survey.passages.legs import SurveyLeg, along_stations
+from pipeline.survey.passages.narrow import LEAST_M, narrow_sections
 from pipeline.types import Known
-from pipeline.volume.tubes import LEAST_M, narrow_sections
 
 _BISECTED = np.cos(np.radians(35.0))  # two shots that turn by less share one section across the bend
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall

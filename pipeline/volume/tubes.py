@@ -10,7 +10,6 @@ import numpy as np
 
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
 
-LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 _OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at
 
 
@@ -106,14 +105,3 @@ def _hulls(tube: Tube, numbers: dict[int, int]) -> list[manifold3d.Manifold]:
             found.append(manifold3d.Manifold.hull_points(np.concatenate([one - ahead, two + ahead])).as_original())
             numbers[found[-1].original_id()] = shot
     return found
-
-
-def narrow_sections(stations: list[str], lrud: np.ndarray) -> list[str]:
-    """Return a line for each section that has no area or is turned inside out."""
-    sizes = np.column_stack([lrud[:, :2].sum(axis=1), lrud[:, 2:].sum(axis=1)])
-    return [
-        f"{station}: its {what} are {size:.2f} m apart, {LEAST_M:g} m are taken"
-        for station, both in zip(stations, sizes.tolist(), strict=True)
-        for what, size in zip(("walls", "roof and floor"), both, strict=True)
-        if size < LEAST_M
-    ]
