@@ -15,6 +15,7 @@ from pipeline.guard.forked import Forked
 from pipeline.memory import keep_memory
 from pipeline.params.reading.composed import composed_section, root_overrides
 from pipeline.places import ROOT_PARAMS
+from pipeline.remarks import Remark, record_remarks
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder, write_atomically
 from pipeline.store.hashing import sha256_bytes, sha256_file
@@ -24,7 +25,7 @@ from pipeline.store.registry import read_registry, verify_input
 from pipeline.store.written import Written
 
 ARTIFACTS = Path("artifacts")
-_MANIFEST = "manifest.json"
+MANIFEST = "manifest.json"
 LATER = "later"  # among what `run` returns: a `Forked` whose result are the outputs that no other stage reads
 
 
@@ -112,8 +113,10 @@ def make_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | N
     MineError
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
-    inputs, outputs = _run(stage, params, root, begun)
-    _write(stage, params, root, inputs, with_later(outputs))
+    with record_remarks() as remarks:
+        inputs, outputs = _run(stage, params, root, begun)
+        outputs = with_later(outputs)
+    _write(stage, params, root, inputs, outputs, remarks)
 
 
 def with_later(outputs: Mapping[str, Any]) -> dict[str, Any]:
@@ -133,13 +136,14 @@ def begin_artifacts(stage: Stage, params: Any, root: Path, begun: Forked[Any] | 
     MineError
         As `make_artifacts`; the function that is returned, too.
     """
-    inputs, outputs = _run(stage, params, root, begun)
+    with record_remarks() as remarks:
+        inputs, outputs = _run(stage, params, root, begun)
     later = outputs.pop(LATER, None)
     if later is None:
-        _write(stage, params, root, inputs, outputs)
+        _write(stage, params, root, inputs, outputs, remarks)
         return lambda: None
-    hashes = _replace(stage, params, root, inputs, outputs)
-    return partial(_finish, stage, params, root, inputs, set(outputs), hashes, later)
+    hashes = _replace(stage, params, root, inputs, outputs, remarks)
+    return partial(_finish, stage, params, root, inputs, set(outputs), hashes, later, remarks)
 
 
 def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tuple[dict[str, str], dict[str, Any]]:
@@ -153,21 +157,23 @@ def _run(stage: Stage, params: Any, root: Path, begun: Forked[Any] | None) -> tu
         return inputs, dict(stage.run(params, **values, **({"begun": begun} if begun else {})))
 
 
-def _write(stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: dict[str, Any]) -> None:
+def _write(
+    stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: dict[str, Any], remarks: list[Remark]
+) -> None:
     """Replace all artifacts and the manifest of a stage, and check its figures."""
     _require_all(stage, set(outputs))
-    _replace(stage, params, root, inputs, outputs)
+    _replace(stage, params, root, inputs, outputs, remarks)
     stage.check(params, outputs)
 
 
 def _replace(
-    stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any]
+    stage: Stage, params: Any, root: Path, inputs: dict[str, str], outputs: Mapping[str, Any], remarks: list[Remark]
 ) -> dict[str, str]:
     """Replace a stage's folder by outputs and the manifest that names them; return the outputs' hashes."""
     files = _encoded_all(stage, outputs)
     hashes = _hashes(stage, root, files)
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
-    files[_MANIFEST] = encode(Path(_MANIFEST), manifest)
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes, remarks)
+    files[MANIFEST] = encode(Path(MANIFEST), manifest)
     replace_folder(root / stage.name, files, written_by(stage, root))
     return hashes
 
@@ -185,13 +191,13 @@ def written_by(stage: Stage, root: Path) -> Written:
         if artifact.volatile or (artifact.in_git and root == ARTIFACTS)
     }
     try:
-        manifest = read_manifest(folder / _MANIFEST)
+        manifest = read_manifest(folder / MANIFEST)
     except (ArtifactError, OSError):
         manifest = None
     listed = dict[str, str | None]()
     if manifest is not None and manifest.stage == stage.name:
         listed = {name.removeprefix(f"{folder.as_posix()}/"): digest for name, digest in manifest.outputs.items()}
-        any_content.add(Path(_MANIFEST))
+        any_content.add(Path(MANIFEST))
     return {**listed, **{name.as_posix(): None for name in any_content}}
 
 
@@ -203,21 +209,23 @@ def _finish(
     written: set[str],
     hashes: dict[str, str],
     later: Forked[Any],
+    remarks: list[Remark],
 ) -> None:
     """Write what comes later beside what a stage has written, after the manifest that names it."""
-    outputs = later.result()
+    with record_remarks() as more:
+        outputs = later.result()
     _require_all(stage, written | set(outputs))
     files = _encoded_all(stage, outputs)
     hashes |= _hashes(stage, root, files)
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes)
-    for name, data in {_MANIFEST: encode(Path(_MANIFEST), manifest), **files}.items():
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, hashes, [*remarks, *more])
+    for name, data in {MANIFEST: encode(Path(MANIFEST), manifest), **files}.items():
         write_atomically(root / stage.name / name, data)
 
 
 def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
     """Return whether a world's folder holds this stage's outputs of the same code, parameters and inputs."""
     try:
-        manifest = read_manifest(root / stage.name / _MANIFEST)
+        manifest = read_manifest(root / stage.name / MANIFEST)
         return (
             _names_all(manifest, stage, root)
             and manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
@@ -237,13 +245,7 @@ def _names_all(manifest: Manifest, stage: Stage, root: Path) -> bool:
 
 
 def check_again(stage: Stage, params: Any, root: Path) -> None:
-    """Check the figures that a stage wrote earlier against its limits.
-
-    Raises
-    ------
-    LimitError
-        If a figure breaches its limit.
-    """
+    """Check the figures that a stage wrote earlier against its limits; `LimitError` if one breaches its limit."""
     stage.check(params, {key: decode(a.at(root), a.kind) for key, a in stage.writes.items() if a.kind is dict})
 
 
@@ -254,10 +256,8 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
         file = artifact.at(root)
         if not file.exists():
             raise ArtifactError(f"{file}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
-        if file.is_dir():
-            hashes |= {p.as_posix(): sha256_file(p) for p in sorted(file.rglob("*")) if p.is_file()}
-        else:
-            hashes[file.as_posix()] = sha256_file(file)
+        files = sorted(p for p in file.rglob("*") if p.is_file()) if file.is_dir() else [file]
+        hashes |= {p.as_posix(): sha256_file(p) for p in files}
     return hashes
 
 
@@ -269,9 +269,8 @@ def _require_all(stage: Stage, outputs: set[str]) -> None:
 def _encoded_all(stage: Stage, outputs: Mapping[str, Any]) -> dict[str, bytes]:
     """Return the files of outputs by their paths in the stage's folder."""
     with ThreadPoolExecutor(2) as pool:  # pictures and archives are compressed outside the interpreter
-        parts = pool.map(
-            lambda key: _encoded(stage, key, outputs[key]), [key for key in stage.writes if key in outputs]
-        )
+        made = [key for key in stage.writes if key in outputs]
+        parts = pool.map(lambda key: _encoded(stage, key, outputs[key]), made)
         return {name: data for part in parts for name, data in part.items()}
 
 
