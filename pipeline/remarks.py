@@ -101,3 +101,14 @@ def collect_remarks() -> Iterator[list[Remark]]:
         yield found
     finally:
         _sinks.pop()
+
+
+@contextmanager
+def record_remarks() -> Iterator[list[Remark]]:
+    """Collect remarks into a list, and hand them on to the user at the end, also after an error."""
+    found: list[Remark] = []
+    try:
+        with collect_remarks() as found:
+            yield found
+    finally:
+        hand_on(found)

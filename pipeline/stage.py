@@ -11,6 +11,7 @@ from typing import Any
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
 from pipeline.params.reading.composed import composed_section, root_overrides
 from pipeline.places import ROOT_PARAMS
+from pipeline.remarks import record_remarks
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
@@ -20,7 +21,7 @@ from pipeline.store.registry import read_registry, verify_input
 from pipeline.store.written import Written
 
 ARTIFACTS = Path("artifacts")
-_MANIFEST = "manifest.json"
+MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
@@ -104,14 +105,15 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
     """
     inputs = _input_hashes(stage, params, root)
     values = {key: decode(artifact.at(root), artifact.kind) for key, artifact in stage.reads.items()}
-    outputs = stage.run(params, **values)
+    with record_remarks() as remarks:
+        outputs = stage.run(params, **values)
     if set(outputs) != set(stage.writes):
         raise ArtifactError(f"{stage.name}: wrote {sorted(outputs)}, declares {sorted(stage.writes)}")
     files = dict[str, bytes]()
     for key, artifact in stage.writes.items():
         files |= _encoded(stage, artifact, outputs[key])
-    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, _hashes(stage, root, files))
-    files[_MANIFEST] = encode(Path(_MANIFEST), manifest)
+    manifest = new_manifest(stage.name, params.model_dump(mode="json"), inputs, _hashes(stage, root, files), remarks)
+    files[MANIFEST] = encode(Path(MANIFEST), manifest)
     replace_folder(root / stage.name, files, written_by(stage, root))
     stage.check(params, outputs)
 
@@ -129,20 +131,20 @@ def written_by(stage: Stage, root: Path) -> Written:
         if artifact.volatile or (artifact.in_git and root == ARTIFACTS)
     }
     try:
-        manifest = read_manifest(folder / _MANIFEST)
+        manifest = read_manifest(folder / MANIFEST)
     except (ArtifactError, OSError):
         manifest = None
     listed = dict[str, str | None]()
     if manifest is not None and manifest.stage == stage.name:
         listed = {name.removeprefix(f"{folder.as_posix()}/"): digest for name, digest in manifest.outputs.items()}
-        any_content.add(Path(_MANIFEST))
+        any_content.add(Path(MANIFEST))
     return {**listed, **{name.as_posix(): None for name in any_content}}
 
 
 def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
     """Return whether a world's folder holds this stage's outputs of the same code, parameters and inputs."""
     try:
-        manifest = read_manifest(root / stage.name / _MANIFEST)
+        manifest = read_manifest(root / stage.name / MANIFEST)
         return (
             _names_all(manifest, stage, root)
             and manifest.code_sha256 == code_sha256(stage.name, Path.cwd())
@@ -162,13 +164,7 @@ def _names_all(manifest: Manifest, stage: Stage, root: Path) -> bool:
 
 
 def check_again(stage: Stage, params: Any, root: Path) -> None:
-    """Check the figures that a stage wrote earlier against its limits.
-
-    Raises
-    ------
-    LimitError
-        If a figure breaches its limit.
-    """
+    """Check the figures that a stage wrote earlier against its limits; `LimitError` if one breaches its limit."""
     stage.check(params, {key: decode(a.at(root), a.kind) for key, a in stage.writes.items() if a.kind is dict})
 
 
@@ -179,10 +175,8 @@ def _input_hashes(stage: Stage, params: Any, root: Path) -> dict[str, str]:
         file = artifact.at(root)
         if not file.exists():
             raise ArtifactError(f"{file}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
-        if file.is_dir():
-            hashes |= {p.as_posix(): sha256_file(p) for p in sorted(file.rglob("*")) if p.is_file()}
-        else:
-            hashes[file.as_posix()] = sha256_file(file)
+        files = sorted(p for p in file.rglob("*") if p.is_file()) if file.is_dir() else [file]
+        hashes |= {p.as_posix(): sha256_file(p) for p in files}
     return hashes
 
 

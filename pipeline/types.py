@@ -143,9 +143,9 @@ class SurveyedLegs:
     """The legs of a survey that is built as one volume; none of a survey that is built otherwise.
 
     Leg i has the stations `first[i]` to `first[i + 1]`: `positions_m` in the mine frame (z less `datum_m`), and
-    `lrud_m`, the distances left, right, up and down, nan if not measured. `names` is UTF-8 text with a line for each
-    station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are to
-    start, empty if nobody says.
+    `lrud_m`, the distances left, right, up and down, nan where stage 3 has to choose one. `names` is UTF-8 text with a line
+    for each station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are
+    to start, empty if nobody says.
 
     `sources` says of each of these distances whether it was measured (`Source`); empty if all that are no nan were.
     `between` is 1 for places between two stations, where splays hit a wall; empty if there is none. `splays_m` has the

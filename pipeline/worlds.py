@@ -160,9 +160,12 @@ def world_params(name: str) -> dict[str, Any]:
 
 
 def changed_params(name: str, default: Config) -> dict[str, tuple[Any, Any]]:
-    """Return the parameters of a world that differ from the default, as (default value, the world's value)."""
+    """Return the parameters of a world that differ from the default, as (default value, the world's value).
+
+    What only the default's survey has, as the labels of its plan, is no parameter of this world.
+    """
     before, now = flatten(default.model_dump(mode="json")), world_params(name)
-    keys = [*before, *(key for key in now if key not in before)]
+    keys = [*now, *(key for key in before if key not in now and not key.startswith("survey."))]
     return {k: (before.get(k, "-"), now.get(k, "-")) for k in keys if before.get(k) != now.get(k)}
 
 

@@ -60,6 +60,7 @@ def render_dag(root: Path) -> str:
             *_conf_files(root),
             "pipeline/report/page.html.j2",
             "pipeline/report/figures/headlamp.js",
+            "pipeline/report/figures/chart.js",
             *((ARTIFACTS / name / "manifest.json").as_posix() for name in STAGES),
         ],
         "params": [{CODE_HASHES.as_posix(): ["report"]}],

@@ -14,10 +14,11 @@ from minexplore.unfinished import CONTINUE, PARAMS
 from pipeline.errors import MemoryShortageError, MineError, describe_shortage, lacks_memory
 from pipeline.params.config import Config
 from pipeline.places import CODE_HASHES, COMPOSED
-from pipeline.stage import ARTIFACTS, Stage, check_again, is_fresh, make_artifacts, written_by
+from pipeline.remarks import hand_on
+from pipeline.stage import ARTIFACTS, MANIFEST, Stage, check_again, is_fresh, make_artifacts, written_by
 from pipeline.store.files import recover_folder, write_atomically
 from pipeline.store.hashing import read_text_file
-from pipeline.store.manifest import REPORT_FILES
+from pipeline.store.manifest import REPORT_FILES, read_manifest
 from pipeline.store.written import remove_empty, remove_written, written_files
 from stages.__main__ import load_stages
 
@@ -60,6 +61,7 @@ def make_world(config: Config, root: Path, progress: Progress = iter, again: str
         recover_folder(root / stage.name)
         with _in_stage(stage.name):
             if is_fresh(stage, params, root):
+                hand_on(read_manifest(root / stage.name / MANIFEST).remarks)
                 check_again(stage, params, root)
             else:
                 make_artifacts(stage, params, root)

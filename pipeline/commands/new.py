@@ -118,16 +118,22 @@ def _make(
     from pipeline.errors import LimitError
     from pipeline.import_mine import draft_import, import_mine
     from pipeline.params.floor_rules import reading_by
+    from pipeline.remarks import hand_on, record_remarks
+    from pipeline.report.remarks import read_detected, write_detected
     from pipeline.worlds import WORLDS, describe_start, env_id
 
-    with reading_by(floor_rules_of(overrides)):
+    with record_remarks() as found, reading_by(floor_rules_of(overrides)):
         draft = draft_import(name, source, stated)
+    if draft.section is None:
+        hand_on(read_detected(WORLDS / name))
     pictures, failure = dict[Path, str](), None
     imported = import_mine(draft, origin, licence)
     try:
         if draft.picture is not None:
             for path in filter(None, (WORLDS / name / DETECTED, detected)):
                 pictures[path] = _write_picture(path, draft.picture)
+        if draft.section is not None:
+            pictures |= write_detected(WORLDS / name, found)
         is_drawn = draft.picture is not None
         del draft  # a plan of 50 million pixels takes 150 MB
         build(name, [f"survey={name}", *overrides])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,16 @@ from matplotlib.figure import Figure
 from pydantic import TypeAdapter
 
 from minexplore import __version__
-from pipeline.metrics.limits import format_limit, is_time
 from pipeline.mjcf.bundle import read_record
 from pipeline.params.validation import Limit, ValidationParams
-from pipeline.report.figures.mine import draw_mine, to_svg
+from pipeline.report.chart import Chart, ChartGrid
+from pipeline.report.figure_rows import figures_of, places_of
+from pipeline.report.figures.mine import draw_mine, mine_chart, to_svg
 from pipeline.report.figures.scene import scene_page
 from pipeline.report.figures.style import to_image
-from pipeline.report.results import NO_FIGURE, flat_walls_note, read_metrics
+from pipeline.report.meanings import DOCS, meaning_of
+from pipeline.report.remarks import remarks_of
+from pipeline.report.results import read_metrics
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import replace_folder
 from pipeline.store.manifest import REPORT_FILES, read_manifest
@@ -31,9 +35,11 @@ FOLDER, PAGE = "report", "report.html"
 _STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
 _WIDTH, _QUALITY = 1400, 82  # px and JPEG quality of the pictures in the page
 # file below the world's folder, caption
-_GLANCE = [
+_PLAN = [
     ("survey/plan.png", "The plan as read."),
     ("contours/contours.png", "Traced contours: outer walls green, islands red, the drift network amber."),
+]
+_GLANCE = [
     ("validation/agreement.png", "World from above against the survey: green where both are free, blue where one is."),
     (
         "validation/deviation.png",
@@ -49,27 +55,57 @@ _TEXTURE = [
 ]
 
 
-@dataclass(frozen=True)
-class _Figure:
-    """One measured figure with its limit; `holds` is None if it has no limit, or is a time."""
+_MEASURED_AT = ("passages", "centrelines", "stations")  # kinds of survey whose walls are distances from stations
 
-    name: str
-    value: str
-    limit: str
-    holds: bool | None
+
+@dataclass(frozen=True)
+class LegRow:
+    """A row of the page's table of legs: its stations, its length m, and what is known of a volume's.
+
+    `width` and `height` are at either end, m; `known` is how walls, roof and floor are known.
+    """
+
+    start: str
+    end: str
+    length_m: float
+    width: str = ""
+    height: str = ""
+    known: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class WorldView:
-    """What of a report depends on what a world is: its record, its plan, its 3D view (HTML), and the metrics' limits.
+    """What of a report depends on what a world is.
 
-    `volume` is what of its survey one volume is.
+    Attributes
+    ----------
+    record : of `world.json`
+    plan : Figure
+        For print.
+    scene : str
+        The 3D view (HTML).
+    limits : dict
+        Of the metrics.
+    chart : Chart
+        The map.
+    legs : sequence of LegRow
+    loops, dead_ends : int
+        Numbers of them.
+    width : (str, str), optional
+        The headline's width and what it is of; None takes the widths of the plan.
+    volume : dict, optional
+        What of its survey one volume is.
     """
 
     record: Any
     plan: Figure
     scene: str
     limits: dict[str, Limit]
+    chart: Chart
+    legs: Sequence[LegRow]
+    loops: int
+    dead_ends: int
+    width: tuple[str, str] | None = None
     volume: dict[str, Any] | None = None
 
 
@@ -106,8 +142,9 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
     record, svg = view.record, to_svg(view.plan)
     metrics = read_metrics(root / "validation")
     manifests = [read_manifest(root / stage / "manifest.json") for stage in _STAGES]
-    groups = _figures(metrics, view.limits)
-    limited = [figure.holds for group in groups.values() for figure in group if figure.holds is not None]
+    groups = figures_of(metrics, view.limits)
+    limited = [figure.holds for group in groups for figure in group[1] if figure.holds is not None]
+    source = Path((survey.sources or [survey.name])[0]).name
     template = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -121,8 +158,12 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         record=record,
         version=__version__,
         survey=survey,
-        mine_svg=svg[svg.index(b"<svg") :].decode(),
-        glance=_pictures(root, _GLANCE),
+        chart=replace(view.chart, places=places_of(groups)),
+        script=(Path(__file__).parent / "figures/chart.js").read_text(),
+        docs=DOCS,
+        remarks=remarks_of(root, manifests, source),
+        source=source,
+        glance=_pictures(root, ([] if view.volume and view.legs else _PLAN[:1] if view.volume else _PLAN) + _GLANCE),
         texture=_pictures(root, _TEXTURE),
         scene=view.scene,
         groups=groups,
@@ -132,8 +173,11 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         certificate=_read(root, "validation/certificate.json", dict),
         replay=_replay(root),
         network=network,
+        view=view,
         volume=view.volume,
-        widths=_width_quantiles(network),
+        width=view.width or _width_of(network, survey),
+        is_measured_at_stations=survey.kind in _MEASURED_AT,
+        meaning_of=meaning_of,
         manifests=manifests,
         changed=changed,
         inputs={k: v for m in manifests for k, v in m.inputs.items() if k.startswith("data/")},
@@ -153,29 +197,18 @@ def _view(root: Path, survey: Survey, free_space: FreeSpace, network: DriftNetwo
     scene = scene_page(bundle, record, free_space, network)
     return WorldView(
         record,
-        draw_mine(free_space.polygon, network, record),
+        draw_mine(free_space.polygon, network, record, survey.georeference),
         scene,
         TypeAdapter(ValidationParams).validate_python(params).limits,
+        mine_chart(free_space.polygon, network, record, ChartGrid.of(survey.georeference)),
+        [LegRow(leg.start, leg.end, leg.length_m) for leg in network.legs],
+        network.loops,
+        len(network.dead_ends),
     )
 
 
 def _read(root: Path, file: str, kind: Any) -> Any:
     return decode(root / file, kind)
-
-
-def _figures(metrics: dict[str, Any], limits: dict[str, Limit]) -> dict[str, list[_Figure]]:
-    """Return all figures by group; figures with a limit come first."""
-    groups: dict[str, list[_Figure]] = {}
-    for key in sorted(metrics, key=lambda k: k not in limits):
-        group, _, rest = key.partition(".")
-        value, limit = metrics[key], limits.get(key)
-        shown = f"{value:,.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
-        shown = NO_FIGURE if value is None else shown
-        shown += flat_walls_note(metrics, key)
-        stated = "" if limit is None else format_limit(limit) + (", depends on the machine" if is_time(key) else "")
-        holds = None if limit is None or is_time(key) else isinstance(value, int | float) and limit.holds(value)
-        groups.setdefault(group, []).append(_Figure(rest, shown, stated, holds))
-    return groups
 
 
 def _pictures(root: Path, pictures: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
@@ -206,7 +239,12 @@ def _replay(root: Path) -> dict[str, Any] | None:
     return {**report, "picture": _embedded(_read(root, "validation/replay.png", Image))}
 
 
-def _width_quantiles(network: DriftNetwork) -> list[float]:
-    """Return the 5, 50 and 95 % quantiles of clear width over all stations, m."""
+def _width_of(network: DriftNetwork, survey: Survey) -> tuple[str, str]:
+    """Return the median clear width of the drifts and what it is of, with the 5 and 95 % quantiles."""
     widths = 2 * np.array([half for leg in network.legs for half in leg.half_width_m])
-    return [round(float(v), 2) for v in np.quantile(widths, [0.05, 0.5, 0.95])]
+    low, middle, high = np.quantile(widths, [0.05, 0.5, 0.95])
+    of = {
+        "centrelines": "typical drift width; it was stated and not measured",
+        "passages": "typical drift width; the remarks count the walls that nobody measured",
+    }.get(survey.kind, "typical drift width")
+    return f"{middle:.2f} m", f"{of} ({low:.2f} to {high:.2f} m)"

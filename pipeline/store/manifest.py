@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,6 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from minexplore import __version__
 from pipeline.errors import ArtifactError
+from pipeline.remarks import Remark
 from pipeline.store.files import describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
@@ -25,7 +26,10 @@ _Section = TypeVar("_Section")
 
 @dataclass(frozen=True)
 class Manifest:
-    """The provenance of one stage's artifacts; file names are relative to the project, hashes are sha256."""
+    """The provenance of one stage's artifacts; file names are relative to the project, hashes are sha256.
+
+    `remarks` are what the stage guessed, dropped or assumed.
+    """
 
     stage: str
     version: str
@@ -33,6 +37,7 @@ class Manifest:
     params: dict[str, Any]
     inputs: dict[str, str]
     outputs: dict[str, str]
+    remarks: list[Remark] = field(default_factory=list)
 
 
 @functools.cache
@@ -57,9 +62,11 @@ def _closure_sha256(module: str, root: Path) -> str:
 _module_sha256 = functools.cache(sha256_file)  # stages share most of their modules
 
 
-def new_manifest(stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str]) -> Manifest:
+def new_manifest(
+    stage: str, params: dict[str, Any], inputs: dict[str, str], outputs: dict[str, str], remarks: Iterable[Remark] = ()
+) -> Manifest:
     """Make the manifest of a stage of the project in the working directory."""
-    return Manifest(stage, __version__, code_sha256(stage, Path.cwd()), params, inputs, outputs)
+    return Manifest(stage, __version__, code_sha256(stage, Path.cwd()), params, inputs, outputs, list(remarks))
 
 
 def read_manifest(path: Path) -> Manifest:

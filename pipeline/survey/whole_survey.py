@@ -29,8 +29,7 @@ from pipeline.survey.stations.table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, Source, SurveyedLegs, text_array
 
 _NEAR_M = 10.0  # from a stated place to the station that it names
-_NAMED = 10  # pieces that a message names
-_NAME_CHARS = 40
+_NAMED, _NAME_CHARS = 10, 40  # pieces that a message names, and characters of a station's name
 _HALF_WIDTH_M = 1.0  # in the plan, of a shaft that nobody measured
 _NO_LENGTH_M = 1e-3
 

@@ -10,7 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.survey.passages.known import known_of
 from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.narrow import LEAST_M, narrow_sections
 from pipeline.survey.passages.relief import heights_along
 from pipeline.survey.passages.sections import sections_of
 from pipeline.types import Source
@@ -21,7 +23,6 @@ _NO_AREA_M2 = 1e-12
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
 _DIGITS = 6  # of a metre, in sections that are compared, as worlds state them
-_LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,10 @@ class SurveyNetwork:
         Distances left, right, up and down at either end.
     joined : (m, 2) bool
         Ends at which a shot shares its section with the one before or after it in its chain.
-    roof_assumed, roof_lowered : (m, 2) bool
-        Ends at which nobody measured the distance up, and those of them whose roof is lower under another floor.
+    known : (m, 2, 4) uint8
+        How the distances left, right, up and down at either end are known (`Source`).
+    roof_lowered : (m, 2) bool
+        Ends at which nobody measured the distance up, and whose roof is lower under another floor.
     names : tuple of str
         Of the stations.
     skipped : int
@@ -68,11 +71,16 @@ class SurveyNetwork:
     across: np.ndarray
     lrud_m: np.ndarray
     joined: np.ndarray
-    roof_assumed: np.ndarray
+    known: np.ndarray
     roof_lowered: np.ndarray
     names: tuple[str, ...]
     skipped: int = 0
     repairs: tuple[str, ...] = ()
+
+    @property
+    def roof_assumed(self) -> np.ndarray:
+        """Return the ends (m, 2) at which nobody measured the distance up."""
+        return np.asarray(self.known[:, :, 2] != Source.MEASURED)
 
     def leg_name(self, shot: int) -> str:
         """Return the names of a shot's stations."""
@@ -171,14 +179,15 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
             raise InputError(f"leg {leg.name}: no heights")
         at = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
         lrud = np.column_stack([leg.walls_m, leg.heights_m[:, 1:]])
+        known = known_of(leg)
         roofless, least = leg.known[:, 2] < Source.MEASURED, lrud[:, 2].copy()
         lrud[roofless, 2] = np.nan
         lrud = np.where(np.isfinite(lrud), lrud, [half_m, half_m, np.nan, 0.0])
         tall = heights_along(leg, lrud[:, 2] + lrud[:, 3], height_m)
         lrud[roofless, 2] = np.fmax(np.maximum(tall - lrud[:, 3], 0.0), least)[roofless]  # over stations and splays
-        repairs += _narrow(leg.stations, lrud)
-        lrud[:, :2] += np.maximum(0.0, _LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
-        lrud[:, 2] += np.maximum(0.0, _LEAST_M - lrud[:, 2:].sum(axis=1))
+        repairs += narrow_sections(leg.stations, lrud)
+        lrud[:, :2] += np.maximum(0.0, LEAST_M - lrud[:, :2].sum(axis=1, keepdims=True)) / 2
+        lrud[:, 2] += np.maximum(0.0, LEAST_M - lrud[:, 2:].sum(axis=1))
         kept: list[int] = []
         for k, name in enumerate(leg.stations):
             if kept and np.linalg.norm(at[k] - at[kept[-1]]) < _NO_LENGTH_M:
@@ -191,34 +200,35 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
                 places.append(at[k])
                 names.append(name)
         if len(kept) > 1:
-            chains.append(_Chain([index[leg.stations[k]] for k in kept], at[kept], lrud[kept], roofless[kept]))
+            chains.append(_Chain([index[leg.stations[k]] for k in kept], at[kept], lrud[kept], known[kept]))
     rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool], np.ndarray]] = []
     for chain in _continued(chains):
         across, joined = _sections(chain.places_m, chain.lrud_m[:, :2])
         for n, ends in enumerate(pairwise(chain.stations)):
             both = slice(n, n + 2)
-            rows.append((ends, across[n], chain.lrud_m[both], (joined[n], joined[n + 1]), chain.is_roofless[both]))
+            rows.append((ends, across[n], chain.lrud_m[both], (joined[n], joined[n + 1]), chain.known[both]))
     if not rows:
         raise InputError(f"no leg of {len(legs)} has a length of {_NO_LENGTH_M:g} m or more")
-    shots, left, walls, shared, assumed = (np.array(column) for column in zip(*rows, strict=True))
+    shots, left, walls, shared, known = (np.array(column) for column in zip(*rows, strict=True))
     around = np.array(places)
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
-    none, named = np.zeros_like(assumed), tuple(names)
-    return SurveyNetwork(around - middle, shots, left, walls, shared, assumed, none, named, skipped, tuple(repairs))
+    none, named = np.zeros_like(shared), tuple(names)
+    return SurveyNetwork(around - middle, shots, left, walls, shared, known, none, named, skipped, tuple(repairs))
 
 
 @dataclass(frozen=True)
 class _Chain:
-    """Stations that follow each other, by number, their places (n, 3) m, sections (n, 4) m, and assumed roofs (n,)."""
+    """Stations that follow each other, by number, their places (n, 3) m, sections (n, 4) m, and how these are known."""
 
     stations: list[int]
     places_m: np.ndarray
     lrud_m: np.ndarray
-    is_roofless: np.ndarray
+    known: np.ndarray
 
     def reversed(self) -> _Chain:
         """Return the chain the other way round."""
-        return _Chain(self.stations[::-1], self.places_m[::-1], self.lrud_m[::-1, [1, 0, 2, 3]], self.is_roofless[::-1])
+        sections = (rows[::-1, [1, 0, 2, 3]] for rows in (self.lrud_m, self.known))
+        return _Chain(self.stations[::-1], self.places_m[::-1], *sections)
 
     def followed_by(self, other: _Chain) -> _Chain:
         """Return the chain and one that begins where it ends; the higher of their roofs counts there."""
@@ -227,7 +237,7 @@ class _Chain:
             self.stations + other.stations[1:],
             np.concatenate([self.places_m, other.places_m[1:]]),
             np.concatenate([self.lrud_m[:-1], shared, other.lrud_m[1:]]),
-            np.concatenate([self.is_roofless, other.is_roofless[1:]]),
+            np.concatenate([self.known, other.known[1:]]),
         )
 
 
@@ -260,17 +270,6 @@ def _continued(chains: list[_Chain]) -> list[_Chain]:
             del found[other]
             of = [one if number == other else number for number in of]
     return list(found.values())
-
-
-def _narrow(stations: list[str], lrud: np.ndarray) -> list[str]:
-    """Return a line for each section that has no area or is turned inside out."""
-    sizes = np.column_stack([lrud[:, :2].sum(axis=1), lrud[:, 2:].sum(axis=1)])
-    return [
-        f"{station}: its {what} are {size:.2f} m apart, {_LEAST_M:g} m are taken"
-        for station, both in zip(stations, sizes.tolist(), strict=True)
-        for what, size in zip(("walls", "roof and floor"), both, strict=True)
-        if size < _LEAST_M
-    ]
 
 
 def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

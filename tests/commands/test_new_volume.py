@@ -43,7 +43,7 @@ def test_a_survey_passes_whole_with_a_certificate_and_a_report(project, name, te
     record = json.loads((world / "realism/world/world.json").read_text())
     assert record["format"] == "minexplore-world/3"
     page = (world / "report/report.html").read_text()
-    assert "What is built" in page
+    assert "What is measured, and what is assumed" in page
     assert "ends of the survey are closed by rock" in " ".join(done.stderr.split())
     assert "start   " in done.stdout
     assert "FAILS" not in project.run(sys.executable, "-m", "pipeline", "show", name).stdout

@@ -1,5 +1,8 @@
 """The 3D view in the report."""
 
+import base64
+import gzip
+import io
 import json
 import re
 
@@ -44,10 +47,19 @@ def test_rock_has_no_more_faces_than_the_page_may_hold_even_where_its_borders_al
     assert np.abs(small.extents - drawn.extents).max() < 1.0
 
 
-def test_the_headlamp_walks_along_the_main_drift_inside_the_workings(tee, monkeypatch):
-    monkeypatch.setattr(scene, "scene_to_html", lambda _: "<html><body>viewer</body></html>")
+def test_the_meshes_are_compressed_in_the_page_and_4_mm_from_their_places_at_most(drawn):
+    before = np.concatenate([mesh.triangles_center for mesh in drawn.geometry.values()])
+    page = scene.walked_page(drawn.copy(), np.zeros((2, 3)))
+    packed = base64.b64decode(re.search(r'base64_data="([^"]*)"', page)[1])
+    back = trimesh.load(io.BytesIO(gzip.decompress(packed)), file_type="glb")
+    after = np.concatenate([back.geometry[name].triangles_center for name in drawn.geometry])
+    assert np.abs(before - after).max() <= 0.004
+    assert 2 * len(packed) < sum(mesh.faces.nbytes / 2 + mesh.vertices.nbytes / 2 for mesh in drawn.geometry.values())
+
+
+def test_the_headlamp_walks_along_the_main_drift_inside_the_workings(tee):
     page = scene.scene_page(tee.bundle, open_bundle(tee.bundle).record, tee.free_space, tee.network)
-    assert page.index("viewer") < page.index('id="headlamp"') < page.index("</body>")
+    assert page.index("base64_data=") < page.index('id="headlamp"') < page.index("</body>")
     places = np.array(json.loads(re.search(r"DRIFT = (\[\[.*\]\]);", page).group(1)))
     free = tee.free_space.polygon
     west, south, east, north = free.bounds

@@ -79,6 +79,6 @@ def within(network: SurveyNetwork, radius_m: float) -> SurveyNetwork:
         across=network.across[kept],
         lrud_m=network.lrud_m[kept],
         joined=joined[kept],
-        roof_assumed=network.roof_assumed[kept],
+        known=network.known[kept],
         roof_lowered=network.roof_lowered[kept],
     )

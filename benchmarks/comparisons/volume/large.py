@@ -59,13 +59,13 @@ def beside_itself(network: SurveyNetwork, length_m: float) -> SurveyNetwork:
     step = np.ptp(network.places_m, axis=0) * [0, 1, 0] + [0, _APART_M, 0]
     places = np.concatenate([network.places_m + k * step for k in range(count)])
     shots = np.concatenate([network.shots + k * len(network.places_m) for k in range(count)])
-    across, lrud, joined, assumed, lowered = (
+    across, lrud, joined, known, lowered = (
         np.concatenate([one] * count)[kept]
-        for one in (network.across, network.lrud_m, network.joined, network.roof_assumed, network.roof_lowered)
+        for one in (network.across, network.lrud_m, network.joined, network.known, network.roof_lowered)
     )
     joined[-1, 1] = False
     middle = np.round((places.min(axis=0) + places.max(axis=0)) / 2)
-    return SurveyNetwork(places - middle, shots[kept], across, lrud, joined, assumed, lowered, network.names * count)
+    return SurveyNetwork(places - middle, shots[kept], across, lrud, joined, known, lowered, network.names * count)
 
 
 def measure(name: str) -> Row:

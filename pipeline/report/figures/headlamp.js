@@ -5,7 +5,8 @@
   const lamp = new THREE.SpotLight(0xfff1dc, 2.6, 45, 0.85, 0.7, 1.4);
   const dim = new THREE.AmbientLight(0xffffff, 0.07);
   const point = k => new THREE.Vector3(...DRIFT[Math.max(0, Math.min(DRIFT.length - 1, k))]);
-  let at = 0, yaw = 0, pitch = 0, inside = false, above = null, deviation = false;
+  let at = 0, yaw = 0, pitch = 0, inside = false, above = null, deviation = false, known = false;
+  const KNOWN = [0xc0392b, 0xc98a12, 0x2f5d8a];  // assumed, interpolated, measured: the last letter of a mesh's name
 
   function look() {
     const k = Math.floor(at), place = point(k).lerp(point(k + 1), at - k);
@@ -26,6 +27,12 @@
     scene.traverse(o => {
       if (o.isMesh) o.visible = o.name.includes("deviation") === deviation && (inside || !o.name.startsWith("roof"));
     });
+    scene.traverse(o => {
+      const how = o.isMesh && /_k([012])$/.exec(o.name);
+      if (how) o.material.color.copy(known ? new THREE.Color(KNOWN[how[1]]).multiplyScalar(0.6) : o.userData.own);
+    });
+    document.getElementById("known").textContent = known ? "Elevation" : "What is measured";
+    document.getElementById("legend").hidden = !known;
     document.getElementById("deviation").textContent = deviation ? "Rock" : "Deviation from the scan";
   }
 
@@ -58,6 +65,15 @@
   function start() {
     scene.add(lamp, lamp.target, dim);
     scene.traverse(o => { if (o.isMesh) { o.geometry.computeVertexNormals(); o.material.flatShading = false; } });
+    let sorted = false;
+    scene.traverse(o => {
+      if (!o.isMesh || !/_k[012]$/.test(o.name)) return;
+      o.material = o.material.clone();  // meshes of one colour share it
+      o.userData.own = o.material.color.clone();
+      sorted = true;
+    });
+    document.getElementById("known").hidden = !sorted;
+    document.getElementById("known").onclick = () => { known = !known; show(); render(); };
     at = Math.min(12, DRIFT.length / 3);
     const view = renderer.domElement;
     let held = null;

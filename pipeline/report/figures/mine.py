@@ -12,12 +12,13 @@ from matplotlib.path import Path as Outline
 from shapely import Polygon
 
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, new_figure
-from pipeline.types import DriftNetwork
+from pipeline.report.chart import Chart, ChartGrid, ChartStation
+from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, name_axes, new_figure
+from pipeline.types import METRIC, DriftNetwork, Georeference
 
 
-def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> Figure:
-    """Draw the workings (m, plan) over the floor zones, with the network, the spawn and axes in metres."""
+def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord, place: Georeference = METRIC) -> Figure:
+    """Draw the workings (m, plan) over the floor zones, with the network, the spawn and the survey's coordinates."""
     west, south, east, north = polygon.bounds
     wide, high = east - west, north - south
     figure = new_figure(9.0, float(np.clip(9.0 * high / wide + 0.7, 2.2, 10.0)))
@@ -33,11 +34,45 @@ def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord) -> F
     nodes = np.array(list(network.nodes_m.values()))
     axis.plot(*nodes.T, ".", color=STEEL, ms=3)
     axis.plot(*record.spawn.anchor_m, marker="*", color=OCHRE, ms=9, mec="black", mew=0.4)
-    axis.set(
-        xlim=(west - 2, east + 2), ylim=(south - 2, north + 2), aspect="equal", xlabel="east, m", ylabel="north, m"
-    )
-    axis.grid(False)
+    axis.set(xlim=(west - 2, east + 2), ylim=(south - 2, north + 2), aspect="equal")
+    name_axes(axis, place)
     return figure
+
+
+def mine_chart(polygon: Polygon, network: DriftNetwork, record: WorldRecord, grid: ChartGrid) -> Chart:
+    """Return the map of a level mine: the workings over the floor zones, the drifts, and the names of their nodes."""
+    west, south, east, north = polygon.bounds
+    strips = [(max(zone.west_m, west), min(zone.east_m, east), zone) for zone in record.zones]
+    rgb = [f"rgb({','.join(str(round(255 * value)) for value in zone.rgba[:3])})" for zone in record.zones]
+    paths = [
+        {
+            "d": f"M{left:.2f} {south:.2f}H{right:.2f}V{north:.2f}H{left:.2f}Z",
+            "style": f"fill: {colour}; fill-opacity: 0.18; stroke: none",
+        }
+        for (left, right, _), colour in zip(strips, rgb, strict=True)
+        if right > left
+    ]
+    rings = [ring for part in shapely.get_parts(polygon) for ring in (part.exterior, *part.interiors)]
+    outline = "".join("M" + "L".join(f"{x:.2f} {y:.2f}" for x, y, *_ in ring.coords) + "Z" for ring in rings)
+    number = {name: 0 for name in network.nodes_m}
+    for leg in network.legs:
+        for name in (leg.start, leg.end):
+            number[name] += 1
+    return Chart(
+        (west, south, east, north),
+        lines=[np.array(leg.stations_m).round(2).reshape(-1).tolist() for leg in network.legs],
+        paths=[*paths, {"d": outline, "class": "workings", "fill-rule": "evenodd"}],
+        stations=[
+            ChartStation(name, x, y, f"{grid.text(x, y)}; {_kind(number[name])}", number[name])
+            for name, (x, y) in network.nodes_m.items()
+        ],
+        grid=grid,
+        start=(float(record.spawn.anchor_m[0]), float(record.spawn.anchor_m[1])),
+    )
+
+
+def _kind(legs: int) -> str:
+    return "dead end" if legs == 1 else f"junction of {legs} drifts"
 
 
 def outline_path(polygon: Polygon) -> Outline:

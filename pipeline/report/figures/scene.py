@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
+import re
 from pathlib import Path
 
 import fast_simplification
@@ -20,19 +23,31 @@ from pipeline.mjcf.bundle import WorldRecord
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mesh
 
-MOST_FACES = {WALLS: 180_000, ROOF: 120_000}  # 24 bytes of the page each
+MOST_FACES = {WALLS: 140_000, ROOF: 80_000}  # 10 bytes of the page each
 _ROCK_RGB = (150, 139, 127)
 _LOW_RGB, _HIGH_RGB, _BANDS = (40, 70, 150), (235, 205, 90), 12  # of a floor by elevation
 _ASIDE, _DOWN = np.radians(-25.0), np.radians(50.0)
 _FIELD_DEG, _MARGIN = (70.0, 40.0), 1.05  # the page's frame is twice as wide as high
 _EYE_M = 1.3  # of the headlamp above the floor
+_STEPS_PER_M = 128  # of places in the page: equal bits pack well, and 4 mm are not seen
+_MESHES = re.compile(r'base64_data="([A-Za-z0-9+/=]*)"')
+_LOAD = 'loader.load("data:text/plain;base64,"+base64_data,function(gltf){'
+_LOADED = "animate();onWindowResize();});}"
+_UNPACK = """<script>
+async function unpacked(text) {
+  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+}
+</script>"""
 _CONTROLS = """<style>
 #ways { position: absolute; left: 8px; top: 8px; font: 13px sans-serif; color: #888; }
 </style>
 <div id="ways">
 <button id="above">From above</button> <button id="headlamp">Headlamp</button>
+<button id="known" title="how the survey knows walls, roof and floor" hidden>Known how</button>
 <button id="deviation" title="red: 10 cm in the rock, blue: in the free space, grey: none, yellow: not seen" hidden>
-</button> <span id="how"></span>
+</button> <span id="how"></span> <span id="legend" hidden><b style="color:#2f5d8a">measured</b>,
+<b style="color:#c98a12">interpolated</b>, <b style="color:#c0392b">assumed</b></span>
 </div>
 <script>
 """
@@ -52,7 +67,9 @@ def scene_page(bundle: Path, record: WorldRecord, free_space: FreeSpace, network
 
 def walked_page(scene: trimesh.Scene, drift_m: np.ndarray) -> str:
     """Return the page of a scene; the headlamp goes along places (n, 3) m on a floor, about the scene's middle."""
-    page = scene_to_html(scene)
+    for mesh in scene.geometry.values():
+        mesh.vertices = np.round(mesh.vertices * _STEPS_PER_M) / _STEPS_PER_M
+    page = _packed(scene_to_html(scene))
     x, y, z = drift_m.T
     places = np.column_stack([x, z + _EYE_M, -y]).round(2).tolist()
     script = (Path(__file__).parent / "headlamp.js").read_text().replace("$DRIFT", json.dumps(places))
@@ -60,6 +77,18 @@ def walked_page(scene: trimesh.Scene, drift_m: np.ndarray) -> str:
     if not end:
         raise ArtifactError("the page of trimesh's viewer has no </body>; its template has changed")
     return f"{before}{_CONTROLS}{script}</script>{end}{after}"
+
+
+def _packed(page: str) -> str:
+    """Return a page of trimesh's viewer with its meshes compressed, which the browser unpacks."""
+    meshes = _MESHES.search(page)
+    if meshes is None or page.count(_LOAD) != 1 or page.count(_LOADED) != 1:
+        raise ArtifactError("the page of trimesh's viewer does not load its meshes as before; its template has changed")
+    text = base64.b64encode(gzip.compress(base64.b64decode(meshes[1]), 9, mtime=0)).decode()
+    before, after = page[: meshes.start()], page[meshes.end() :]
+    after = after.replace(_LOAD, 'unpacked(base64_data).then(meshes=>loader.parse(meshes,"",function(gltf){')
+    after = after.replace(_LOADED, "animate();onWindowResize();}));}")
+    return f'{before.replace("<body>", f"<body>{_UNPACK}", 1)}base64_data="{text}"{after}'
 
 
 def mine_scene(bundle: Path, record: WorldRecord, free_space: FreeSpace) -> trimesh.Scene:
@@ -86,14 +115,16 @@ def look_at(
     scene.camera_transform = seen
 
 
-def add_bands(scene: trimesh.Scene, places: np.ndarray) -> None:
-    """Add the triangles (n, 3, 3) m of floors, coloured by elevation."""
+def add_bands(scene: trimesh.Scene, places: np.ndarray, names: np.ndarray) -> None:
+    """Add the triangles (n, 3, 3) m of floors, coloured by elevation; those of other names (n,) are other meshes."""
     level = places[:, :, 2].mean(axis=1)
     band = np.minimum(_BANDS - 1, ((level - level.min()) / max(np.ptp(level), 1e-9) * _BANDS).astype(int))
     for k in np.unique(band).tolist():
         rgb = np.round(np.array(_LOW_RGB) + k / (_BANDS - 1) * np.subtract(_HIGH_RGB, _LOW_RGB)).astype(int)
-        own = places[band == k].reshape(-1, 3)
-        scene.add_geometry(coloured(own, np.arange(len(own)).reshape(-1, 3), tuple(rgb.tolist())))
+        for name in np.unique(names[band == k]).tolist():
+            own = places[(band == k) & (names == name)].reshape(-1, 3)
+            mesh = coloured(own, np.arange(len(own)).reshape(-1, 3), tuple(rgb.tolist()))
+            scene.add_geometry(mesh, node_name=f"band{k}_{name}", geom_name=f"band{k}_{name}")
 
 
 def _add_flat(scene: trimesh.Scene, bundle: Path, record: WorldRecord, free_space: FreeSpace) -> list[float]:

@@ -35,10 +35,10 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
         ),
         *(f"{k.leg} on {k.other} ({k.step_m:.2f} m at {_at(k.place_m, offset)})" for k in found.ledges if not k.meet),
     ]
-    named = first_few(through, _NAMED)
     if through:
         assumed = sum(k.is_assumed for k in found.elsewhere)
         why = f", {assumed} of them under an assumed roof (up_m, compile3d.height_m)" if assumed else ", as surveyed"
+        named = first_few(through, _NAMED)
         warn_user(f"validation: {len(through)} pairs of legs break through each other's floors{why}: {named}")
     figures = {
         "error_mm": round(_MM * found.error_m, 6),
@@ -51,7 +51,7 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
         "steepest": round(found.steepest, 6),
         "in_other_workings": len(found.elsewhere),
         "in_other_workings_share": round(found.elsewhere_share, 6),
-        **({"through": named} if through else {}),
+        **({"through": through} if through else {}),
         "ledges": len(found.ledges),
     }
     places = {"error_at": found.error_at, "step_at": found.step_at}

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
+from pipeline.survey.passages.known import known_of
 from pipeline.survey.passages.legs import SurveyLeg, legs_of
 from pipeline.types import Source, SurveyedLegs
 from pipeline.volume.network import SurveyNetwork
@@ -36,21 +37,13 @@ def wall_figures(surveyed: SurveyedLegs, volume: Volume) -> dict[str, Any]:
     return found
 
 
-def known_parts(leg: SurveyLeg) -> np.ndarray:
-    """Return how the distances left, right, up and down (n, 4) of the places of a leg are known (`Source`)."""
-    known = leg.known.astype(int)
-    roofs = known[:, 2] == Source.MEASURED
-    known[~roofs, 2] = Source.INTERPOLATED if 2 * roofs[leg.surveyed].mean() >= 1 else Source.ASSUMED
-    return known
-
-
 def _shares(legs: list[SurveyLeg]) -> dict[str, Any]:
     stations: dict[str, np.ndarray] = {}
     widths: dict[str, float] = {}
     length = np.zeros((4, len(Source)))
     for leg in legs:
         assert leg.heights_m is not None
-        known = known_parts(leg)
+        known = known_of(leg)
         for name, sides, walls, is_station in zip(leg.stations, known, leg.walls_m, leg.surveyed, strict=True):
             if is_station:
                 stations[name] = np.maximum(sides, stations.get(name, sides))
