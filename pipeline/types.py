@@ -143,7 +143,7 @@ class SurveyedLegs:
     """The legs of a survey that is built as one volume; none of a survey that is built otherwise.
 
     Leg i has the stations `first[i]` to `first[i + 1]`: `positions_m` in the mine frame (z less `datum_m`), and
-    `lrud_m`, the distances left, right, up and down, nan where stage 3 has to choose one. `names` is UTF-8 text with a line
+    `lrud_m`, the distances left, right, up and down, nan where stage 3 has to choose one. `names` is UTF-8 text, a line
     for each station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are
     to start, empty if nobody says.
 

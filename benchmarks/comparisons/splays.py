@@ -21,7 +21,7 @@ from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.whole_survey import built_piece, whole_in_frame, whole_of
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import Volume
-from pipeline.volume.world.proof.walls import splay_figures
+from pipeline.volume.world.proof.surveyed.walls import splay_figures
 from pipeline.volume.world.topology import mine_network
 
 PARTS = 5

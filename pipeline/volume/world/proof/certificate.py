@@ -31,14 +31,14 @@ from pipeline.volume.world.proof.compiled import compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.floor import floor_figures
 from pipeline.volume.world.proof.fronts import fronts_of
-from pipeline.volume.world.proof.leg_widths import width_figures
 from pipeline.volume.world.proof.physics import ROBOTS, RobotsAtRest, measure_standing
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
 from pipeline.volume.world.proof.region import region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
 from pipeline.volume.world.proof.solid import measure_solid
+from pipeline.volume.world.proof.surveyed.leg_widths import width_figures
+from pipeline.volume.world.proof.surveyed.walls import line_figures, wall_figures
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
-from pipeline.volume.world.proof.walls import line_figures, wall_figures
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
