@@ -17,7 +17,7 @@ import numpy as np
 
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.worlds.chassis_flood import flood
-from benchmarks.worlds.reach_drives import DrivenCells
+from benchmarks.worlds.reach_drives import ReachDrives
 from minexplore.physics.robot import RobotParams
 from minexplore.world import World, load_world
 from tests.heights import HEADER

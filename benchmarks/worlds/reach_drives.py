@@ -38,7 +38,7 @@ class DrivenCells:
     beyond_m: float
 
 
-class DrivenCells:
+class ReachDrives:
     """A world that is one volume, with what of its floors a robot reaches."""
 
     def __init__(self, world: World, robot: RobotParams | None = None) -> None:
