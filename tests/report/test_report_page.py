@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.pictures.look_at_report import find_browser
+from pipeline.types import Source
 from tests.project import Project
 from tests.volume_worlds import HEADER
 
@@ -208,8 +209,8 @@ def test_the_3d_view_shows_what_is_measured_in_the_colours_of_the_map(page):
              [o.name, o.material.color.r > o.material.color.b]); }); return found; }"""
     )
     red = {name[-1] for name, is_red in drawn if is_red}
-    assert {name[-1] for name, _ in drawn} == {"0", "2"}
-    assert red == {"2"}
+    assert {name[-1] for name, _ in drawn} == {str(int(Source.ASSUMED)), str(int(Source.MEASURED))}
+    assert red == {str(int(Source.ASSUMED))}
 
 
 def test_the_figures_of_the_world_state_its_list_whole(made):
