@@ -22,7 +22,7 @@ _TILE_M, _BESIDE_M = 4.0, 1.0  # of the models in which contacts are looked for
 
 
 @dataclass(frozen=True)
-class Flood:
+class ChassisFlood:
     """Places (n, 3) m on floors where a chassis touches no rock, on a grid, and the largest set that it drives in.
 
     `region` (n,) are the numbers of connected sets.
@@ -38,7 +38,7 @@ class Flood:
         return found
 
 
-def flood(world: World, robot: RobotParams, step_m: float = STEP_M) -> Flood:
+def flood(world: World, robot: RobotParams, step_m: float = STEP_M) -> ChassisFlood:
     """Return where a robot's chassis touches no rock, and which of these places are connected.
 
     Floors are those under plumb lines through a grid. The chassis stands on the facet under its middle. Places beside
@@ -49,7 +49,7 @@ def flood(world: World, robot: RobotParams, step_m: float = STEP_M) -> Flood:
     fits = ~steep & (headroom >= robot.top_m)
     fits[fits] = ~touches_rock(world, robot, places[fits], normals[fits])
     places = places[fits]
-    return Flood(places, _regions(places, step_m))
+    return ChassisFlood(places, _regions(places, step_m))
 
 
 def _floors(world: World, step_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ _NEAR_ROCK_M = 0.3  # beyond the robot's radius, where ways keep away from rock
 
 
 @dataclass(frozen=True)
-class Drives:
+class DrivenCells:
     """What robots did: cells that were driven to and arrived at, ways on, and how far these went, m, seen from above.
 
     `beyond_m` is the largest distance of a robot from all places that it should reach.
@@ -128,12 +128,12 @@ class ReachDrives:
             found.append(int(own[self.spans.clearance_m[own].argmax()]))
         return found
 
-    def drive(self) -> Drives:
+    def drive(self) -> DrivenCells:
         """Drive both kinds of ways."""
         to_cells, on = self.ways_to_cells(), self.ways_on()
         arrived = sum(int(self._follow(some)[0].sum()) for some in _some(to_cells))
         beyond = max((self._follow(some)[1] for some in _some(on)), default=0.0)
-        return Drives(len(to_cells), arrived, len(on), beyond)
+        return DrivenCells(len(to_cells), arrived, len(on), beyond)
 
     def _follow(self, ways: list[np.ndarray]) -> tuple[np.ndarray, float]:
         """Drive a robot along each way; return which arrive (n,), and how far one came from all places, m."""

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pyproj
 import shapely
-import trimesh
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
@@ -229,6 +228,8 @@ def _read_landxml(path: Path, plan_m: float) -> HeightPoints:
     places = vertices * (metres or plan_m)
     sides = np.cross(places[faces[:, 1]] - places[faces[:, 0]], places[faces[:, 2]] - places[faces[:, 0]])
     require_size(path, int(min(_CORNERS_M2 * np.linalg.norm(sides, axis=1).sum() / 2.0 / _APART_M**2, 1e12)))
+    import trimesh  # takes half a second to load, and other surveys do without
+
     points, _ = trimesh.remesh.subdivide_to_size(places, faces, _APART_M, max_iter=30)
     return HeightPoints(np.unique(points, axis=0) / plan_m, None, plan_m)
 

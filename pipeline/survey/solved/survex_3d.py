@@ -73,7 +73,7 @@ def _read_header(cursor: Cursor) -> _Header:
     if version is None:
         name = named[:12].decode("latin-1")
         raise InputError(
-            f"{cursor.path}: .3d version {name!r}; v3 to v8 are read; `survexport --dxf` converts an older file"
+            f"{cursor.path}: .3d version {name!r}; v3 to v8 are read; Survex's survexport converts an older file to DXF"
         )
     texts = cursor.line().split(b"\0")
     title = (texts[0] if version >= 8 else b"\0".join(texts))[:1000].decode("utf-8", "replace")

@@ -20,6 +20,7 @@ from pipeline.volume.height_field.assumed_roofs import ROCK_M
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
+from pipeline.volume.uncrossed import parted
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
@@ -30,7 +31,6 @@ from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
-from pipeline.volume.world.uncrossed import parted
 
 SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
 _FLOATING_M3 = 1e-3  # of rock in the free space of a solid: a smaller piece is no piece of a file

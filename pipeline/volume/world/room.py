@@ -25,7 +25,7 @@ _BLOCK = 20_000  # spans at a time
 
 
 @dataclass(frozen=True)
-class Room:
+class FloorRoom:
     """Of each span, as `FloorSpans` has them: `aside_m` (s, 3), `clearance_m` (s,) and `way_m` (s, 4)."""
 
     aside_m: np.ndarray
@@ -33,7 +33,7 @@ class Room:
     way_m: np.ndarray
 
 
-def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: RobotSize) -> Room:
+def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: RobotSize) -> FloorRoom:
     """Return the room in the cells of spans whose floors have slopes (s, 2), rise over run to the east and the north.
 
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
@@ -43,7 +43,7 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     count = len(slope)
     aside = np.zeros((count, 3))
     if (volume.label == FacetLabel.FLOOR).all():
-        return Room(aside, np.full(count, _NO_ROCK_M), np.full((count, len(WAYS)), _NO_ROCK_M))
+        return FloorRoom(aside, np.full(count, _NO_ROCK_M), np.full((count, len(WAYS)), _NO_ROCK_M))
     chassis = _Chassis(volume, bare, slope)
     step = bare.cell_m / _SIDE
     across = (np.arange(_SIDE) - _SIDE // 2) * step
@@ -62,7 +62,7 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
         clearance[some] = room.reshape(len(some), _SIDE**2)[np.arange(len(some)), roomiest]
         reached[some] = _spread(room, roomiest)
     aside[:, 2] = (aside[:, :2] * slope).sum(axis=1)
-    return Room(aside, clearance, _ways(bare, reached, robot))
+    return FloorRoom(aside, clearance, _ways(bare, reached, robot))
 
 
 class _Chassis:

@@ -11,6 +11,7 @@ import pytest
 from minexplore.bundle import RECORD, world_sha256
 from minexplore.envs.env import MineEnv
 from minexplore.envs.family import FamilyEnv, FamilyVectorEnv
+from minexplore.sealed.world import hash_files
 from tests.composed import compose
 from tests.mines import RING, STRAIGHT, TEE, BuiltMine
 
@@ -190,7 +191,7 @@ def test_nothing_is_trained_in_a_mine_that_policies_are_judged_by(name, families
         model = (folder / "mine.xml").read_text().replace(f'model="{record["name"]}"', f'model="{named}"')
         (folder / "mine.xml").write_text(model)
         record["name"] = named
-        record["files"]["mine.xml"] = minexplore.sealed.world.hash_files({"mine.xml": model.encode()})["mine.xml"]
+        record["files"]["mine.xml"] = hash_files({"mine.xml": model.encode()})["mine.xml"]
         record["world_sha256"] = world_sha256(record)
         (folder / RECORD).write_text(json.dumps(record))
         env_id = f"MineXplore/Judged-{named}-v0"

@@ -9,8 +9,8 @@ from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.volume.uncrossed import arrays_of, manifold_of
 from pipeline.volume.world.solid import volume_of_solid
-from pipeline.volume.world.uncrossed import arrays_of, manifold_of
 
 EDGE_M = 0.12
 STEEPEST = 0.364
