@@ -17,7 +17,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.remarks import warn_user
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
-from pipeline.volume.uncrossed import arrays_of, manifold_of, uncrossed
+from pipeline.volume.rock.uncrossed import arrays_of, manifold_of, uncrossed
 from pipeline.volume.union import Volume
 
 _SPACING_M = 1.0  # of stations along a leg

@@ -9,7 +9,7 @@ from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.uncrossed import arrays_of, manifold_of
+from pipeline.volume.rock.uncrossed import arrays_of, manifold_of
 from pipeline.volume.world.solid import volume_of_solid
 
 EDGE_M = 0.12

@@ -7,8 +7,8 @@ import trimesh
 
 from pipeline.errors import GeometryError
 from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.uncrossed import manifold_of, parted, uncrossed
-from pipeline.volume.world import uncrossed as module
+from pipeline.volume.rock import uncrossed as module
+from pipeline.volume.rock.uncrossed import manifold_of, parted, uncrossed
 
 
 def two_balls(apart_m):
