@@ -90,7 +90,7 @@ class Project:
                 "frame_m": None,
                 "margin_m": 12.0,
                 "entrance_m": [5.0, 0.0],
-                "labels_m": {"A": [10, 8]},
+                "labels_m": {"A": [10, 12]},  # clear of the drift: what a text covers is rock
                 "scale": {"source": "bar", "bar_length_m": 20.0},
             },
         )

@@ -85,7 +85,7 @@ def test_the_proof_accepts_a_light_world_and_its_certificate_has_the_geometric_c
     params = light_config.validation
     require_built(light.bundle, open_bundle(light.bundle).record, params)
     validator = Validator(params, light.bundle, light.cleaned, light.raw, light.survey)
-    assert [group for group in MEASURES if is_measured(group, params)] == ["areas", "collision", "certificate"]
+    assert [group for group in MEASURES if is_measured(group, params)] == ["areas", "survey", "collision", "certificate"]
     certificate = validator.certificate
     assert certificate.holds, certificate.clauses
     assert certificate.contacts == 0

@@ -60,7 +60,8 @@ class BaseSurveyParams(FloorRules):
     )
     labels_m: dict[str, PointM] = Field(
         default_factory=dict,
-        description="texts that are written on the drawing, each with its centre in the mine frame",
+        description="texts that are written on the drawing, each with its centre in the mine frame; "
+        "what a text covers of the workings becomes rock",
     )
     grade: Grade | None = Field(
         default=None,
