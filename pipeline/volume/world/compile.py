@@ -21,7 +21,6 @@ from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.uncrossed import parted
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.rock.uncrossed import parted
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
