@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scans import round_trips
-from benchmarks.scans.round_trips import VARIANTS, holds, judge, table_of
+from benchmarks.scans.round_trips import ROUND_TRIPS, VARIANTS, holds, judge
 from pipeline.types import ClosedMesh
 from tests.survey.solids.test_solid_files import crossing_tunnels
 
@@ -34,4 +34,4 @@ def test_a_mine_that_is_two_millimetres_off_is_not_the_same(mine, monkeypatch):
     row = judge((0, "a.obj", "m"))
     assert row["off_mm"] == pytest.approx(2 * np.sqrt(3), abs=0.1)
     assert not holds(row)
-    assert "| all | 1 | 0 |" in table_of([row])
+    assert "| all | 1 | 0 |" in ROUND_TRIPS.table([row])

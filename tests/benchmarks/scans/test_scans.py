@@ -4,7 +4,7 @@ import manifold3d
 import numpy as np
 import pytest
 
-from benchmarks.scans.judge import compare, found_again, holds, scan_mine, table_of
+from benchmarks.scans.judge import SCANS, compare, found_again, holds, scan_mine
 from benchmarks.scans.truth import FloorNetwork, _long_ends, truth_of
 
 LONG_M = 20.0
@@ -57,8 +57,8 @@ def test_a_scan_holds_only_with_all_figures_and_the_same_network():
 
 
 def test_the_table_has_the_worst_figures_of_each_kind():
-    rows = [ROW | {"network": (2, 1, 1), "found": (2, 1, 1)}, ROW | {"seed": 1, "problem": "none"}]
-    assert "| all | 2 | 1 | 1.0 | 2.0 | 0.990 | 1 of 2 | 2 of 4 |" in table_of(rows)
+    rows = [ROW | {"network": (2, 1, 1), "found": (2, 1, 1)}, {"kind": "level cave", "problem": "none"}]
+    assert "| all | 2 | 1 | 1.0 | 2.0 | 0.990 | 1 of 2 | 2 of 4 |" in SCANS.table(rows)
 
 
 @pytest.mark.parametrize(("half_m", "stub_m", "ends"), [(2.0, 2.0, 2), (2.0, 8.0, 3), (8.0, 8.0, 2), (8.0, 14.0, 3)])

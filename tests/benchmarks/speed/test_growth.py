@@ -1,74 +1,51 @@
-"""The page of growing mines: exponents, limits, and what is not measured."""
-
-import dataclasses
+"""The page of growing mines: exponents and limits, and a small mine measured."""
 
 import pytest
 
-from baselines.base.markdown import with_table
-from benchmarks.speed.growth import PAGE, Grown, exponent, faults, points_of, tables
-from tests.project import ROOT
+from benchmarks.speed.growth import CASES, GROWTH, LONG, exponent, holds, measure_file, row_of
+from benchmarks.speed.stage_costs import STAGES
+from tests.heights import UNDER, table
+from tests.project import Project
 
 
-def grown(km, seconds, **figures):
-    row = Grown(
-        km=km,
-        kind="light",
-        drift_m=1000.0 * km,
-        loops=3,
-        parts=int(180 * km),
-        bytes=int(5e5 * km),
-        certificate=True,
-        stages_s={"contours": seconds / 2, "validation": seconds / 2},
-        peak_mb={"contours": 700.0, "validation": 900.0},
-        load_s=0.2,
-        env_peak_mb=150.0,
-        steps_per_s=3000.0,
-        reset_ms=0.05,
-    )
-    return dataclasses.replace(row, **figures)
+def grown(km, seconds, style=LONG, kind="light", **figures):
+    row = {"case": [style, kind, km], "drift_m": 1000.0 * km, "parts": 180, "bytes": 5_000_000, "certificate": True}
+    row |= {"stages_s": {"contours": seconds / 2, "validation": seconds / 2}}
+    row |= {"peak_mb": {"contours": 700.0, "validation": 900.0}, "load_s": 0.2, "env_peak_mb": 150.0}
+    return row | {"steps_per_s": 3000.0, "reset_ms": 0.05} | figures
 
 
-def test_the_exponent_is_that_of_a_power_law_from_three_kilometres_on():
-    rows = [grown(1, 400.0), *(grown(km, 5 * km**1.1) for km in (3, 10, 30))]
-    assert exponent(points_of(rows)) == pytest.approx(1.1)
+def test_the_exponent_is_that_of_a_power_law_of_the_light_level_mines_from_three_kilometres_on():
+    others = [grown(1, 400.0), grown(10, 9000.0, kind="rock"), grown(10, 900.0, style="levels")]
+    assert exponent([*others, *(grown(km, 5 * km**1.1) for km in (3, 10, 30))]) == pytest.approx(1.1)
+    assert exponent(others) is None
 
 
-def test_each_missed_limit_is_named_with_its_mine():
-    assert faults([grown(km, 5.0 * km) for km in (1, 3, 10)]) == []
-    rows = [grown(1, 5), grown(3, 15), grown(10, 90, certificate=False, peak_mb={"survey": 9000.0}, steps_per_s=2000.0)]
-    assert faults(rows) == [
-        "10 km: the certificate does not hold",
-        "10 km: 9000 MB in survey",
-        "exponent 1.49, limit 1.15",
-        "10 km: 2000 steps/s of 3000",
-    ]
+def test_the_page_has_a_line_a_mine_and_how_time_grows():
+    text = GROWTH.table([grown(km, 5.0 * km) for km in (1, 3, 10)])
+    wanted = "| drift and crosscut, light, 10 km | 10.00 | 50.0 | 5.00 | 900 | validation | 180 | 5.00 | holds | 0.20 |"
+    assert wanted in text
+    assert "power of 1.00 (limit 1.15)." in text
+    assert "**missed**" in GROWTH.table([grown(km, 5.0 * km**1.3) for km in (3, 10)])
 
 
-def test_a_coal_mine_has_limits_of_time_and_memory_and_a_table_of_its_own():
-    rows = [grown(218, 700.0, kind="coal", peak_mb={"contours": 9000.0}), grown(20, 30.0, kind="coal")]
-    assert faults(rows) == ["218 km: 9000 MB in contours", "218 km: 700 s, limit 600"]
-    text = tables([grown(1, 9.0), *rows])
-    assert text.index("## A coal mine") < text.index("| 20.00 | 3 | 30.0") < text.index("| 218.00 | 3 | 700.0")
-    assert tables([], f"{text}\n").count("| 218.00 |") == 1
+def test_a_broken_certificate_and_too_much_memory_do_not_hold():
+    assert holds(grown(3, 15))
+    assert not holds(grown(3, 15, certificate=False))
+    assert not holds(grown(3, 15, peak_mb={"survey": 9000.0}))
 
 
-def test_the_page_names_the_sizes_that_are_not_measured():
-    text = tables([grown(km, 5.0 * km) for km in (1, 3, 10)])
-    assert "power of 1.00 (limit 1.15)" in text
-    assert "Not measured yet: 30 km, 100 km." in text
-    assert "| 10.00 | 3 | 50.0 | 5.00 | 900 | validation | 1,800 | 0.180 | 5.00 | holds |" in text
+def test_the_sample_has_every_style_a_mine_with_rock_and_one_of_levels():
+    assert len({style for style, _, _ in CASES}) == 5
+    assert {kind for _, kind, _ in CASES} == {"light", "rock"}
 
 
-def test_mines_that_are_not_measured_now_keep_their_rows_on_the_page():
-    before = (ROOT / PAGE).read_text()
-    lines = before.splitlines()
-    same = with_table(before, tables([], before)).splitlines()
-    assert all(new.startswith("Measured on") for old, new in zip(lines, same, strict=True) if old != new)
-    rows = [grown(10, 60.0, drift_m=8720.0), grown(1, 80.0, drift_m=1130.0, kind="rock")]
-    again = with_table(before, tables(rows, before))
-    changed = [(old, new) for old, new in zip(lines, again.splitlines(), strict=True) if old != new]
-    assert [new.split(" | ")[:3] for _, new in changed if new.startswith("|")] == [
-        ["| 8.72", "3", "60.0"],
-        ["| 1.13", "3", "80.0"],
-    ]
-    assert [old[:6] for old, _ in changed if old.startswith("|")] == ["| 8.72", "| 1.13"]
+@pytest.mark.slow
+def test_a_small_mine_of_two_levels_is_built_as_new_builds_it_and_measured(tmp_path):
+    costs, root = measure_file("small.csv", table(UNDER), Project(tmp_path, tiny=False))
+    row = row_of(root)
+    assert row["certificate"]
+    assert 180 < row["drift_m"] < 260
+    assert set(costs.stages_s) == set(costs.peak_mb) == set(STAGES)
+    assert all(seconds > 0 for seconds in costs.stages_s.values())
+    assert costs.steps_per_s > 0

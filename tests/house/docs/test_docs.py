@@ -9,6 +9,7 @@ import cv2
 import pytest
 
 from benchmarks.__main__ import BENCHMARKS
+from benchmarks.__main__ import COMMANDS as OF_PAGES
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
@@ -34,6 +35,7 @@ ELSEWHERE = {
     r"python -m pipeline worlds --light .*": "tests/commands/test_family.py, with small mines",
     r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/commands/test_family.py, on a cluster of two nodes",
     r"python -m baselines.ppo.curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
+    r"(make evidence|python -m benchmarks (stale|evidence).*)": "tests/benchmarks/test_freshness.py, in a small project",
     r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
     r"python -m benchmarks (replay|leave-out-sweeps)": "tests/proof/test_certificate.py; by what `make data` fetches",
@@ -52,7 +54,7 @@ ELSEWHERE = {
 }
 
 
-BENCHMARK_NAMES = {row.name for row in BENCHMARKS}
+BENCHMARK_NAMES = {*OF_PAGES, *(row.name for row in BENCHMARKS)}
 
 COMMANDS = [(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands_of(page)]
 

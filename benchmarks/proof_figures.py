@@ -140,8 +140,8 @@ def main() -> int:
     """Run the pipeline on the plan if necessary, and write `evidence-figures.md` and `docs/replay.jpg`."""
     proof = proof_tables()
     run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
-    report = read(PLAN / "artifacts/validation/replay.json", "evidence")
-    plan = read(PLAN / "artifacts/validation/certificate.json", "evidence")
+    report = read(PLAN / "artifacts/validation/replay.json", "figures")
+    plan = read(PLAN / "artifacts/validation/certificate.json", "figures")
     lines = [*replay_table(report), "", *certificate_table("the published plan", plan), *proof]
     write_table(DOCS / "evidence/parts/evidence-figures.md", "\n".join(lines))
     write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
@@ -150,4 +150,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark("evidence", main))
+    sys.exit(run_benchmark("figures", main))

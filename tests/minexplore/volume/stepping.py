@@ -1,52 +1,83 @@
-"""Robots that drive in a volume and in the level mine, stepped alike, with what a control step costs."""
+"""A volume and its shell as a world, without files, and robots that are thrown in it."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
-from benchmarks.speed.time_env import start_spread
-from minexplore.envs.vector import MineVectorEnv
+from minexplore.floors.floor_zones import FloorZone
+from minexplore.floors.volume_arrays import WAYS, FloorSpans, Parts, VolumeArrays, VolumeFacets
+from minexplore.physics.robot import RobotParams
 from minexplore.physics.robot_kind import DrivenRobot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.rotations import rotation_matrices
-from minexplore.volume.choice import StepChoice
-from minexplore.volume.models import FEET, code_of
+from minexplore.task import TaskParams
+from minexplore.volume.choice import PlaneChooser, StepChoice
+from minexplore.volume.columns import FloorColumns
+from minexplore.volume.creases import Creases
+from minexplore.volume.models import EXACT_TILE_M, FEET, VolumeModels, code_of
+from minexplore.volume.planes import TOLERANCE_M, FloorPlanes
+from minexplore.world import World
 from pipeline.volume.rock.inside import Inside
+from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.proof.physics import places_for_robots, stand
 
-ROBOTS, STEPS = 32, 30
-_APART = 3  # control steps of which one is stepped again, those apart that touched rock
+ROBOTS = 32
 _THROWN_STEPS = 8
 _LOOK_M = 0.15  # over a foot: a floor under it begins below
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
+_DRY = FloorZone("dry", -np.inf, np.inf, 1.0, 1.0, 0.0)
+_NO_SPANS = FloorSpans(
+    *(np.zeros(0, np.int32),) * 2,
+    *(np.zeros(0),) * 3,
+    np.zeros(0, np.int32),
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, len(WAYS)), np.float32),
+    np.zeros(2),
+    0.25,
+)
 
-@dataclass(frozen=True)
-class StepCost:
-    """Microseconds of a robot's control step: choosing its model and planes, physics, and of the level mine the rest.
 
-    Shares of the control steps with a foot on the floor's parts, and with a chassis that touched rock. `contact_us` is
-    how much longer the physics of a step takes that touches rock.
-    """
+def world_of(volume: Volume, parts: list[ShellPart]) -> World:
+    """Return a world of one dry zone in the volume's own frame; it has no cells."""
+    first = np.cumsum([0, *(len(part.corners) for part in parts)]).astype(np.int32)
+    size = np.linalg.norm(volume.normals, axis=1)
+    label = volume.label[[max(part.facets, key=lambda k: float(size[k])) for part in parts]]
+    rock = Parts(np.concatenate([part.corners for part in parts]), first, label.astype(np.int32))
+    faces = volume.faces.astype(np.int32)
+    facets = VolumeFacets(volume.vertices, faces, volume.label.astype(np.int32), np.zeros(len(faces), np.int32))
+    arrays = VolumeArrays(facets, rock, _NO_SPANS)
+    record = {"rock_friction": 1.0}
+    return World(Path(), record, np.eye(4), np.zeros((1, 1)), np.zeros(2), 0.25, [_DRY], volume=arrays)
 
-    choice_us: float
-    physics_us: float
-    rest_us: float = 0.0
-    parts_share: float = 0.0
-    touch_share: float = 0.0
-    contact_us: float = 0.0
 
-    @property
-    def total_us(self) -> float:
-        """Return the whole step."""
-        return self.choice_us + self.physics_us + self.rest_us
+class VolumeStepping:
+    """The local models of a volume, and what chooses one for a control step."""
+
+    def __init__(
+        self,
+        volume: Volume,
+        parts: list[ShellPart],
+        task: TaskParams | None = None,
+        tolerance_m: float = TOLERANCE_M,
+        exact_tile_m: tuple[float, float] = EXACT_TILE_M,
+    ) -> None:
+        """Index the floors; `tolerance_m` is how far they may be from the planes that stand for them."""
+        world = world_of(volume, parts)
+        assert world.volume is not None
+        self.models = VolumeModels(world, task or TaskParams(), RobotParams(), exact_tile_m=exact_tile_m)
+        self.columns = FloorColumns(world.volume.facets)
+        self.planes = FloorPlanes(self.columns, Creases(world.volume.facets))
+        self.chooser = PlaneChooser(self.models, self.planes, tolerance_m)
+
+    def floors_under(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the height (n,) m of the first floor at or under places (n, 3) m, NaN where there is none."""
+        return self.columns.heights_on(self.columns.facets_under(places_m), places_m[:, :2])
 
 
 @dataclass(frozen=True)
@@ -89,14 +120,10 @@ class VolumeDrive:
             self.stepper.restart(k)
         self.stepper.qpos[:, :7] = self._starts
 
-    def step(self, action: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Step all robots; return the seconds of the choice, which robots stood on parts, and which touched rock."""
-        start = time.process_time()
+    def step(self, action: np.ndarray) -> np.ndarray:
+        """Step all robots; return which touched rock."""
         choice = self._last = self._chosen(action)
-        chosen = time.process_time() - start
-        on_parts = np.asarray((~choice.on_plane).any(axis=1))
-        substeps = self.models.task.substeps
-        return chosen, on_parts, self.stepper.advance(np.arange(ROBOTS), choice.tiles, substeps)
+        return self.stepper.advance(np.arange(ROBOTS), choice.tiles, self.models.task.substeps)
 
     def _chosen(self, action: np.ndarray) -> StepChoice:
         """Choose the models and planes of all robots, and enter these and the controls in their states."""
@@ -118,8 +145,7 @@ class VolumeDrive:
             robots.qvel[:, :2] = speed[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
             action = np.column_stack([np.ones(ROBOTS), rng.uniform(-1, 1, ROBOTS)])
             for _step in range(_THROWN_STEPS):
-                _, _, touched = self.step(action)
-                touches += int(touched.sum())
+                touches += int(self.step(action).sum())
                 errors.append(self._floor_error_m())
             escapes += int((inside.distance_m(robots.qpos[:, :3]) < 0).sum())
         return Thrown(rounds * ROBOTS, touches, escapes, max(errors))
@@ -131,35 +157,6 @@ class VolumeDrive:
         floor = self._local.floors_under(feet[on_plane] + np.array([0, 0, _LOOK_M]))
         off = np.abs(self._last.under.heights(feet[..., :2])[on_plane] - floor)
         return float(np.nanmax(off, initial=0.0))
-
-    def cost(self, actions: np.ndarray) -> StepCost:
-        """Return the cost of driving from the starts."""
-        self.reset()
-        start = time.process_time()
-        chosen, on_parts, touched = zip(*(self.step(action) for action in actions), strict=True)
-        physics = time.process_time() - start - sum(chosen)
-        each = 1e6 / (ROBOTS * len(actions))
-        shares = float(np.mean(on_parts)), float(np.mean(touched))
-        return StepCost(each * sum(chosen), each * physics, 0.0, *shares, self._contact_us(actions))
-
-    def _contact_us(self, actions: np.ndarray) -> float:
-        """Return how much longer the physics of a robot's step takes that touches rock, us, by steps done again."""
-        self.reset()
-        seconds, count = np.zeros(2), np.zeros(2, int)
-        for number, action in enumerate(actions):
-            before = self.stepper.state.copy()
-            _, _, touched = self.step(action)
-            after = self.stepper.state.copy()
-            for kind, robots in enumerate((np.flatnonzero(~touched), np.flatnonzero(touched))):
-                if number % _APART == 0 and len(robots):
-                    self.stepper.state[:] = before
-                    choice, start = self._chosen(action), time.process_time()
-                    self.stepper.advance(robots, choice.tiles[robots], self.models.task.substeps)
-                    seconds[kind] += time.process_time() - start
-                    count[kind] += len(robots)
-            self.stepper.state[:] = after
-        free, touching = 1e6 * seconds / np.maximum(count, 1)
-        return float(touching - free) if count.all() else 0.0
 
 
 def _areas_at(volume: Volume, places: np.ndarray) -> np.ndarray:
@@ -181,35 +178,3 @@ def _mocap_addresses(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     where, how = np.flatnonzero(state == np.pi), np.flatnonzero(state == np.e)
     assert (len(where), len(how)) == (3 * len(FEET), 4 * len(FEET))
     return where, how
-
-
-class LevelDrive:
-    """The level mine's environment with as many robots, spread over it; its physics is timed apart."""
-
-    def __init__(self, world: Path) -> None:
-        """Make the environment."""
-        self._env = MineVectorEnv(ROBOTS, world)
-        self._physics_s = 0.0
-        advance = self._env.robots.stepper.advance
-
-        def timed(robots: np.ndarray, places_m: np.ndarray, steps: int) -> np.ndarray:
-            start = time.process_time()
-            touched = advance(robots, places_m, steps)
-            self._physics_s += time.process_time() - start
-            return touched
-
-        self._env.robots.stepper.advance = timed  # type: ignore[method-assign]
-
-    def cost(self, actions: np.ndarray) -> StepCost:
-        """Return the cost of driving from the starts."""
-        start_spread(self._env)
-        self._physics_s, start = 0.0, time.process_time()
-        touched = [self._env.step(action)[4]["collision"].mean() for action in actions]
-        whole, each = time.process_time() - start, 1e6 / (ROBOTS * len(actions))
-        return StepCost(0.0, each * self._physics_s, each * (whole - self._physics_s), 0.0, float(np.mean(touched)))
-
-
-def hard_driving(rng: np.random.Generator) -> np.ndarray:
-    """Return actions (steps, robots, 2) as `benchmarks.speed.time_env` has them."""
-    some = np.stack([rng.uniform(0.3, 1, (9, ROBOTS)), rng.uniform(-1, 1, (9, ROBOTS))], axis=2)
-    return some[np.arange(STEPS) // 10 % 9]
