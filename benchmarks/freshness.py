@@ -166,7 +166,9 @@ def renew(root: Path, budget_h: float | None, measure: Callable[[Benchmark], int
     every = [some[0].benchmark for some in found.values()]
     total_h = sum(benchmark.minutes or 0.0 for benchmark in every) / 60
     print(f"{len(every)} measurements, about {total_h:.1f} h of two cores", flush=True)
-    start, failed, left = time.monotonic(), [], []
+    start = time.monotonic()
+    failed: list[str] = []
+    left: list[str] = []
     for benchmark in every:
         spent_h = (time.monotonic() - start) / 3600
         if budget_h is not None and spent_h + (benchmark.minutes or 0.0) / 60 > budget_h:

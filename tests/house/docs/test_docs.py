@@ -35,7 +35,7 @@ ELSEWHERE = {
     r"python -m pipeline worlds --light .*": "tests/commands/test_family.py, with small mines",
     r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/commands/test_family.py, on a cluster of two nodes",
     r"python -m baselines.ppo.curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
-    r"(make evidence|python -m benchmarks (stale|evidence).*)": "tests/benchmarks/test_freshness.py, in a small project",
+    r"(make evidence|python -m benchmarks (stale|evidence).*)": "tests/benchmarks/test_freshness.py",
     r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
     r"python -m benchmarks (replay|leave-out-sweeps)": "tests/proof/test_certificate.py; by what `make data` fetches",

@@ -1,20 +1,47 @@
-"""One change of every kind of field of a world: each key of its JSON, each array, attribute, picture and text."""
+"""One change of every kind of field of a world, and random changes of fields, elements, bytes and files.
+
+A change keeps the hashes of before; `reseal` gives the files those that belong to them.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import cv2
 import numpy as np
 
-from benchmarks.faults.random_model_faults import NUMBER, Files, written
-from minexplore.bundle import MADE_BY, MODEL, TriangleMesh, decode_msh, encode_msh
+from minexplore.bundle import (
+    MADE_BY,
+    MODEL,
+    RECORD,
+    UNSEALED,
+    TriangleMesh,
+    decode_msh,
+    encode_msh,
+    world_sha256,
+)
 
+Files = dict[str, bytes]
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e-?\d+)?")
 _SEALED = ("files", "world_sha256")
+# Attributes and elements that MuJoCo knows and the builder does not write there.
+_FOREIGN = """margin="0.2"|gap="0.1"|solref="0.5 0.1"|solimp="0 0 1"|condim="1"|contype="0"|conaffinity="0"|priority="5"
+friction="0.01 0 0"|group="1"|mass="3"|density="1"|rgba="1 0 0 0"|euler="0 0 0.1"|axisangle="1 0 0 0.01"
+quat="0.99 0.1 0 0"|pos="1 1 1"|size="1 1 1"|type="sphere"|class="rock"|gravcomp="1"|mocap="true"|childclass="rock"
+scale="2 2 2"|maxhullvert="4"|active="false"|mode="track"|user="1"|fluidshape="ellipsoid"|material="ground_mud"
+mesh="rock_0001"|shellinertia="true\"""".replace("\n", "|").split("|")
+_ELEMENTS = """<option gravity="0 0 -3.7"/>|<option timestep="0.05" cone="elliptic"/>|<keyframe/>|<custom/>|<contact/>
+<option><flag contact="disable"/></option>|<size njmax="1"/>|<include file="more.xml"/>|<geom type="box" size="1 1 1"/>
+<geom name="floor_more" type="box" size="1 1 1" pos="9 2 0" group="0"/>|<site name="s"/>|<joint type="slide"/>
+<body name="b"><freejoint/><geom size="1"/></body>|<freejoint/>|<camera name="c"/>|<frame pos="0 0 1"/>|<tendon/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>|<light name="spot_77" pos="1 1 1"/>|<material name="ground_more"/>
+<mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>|<texture name="t" type="2d" builtin="flat" width="4" height="4"/>
+<numeric name="n" data="1"/>|<default class="more"/>""".replace("\n", "|").split("|")
 _ELEMENT = re.compile(r"<([a-z]+)((?: [a-zA-Z_]+=\"[^\"]*\")*) ?/?>")
 _ATTRIBUTE = re.compile(r' ([a-zA-Z_]+)="([^"]*)"')
 
@@ -38,7 +65,7 @@ def _changes(name: str, data: bytes) -> Iterator[tuple[str, bytes]]:
     elif name.endswith(".yaml"):
         text = data.decode()
         for at in NUMBER.finditer(text):
-            value = written(float(at[0]) + 1)
+            value = f"{float(at[0]) + 1:.6g}"
             yield f"{text[: at.start()].count(chr(10))}: + 1", (text[: at.start()] + value + text[at.end() :]).encode()
     elif name.startswith("map"):
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -189,3 +216,93 @@ def _other_values(value: str) -> Iterator[tuple[str, str]]:
     at = numbers[-1]
     for how, new in (("+ 0.02", float(at[0]) + 0.02), ("turned", -float(at[0]) or 1.0)):
         yield how, f"{value[: at.start()]}{new:.9g}{value[at.end() :]}"
+
+
+def reseal(files: Files) -> Files:
+    """Return the files with the hashes that belong to them, where the record is still one."""
+    try:
+        record = json.loads(files[RECORD])
+        record["files"] = {n: hashlib.sha256(d).hexdigest() for n, d in sorted(files.items()) if n not in UNSEALED}
+        record["world_sha256"] = world_sha256(record)
+        return {**files, RECORD: (json.dumps(record, indent=2) + "\n").encode()}
+    except (KeyError, ValueError, TypeError):
+        return files
+
+
+def random_change(files: Files, seed: int) -> tuple[str, Files]:
+    """Return what is changed, and the changed files with correct hashes.
+
+    Half of the changes are those of `every_change` to one file; the others are what MuJoCo knows and no builder writes,
+    elements that are repeated, dropped or moved, corners of collision parts, bytes, and whole files.
+    """
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.5:
+        name = _one(rng, [name for name in sorted(files) if name != MADE_BY])
+        changes = list(_changes(name, files[name]))
+        if changes:
+            what, data = _one(rng, changes)
+            return f"{name}: {what}", reseal({**files, name: data})
+    what, changed = _one(rng, _RANDOM)(files, rng)
+    return what, reseal(changed)
+
+
+def _one(rng: np.random.Generator, items: list) -> Any:
+    return items[int(rng.integers(len(items)))]
+
+
+def _foreign(files: Files, rng: np.random.Generator) -> tuple[str, Files]:
+    """Add an attribute or an element that MuJoCo knows."""
+    text = files[MODEL].decode()
+    if rng.random() < 0.5:
+        at, more = _one(rng, list(re.finditer(r"<[a-z]+(?= |/?>)", text))).end(), f" {_one(rng, _FOREIGN)}"
+    else:
+        at, more = _one(rng, [m.end() for m in re.finditer(r">\n", text)][:-1]), f"{_one(rng, _ELEMENTS)}\n"
+    return f"{MODEL}: {more.strip()[:60]} added", {**files, MODEL: (text[:at] + more + text[at:]).encode()}
+
+
+def _element(files: Files, rng: np.random.Generator) -> tuple[str, Files]:
+    """Repeat, drop or move an element."""
+    lines = files[MODEL].decode().splitlines(keepends=True)
+    own = [k for k, line in enumerate(lines) if line.strip().endswith("/>")]
+    at, to, kind = _one(rng, own), _one(rng, own), int(rng.integers(3))
+    moved = lines[at]
+    rest = lines if kind == 0 else lines[:at] + lines[at + 1 :]
+    rest = rest if kind == 1 else [*rest[:to], moved, *rest[to:]]
+    return f"{MODEL}: {moved.strip()[:50]} {('repeated', 'dropped', 'moved')[kind]}", {
+        **files,
+        MODEL: "".join(rest).encode(),
+    }
+
+
+def _corner(files: Files, rng: np.random.Generator) -> tuple[str, Files]:
+    """Move a corner of a collision part."""
+    text = files[MODEL].decode()
+    at = _one(rng, list(re.finditer(r'vertex="([^"]*)"', text)))
+    numbers = at[1].split(" ")
+    number = int(rng.integers(len(numbers)))
+    numbers[number] = f"{float(numbers[number]) + float(rng.choice([-3, -0.3, -0.05, 0.05, 0.3, 3])):.6g}"
+    changed = (text[: at.start(1)] + " ".join(numbers) + text[at.end(1) :]).encode()
+    return f"{MODEL}: coordinate {number} of a collision part -> {numbers[number]}", {**files, MODEL: changed}
+
+
+def _byte(files: Files, rng: np.random.Generator) -> tuple[str, Files]:
+    """Flip a bit of a file, cut it, or put bytes into it."""
+    name, kind = _one(rng, sorted(files)), int(rng.integers(3))
+    data = files[name]
+    at = int(rng.integers(len(data)))
+    flipped = data[:at] + bytes([data[at] ^ 1 << int(rng.integers(8))]) + data[at + 1 :]
+    changed = (flipped, data[:at], data[:at] + rng.bytes(4) + data[at:])[kind]
+    return f"{name}: bytes changed at {at}, kind {kind}", {**files, name: changed}
+
+
+def _file(files: Files, rng: np.random.Generator) -> tuple[str, Files]:
+    """Remove a file, replace it by another one, or copy it to a new name."""
+    names = sorted(set(files) - {RECORD})
+    name, other, kind = _one(rng, names), _one(rng, names), int(rng.integers(3))
+    if kind == 0:
+        return f"{name} removed", {key: data for key, data in files.items() if key != name}
+    target = other if kind == 1 else _one(rng, ["more.xml", "meshes/walls_77_77.msh", "plugin.so", "textures/more.png"])
+    return f"{name} copied to {target}", {**files, target: files[name]}
+
+
+_RANDOM: list[Callable[[Files, np.random.Generator], tuple[str, Files]]] = [_foreign, _element, _corner, _byte, _file]

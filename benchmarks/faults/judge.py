@@ -1,40 +1,57 @@
-"""Change a small world at random, many times, and check that each change is refused or harmless."""
+"""Change a bundle, one thing at a time, and judge what becomes of each change.
+
+`python -m benchmarks.faults.judge BUNDLE` changes every field of a level world or a volume; `--every N` tries one of N.
+Each change must be refused, or be a claim that the page on security lists.
+"""
 
 from __future__ import annotations
 
-import shutil
+import argparse
+import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+from tqdm import tqdm
 
-from benchmarks.faults.random_faults import random_mutant
-from benchmarks.faults.random_model_faults import Files
+from benchmarks.faults.changes import Files, every_change, random_change, reseal
 from benchmarks.worlds.small_world import build_small_world
-from minexplore.bundle import MODEL, SMOOTH_MESHES, BundleError, GeomGroup
+from minexplore.bundle import MESHES, MODEL, SMOOTH_MESHES, VOLUME, BundleError, GeomGroup, decode_msh
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
 from minexplore.sealed.files import read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
+from pipeline.commands.proofs import limits_of_kind
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, open_bundle
+from pipeline.mjcf.bundle import OpenedBundle, geom_triangles, open_bundle, read_made_by
 from pipeline.mjcf.loading import load_model
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import certify, measure_containment
+from pipeline.proof.claims import claim_of
+from pipeline.proof.rebuilt.fittings import require_furniture
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.proof.rebuilt.whole_bundle import require_built
+from pipeline.volume.world.proof.alone import certify_alone, survey_alone
+from pipeline.volume.world.proof.certificate import open_volume
+from pipeline.volume.world.proof.remade import require_remade
+from pipeline.volume.world.surface.furnished import hang_again
 
 CAUGHT, HARMLESS, OTHER_ROCK, MISSED, CRASHED = "caught", "harmless", "other rock", "MISSED", "CRASHED"
+CLAIM = "claim"
 _HEIGHTS_M, _BEARINGS, _SAME_M = (0.3, 0.5, 1.0, 1.5), 64, 1e-3
+_ROUNDING_M = 1e-4  # of corners in 32 bits, up to a kilometre from the origin
 _SAME = 1e-5  # of numbers of the compiled model: a mesh of the smooth surface may differ by that
 
 
@@ -68,36 +85,71 @@ def judge_many(seeds: list[int], jobs: int = 1) -> Iterator[Verdict]:
 def judge(good: Path, params: ValidationParams, seed: int) -> Verdict:
     """Change the good world by one seed and return what becomes of it."""
     files = read_folder(good)
-    change, changed = random_mutant(files, seed)
+    change, changed = random_change(files, seed)
     if changed == files:
         return Verdict(seed, change, HARMLESS, "no byte differs")
-    folder = Path(tempfile.mkdtemp(prefix="mutant-"))
-    try:
-        for name, data in changed.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(data)
+    with _written(changed) as folder:
         return Verdict(seed, change, *_outcome(good, folder, files, changed, params))
-    finally:
-        shutil.rmtree(folder)
+
+
+@contextmanager
+def _written(files: Files) -> Iterator[Path]:
+    """Write a bundle's files into a folder that lives as long as the context."""
+    with tempfile.TemporaryDirectory(prefix="mutant-") as name:
+        folder = Path(name) / "world"
+        for file, data in files.items():
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / file).write_bytes(data)
+        yield folder
+
+
+def judge_fields(good: Path, every: int = 1, first: int = 0) -> Iterator[tuple[str, str, str]]:
+    """Yield what is changed, the outcome, and the message or the claim; of the meshes the first and the last are."""
+    files, params = read_folder(good), limits_of_kind(read_made_by(good).kind, [])
+    meshes = sorted(name for name in files if name.startswith(MESHES))
+    left_out = {*meshes[1:-1]}
+    chosen = (one for one in every_change(files) if one[0].partition(":")[0] not in left_out)
+    for what, changed in islice(chosen, first, None, every):
+        with _written(reseal(changed)) as folder:
+            refused = _refusal(folder, prove_volume if (folder / VOLUME).is_file() else prove, params)
+        claim = claim_of(what)
+        yield (what, *(refused or ((CLAIM, claim) if claim else (MISSED, ""))))
+
+
+def _refusal(folder: Path, judge_of: Callable[[Path, ValidationParams], object], params: ValidationParams) -> Any:
+    """Return the outcome and the message of a bundle that is not accepted, else None."""
+    try:
+        judge_of(folder, params)
+    except MineError as error:
+        return CAUGHT, str(error).replace(str(folder), "w")
+    except Exception as error:  # the fault that this looks for
+        return CRASHED, f"{type(error).__name__}: {error}"
+    return None
 
 
 def _outcome(good: Path, folder: Path, files: Files, changed: Files, params: ValidationParams) -> tuple[str, str]:
-    try:
-        world = prove(folder, params)
-        _drive(folder)
-    except MineError as error:
-        return CAUGHT, str(error).replace(str(folder), "w")
-    except Exception as error:  # the fault that this benchmark looks for
-        return CRASHED, f"{type(error).__name__}: {error}"
+    refused = _refusal(folder, prove_and_drive, params)
+    if refused:
+        return refused
     before, after = load_model(good / MODEL), load_model(folder / MODEL)
-    differs = model_difference(before, after, _SAME) or rays_differ(before, after, world.record.spawn.anchor_m)
+    anchor_m = open_bundle(good).record.spawn.anchor_m
+    differs = model_difference(before, after, _SAME) or rays_differ(before, after, anchor_m)
     if differs is None:
         return HARMLESS, "equal model, equal rays"
     names = {name for name in {*files, *changed} if files.get(name) != changed.get(name)} - {"world.json"}
     smooth = {f"meshes/{name}.msh" for name in SMOOTH_MESHES}
     if names and all(name.startswith("meshes/") and name not in smooth for name in names):
         return OTHER_ROCK, differs
+    if names <= smooth and all(_has_same_corners(files[name], changed[name]) for name in names):
+        return HARMLESS, "corners of the smooth surface within rounding"
     return MISSED, differs
+
+
+def _has_same_corners(one: bytes, other: bytes) -> bool:
+    """Return whether two meshes have the same faces, and corners that only rounding to 32 bits parts."""
+    before, after = decode_msh(one), decode_msh(other)
+    same = before.vertices.shape == after.vertices.shape and np.array_equal(before.faces, after.faces)
+    return same and bool(np.abs(before.vertices - after.vertices).max() <= _ROUNDING_M)
 
 
 def prove(folder: Path, params: ValidationParams) -> OpenedBundle:
@@ -120,6 +172,35 @@ def prove(folder: Path, params: ValidationParams) -> OpenedBundle:
         if not clause.holds:
             raise MineError(f"{folder / MODEL}: {name} = {clause.value}: limit {clause.limit}")
     return world
+
+
+def prove_volume(folder: Path, params: ValidationParams) -> None:
+    """Judge the bundle of a volume as `certify` does, without bodies that are thrown.
+
+    Raises
+    ------
+    MineError
+        With the file, the value and the limit, or the clause.
+    """
+    world = open_volume(folder)
+    require_furniture(folder, world.record.files, params.fittings.furniture, hang_again(folder, world.record.files))
+    require_remade(folder, world, params.volume, survey_alone(world, params.volume))
+    quiet = params.volume.model_copy(update={"robot_contacts": 0, "ball_contacts": 0})
+    for name, clause in certify_alone(world, quiet).clauses.items():
+        if not clause.holds:
+            raise MineError(f"{folder}: {name} = {clause.value}: limit {clause.limit}")
+
+
+def prove_and_drive(folder: Path, params: ValidationParams) -> None:
+    """Judge a bundle, and load it as the environment does.
+
+    Raises
+    ------
+    MineError
+        With the file, the value and the limit.
+    """
+    prove(folder, params)
+    _drive(folder)
 
 
 def _drive(folder: Path) -> None:
@@ -158,3 +239,22 @@ def summarise(verdicts: list[Verdict]) -> str:
     judged = sum(counts[outcome] for outcome in (CAUGHT, MISSED, CRASHED))
     shown = ", ".join(f"{counts[outcome]} {outcome}" for outcome in (CAUGHT, HARMLESS, OTHER_ROCK, MISSED, CRASHED))
     return f"{len(verdicts)} random mutants: {shown}; {100 * counts[CAUGHT] / max(1, judged):.2f} % caught"
+
+
+def main() -> int:
+    """Print what is missed, and the counts; exit code 1 if a change is neither refused nor a claim."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("bundle", type=Path)
+    parser.add_argument("--every", type=int, default=1, help="try one change of so many")
+    arguments = parser.parse_args()
+    counts = dict.fromkeys((CAUGHT, CLAIM, MISSED, CRASHED), 0)
+    for what, outcome, reason in tqdm(judge_fields(arguments.bundle, arguments.every), desc="fields", disable=None):
+        counts[outcome] += 1
+        if outcome != CAUGHT:
+            tqdm.write(f"{outcome}  {what}: {reason}", file=sys.stdout)
+    print(", ".join(f"{count} {outcome}" for outcome, count in counts.items()))
+    return 1 if counts[MISSED] or counts[CRASHED] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
