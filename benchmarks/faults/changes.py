@@ -1,11 +1,10 @@
 """One change of every kind of field of a world, and random changes of fields, elements, bytes and files.
 
-A change keeps the hashes of before; `reseal` gives the files those that belong to them.
+A change keeps the hashes of before.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import re
@@ -19,11 +18,9 @@ from minexplore.bundle import (
     MADE_BY,
     MODEL,
     RECORD,
-    UNSEALED,
     TriangleMesh,
     decode_msh,
     encode_msh,
-    world_sha256,
 )
 
 Files = dict[str, bytes]
@@ -218,19 +215,8 @@ def _other_values(value: str) -> Iterator[tuple[str, str]]:
         yield how, f"{value[: at.start()]}{new:.9g}{value[at.end() :]}"
 
 
-def reseal(files: Files) -> Files:
-    """Return the files with the hashes that belong to them, where the record is still one."""
-    try:
-        record = json.loads(files[RECORD])
-        record["files"] = {n: hashlib.sha256(d).hexdigest() for n, d in sorted(files.items()) if n not in UNSEALED}
-        record["world_sha256"] = world_sha256(record)
-        return {**files, RECORD: (json.dumps(record, indent=2) + "\n").encode()}
-    except (KeyError, ValueError, TypeError):
-        return files
-
-
 def random_change(files: Files, seed: int) -> tuple[str, Files]:
-    """Return what is changed, and the changed files with correct hashes.
+    """Return what is changed, and the changed files.
 
     Half of the changes are those of `every_change` to one file; the others are what MuJoCo knows and no builder writes,
     elements that are repeated, dropped or moved, corners of collision parts, bytes, and whole files.
@@ -241,9 +227,9 @@ def random_change(files: Files, seed: int) -> tuple[str, Files]:
         changes = list(_changes(name, files[name]))
         if changes:
             what, data = _one(rng, changes)
-            return f"{name}: {what}", reseal({**files, name: data})
-    what, changed = _one(rng, _RANDOM)(files, rng)
-    return what, reseal(changed)
+            return f"{name}: {what}", {**files, name: data}
+    changed: tuple[str, Files] = _one(rng, _RANDOM)(files, rng)
+    return changed
 
 
 def _one(rng: np.random.Generator, items: list) -> Any:

@@ -7,6 +7,8 @@ Each change must be refused, or be a claim that the page on security lists.
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import sys
 import tempfile
 from collections import Counter
@@ -23,9 +25,20 @@ import mujoco
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.faults.changes import Files, every_change, random_change, reseal
+from benchmarks.faults.changes import Files, every_change, random_change
 from benchmarks.worlds.small_world import build_small_world
-from minexplore.bundle import MESHES, MODEL, SMOOTH_MESHES, VOLUME, BundleError, GeomGroup, decode_msh
+from minexplore.bundle import (
+    MESHES,
+    MODEL,
+    RECORD,
+    SMOOTH_MESHES,
+    UNSEALED,
+    VOLUME,
+    BundleError,
+    GeomGroup,
+    decode_msh,
+    world_sha256,
+)
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
 from minexplore.sealed.files import read_folder
@@ -88,8 +101,19 @@ def judge(good: Path, params: ValidationParams, seed: int) -> Verdict:
     change, changed = random_change(files, seed)
     if changed == files:
         return Verdict(seed, change, HARMLESS, "no byte differs")
-    with _written(changed) as folder:
+    with _written(reseal(changed)) as folder:
         return Verdict(seed, change, *_outcome(good, folder, files, changed, params))
+
+
+def reseal(files: Files) -> Files:
+    """Return the files with the hashes that belong to them, where the record is still one."""
+    try:
+        record = json.loads(files[RECORD])
+        record["files"] = {n: hashlib.sha256(d).hexdigest() for n, d in sorted(files.items()) if n not in UNSEALED}
+        record["world_sha256"] = world_sha256(record)
+        return {**files, RECORD: (json.dumps(record, indent=2) + "\n").encode()}
+    except (KeyError, ValueError, TypeError):
+        return files
 
 
 @contextmanager

@@ -18,7 +18,6 @@ LONGER = {  # and why
     "pipeline/types.py": "the types that stages hand on",
     "pipeline/proof/texture.py": "the paper's six scores with their two readings, which share their points",
     "pipeline/survey/load.py": "stage 1: one reader a kind of survey",
-    "benchmarks/faults/injection.py": "the faults of the mutants, a function each",
     "benchmarks/pictures/paper_drawing.py": "a drawing with all that surrounds workings on paper",
     "pipeline/proof/rebuilt/visible.py": "the visible rock made again, a check a function",
 }
