@@ -2,7 +2,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -197,7 +196,5 @@ def test_a_policy_that_fails_ends_with_one_message(strangers, name, message):
 
 
 def test_a_policy_that_does_not_answer_is_ended(strangers):
-    begun = time.monotonic()
     with pytest.raises(BaselineError, match=r"it takes too long \(limits: 4 GB of memory, 4 s of its own time\)"):
         act("strangers:Sleeps", Limits(time_s=4.0))
-    assert time.monotonic() - begun < 40
