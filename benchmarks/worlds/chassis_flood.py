@@ -1,7 +1,7 @@
 """Find the places of a world where a robot can stand, and those that it reaches from one of them.
 
-At each place of a grid on the floors MuJoCo is asked whether the robot's chassis touches rock. Places that lie beside each
-other, with floors that a robot climbs between them, form one region.
+At each place of a grid on the floors MuJoCo is asked whether the robot's chassis touches rock. Places that lie beside
+each other, with floors that a robot climbs between them, form one region.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TILE_M, _BESIDE_M = 4.0, 1.0  # of the models in which contacts are looked for
 
 @dataclass(frozen=True)
 class ChassisFlood:
-    """Places (n, 3) m of a grid on floors where a chassis touches no rock; `region` (n,) is the number of its region."""
+    """Places (n, 3) m of a grid on floors where a chassis touches no rock, and the number of the region (n,) of each."""
 
     places_m: np.ndarray
     region: np.ndarray
