@@ -27,7 +27,10 @@ _TILE_M, _BESIDE_M = 4.0, 1.0  # of the models in which contacts are looked for
 
 @dataclass(frozen=True)
 class ChassisFlood:
-    """Places (n, 3) m of a grid on floors where a chassis touches no rock, and the number of the region (n,) of each."""
+    """Places (n, 3) m of a grid on floors where a chassis touches no rock, and the number of the region (n,) of each.
+
+    Regions are numbered from 0.
+    """
 
     places_m: np.ndarray
     region: np.ndarray
