@@ -32,10 +32,10 @@ all: setup  ## run the whole pipeline (dvc repro)
 
 # Three workers fill two cores, as tests wait for processes and files; more threads of BLAS than one each would wait for each other.
 test: setup  ## run the tests, without the slow ones
-	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist worksteal -m "not slow" tests
+	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist worksteal -m "not slow"
 
 test-slow: setup  ## run the slow tests
-	@$(PY) -m pytest -m slow tests
+	@$(PY) -m pytest -m slow
 
 check: setup  ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml

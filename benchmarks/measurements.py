@@ -59,8 +59,8 @@ _RERUN = (
     'for file in $(python -m baselines.scoring.rerun); do python -m baselines.score "$file" --rerun all; done; '
     "python -m baselines.leaderboard"
 )
-_TRAINING_TESTS = "pytest tests/baselines/ppo/test_ppo.py tests/baselines/graph/test_graph.py"
-_GPU_TESTS = "pytest tests/minexplore/extra/warp/test_warp.py tests/baselines/ppo/test_ppo_on_warp.py"
+_TRAINING_TESTS = "pytest baselines/tests/ppo/test_ppo.py baselines/tests/graph/test_graph.py"
+_GPU_TESTS = "pytest tests/minexplore/extra/warp/test_warp.py baselines/tests/ppo/test_ppo_on_warp.py"
 _ENV_PAGE = "python -m minexplore page > docs/reference/.new; mv docs/reference/.new docs/reference/environment.md"
 
 BENCHMARKS: tuple[Benchmark, ...] = (

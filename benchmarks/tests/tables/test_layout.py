@@ -12,6 +12,7 @@ TEXTS = {
     "pipeline/b/cut.py": "class Cut:\n    def solid(self, plan): ...\n",
     "minexplore/world.py": "class World:\n    pass\n",
     "tests/test_a.py": "plan = 2\n",
+    "pipeline/tests/test_b.py": "plan = 3\n\n",
     "Makefile": "setup:  ## install\n\t@true\nbench train: setup  ## measure\n$(STAGES): setup\nPY := python\n",
     "mkdocs.yml": "docs_dir: docs\nnav:\n  - Home: index.md\n  - How to:\n      - Start: start.md\nnot_in_nav: adr/\n",
     "docs/index.md": "three words here\n",
@@ -21,6 +22,7 @@ TEXTS = {
 
 def test_lines_classes_registries_targets_pages_and_words_are_counted():
     files = ProjectFiles(TEXTS)
+    assert files.lines("tests") == 3
     assert files.fullest()[1] == 1  # __init__.py does not count
     assert (files.crowded(), files.lines("pipeline"), files.classes(), files.registries()) == (0, 6, 2, 1)
     assert (files.targets(), files.contracts(), files.pages(), files.index_words()) == (9, 1, 2, 3)

@@ -11,9 +11,9 @@ from baselines.policies.policy_lookup import checkpoint_sha256, make_policy
 from baselines.policies.policy_source import find_source, read_source, source_sha256
 from baselines.sandbox.bubblewrap import Limits, require_sandbox
 from baselines.sandbox.confined import Confined, ConfinedPolicy
+from baselines.tests.test_learned import write_policy
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
-from tests.baselines.test_learned import write_policy
 from tests.sandbox import needs_sandbox
 
 pytestmark = needs_sandbox

@@ -14,9 +14,9 @@ import pytest
 
 from baselines.sandbox.bubblewrap import sandbox_command
 from baselines.sandbox.confined import Confined, ConfinedPolicy
+from baselines.tests.sandbox.changing import ATTEMPTS, blocked, describe, gained, held, with_children
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
-from tests.baselines.sandbox.changing import ATTEMPTS, blocked, describe, gained, held, with_children
 from tests.project import ROOT
 from tests.sandbox import needs_sandbox
 
@@ -63,7 +63,7 @@ def test_a_policy_of_the_user_changes_and_locks_nothing_outside(monkeypatch):
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user; the test above runs as a plain user")
 @pytest.mark.slow  # it imports all that a policy may use, twice
 def test_a_policy_of_a_plain_user_changes_and_locks_nothing_outside():
-    code = "from tests.baselines.sandbox import test_outside; print(test_outside.attempts_in_a_sandbox())"
+    code = "from baselines.tests.sandbox import test_outside; print(test_outside.attempts_in_a_sandbox())"
     done = subprocess.run(as_nobody([sys.executable, "-c", code]), cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     require_nothing_gained(*ast.literal_eval(done.stdout))

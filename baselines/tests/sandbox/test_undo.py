@@ -290,7 +290,7 @@ def test_a_policy_ends_with_the_process_that_started_it(undoing):
     code = (
         "import numpy as np\n"
         "from baselines.sandbox.bubblewrap import Limits\n"
-        "from tests.baselines.sandbox.test_undo import HERE, Confined, ConfinedPolicy\n"
+        "from baselines.tests.sandbox.test_undo import HERE, Confined, ConfinedPolicy\n"
         "policy = ConfinedPolicy('undo:Stays', 1, *HERE, Confined(Limits(time_s=60)))\n"
         "print(policy._process.pid, flush=True)\n"
         "policy.act(np.zeros((1, 19), np.float32), {'pose_m_rad': np.zeros((1, 3))})\n"

@@ -21,7 +21,7 @@ from baselines.score import main, score
 from baselines.scoring.rerun import Rerun
 from baselines.scoring.split_file import read_drives
 from baselines.scoring.verified_runs import RECORD, note_driven, was_driven_here
-from tests.baselines.test_learned import write_policy
+from baselines.tests.test_learned import write_policy
 from tests.forked import run_forked
 from tests.project import ROOT
 from tests.sandbox import needs_sandbox
