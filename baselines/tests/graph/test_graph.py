@@ -207,7 +207,7 @@ def test_floor_speeds_are_measured_where_robots_drive_ahead_only():
     assert len(floor.of(0)) == 0
 
 
-def test_a_network_is_told_how_slow_the_floor_near_each_goal_is(world):
+def test_a_network_sees_how_slow_the_floor_near_each_goal_is(world):
     sim = explored(world, robots=1, seconds=10.0)
     situation, context = sim.planners[0].look_around(sim.poses[0, :2]), sim.context(0)
     assert np.median(context.floor[:, 2]) == pytest.approx(1.0, abs=0.05)  # the task has no terrain
@@ -452,7 +452,7 @@ def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_pat
         train.Run(tmp_path / settings.label, other)
 
 
-def test_curves_are_kept_drawn_and_told_beside_runs_of_ppo(tmp_path):
+def test_curves_are_kept_drawn_and_shown_beside_runs_of_ppo(tmp_path):
     from baselines.graph.training.curves import draw_curves, keep, read_curves, tables
 
     alone = ["name=alone", "network.attention=false"]

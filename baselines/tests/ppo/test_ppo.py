@@ -162,8 +162,8 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_with_a_checkpoint(
     shutil.copytree(tee.bundle, project.folder / "artifacts/worlds/my-mine/realism/world")
     end_build(project.folder / "artifacts/worlds/my-mine")
     words = ["env=my-mine", "seed=1", "robots=4", "ppo.fragment=32", "ppo.minibatch=64", "ppo.epochs=1"]
-    said = tmp_path / "said.txt"
-    with said.open("w") as stderr:
+    shown = tmp_path / "stderr.txt"
+    with shown.open("w") as stderr:
         run = subprocess.Popen(
             [sys.executable, "-m", "baselines.ppo.train", *words],
             cwd=project.folder,
@@ -172,14 +172,14 @@ def test_a_run_shows_its_progress_without_a_terminal_and_ends_with_a_checkpoint(
         )
         line = r"^my-mine-beams-mlp-1: [1-9][\d,]* of 2,000,000 steps \([\d.]+ %\), [\d,]+ steps/s, coverage .* %"
         try:
-            while not re.search(line, said.read_text(), flags=re.M):
-                assert run.poll() is None, said.read_text()
+            while not re.search(line, shown.read_text(), flags=re.M):
+                assert run.poll() is None, shown.read_text()
                 time.sleep(0.5)
             run.send_signal(kind)
             assert run.wait() == 130
         finally:
             run.kill()
-    text = said.read_text()
+    text = shown.read_text()
     assert text.splitlines()[-1] == "train: interrupted; run it again to go on"
     assert "Traceback" not in text
     folder = project.folder / "artifacts/train/my-mine-beams-mlp-1"

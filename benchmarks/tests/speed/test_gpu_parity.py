@@ -74,7 +74,7 @@ def test_blocks_are_added_but_for_the_largest_and_the_least():
     assert merge([EPISODES, EPISODES])["cpu"] == EPISODES["cpu"] * 2
 
 
-def test_every_limit_that_is_broken_is_told():
+def test_every_limit_that_is_broken_is_shown():
     good = {"looks": LOOKS, "steps": STEPS, "stress": STRESS, "episodes-wall-following": EPISODES}
     assert all(row.holds for row in rows(good))
     shifted = EPISODES | {"warp": [[k + 40, k / 40] for k in range(40)]}
@@ -102,7 +102,7 @@ def test_every_limit_that_is_broken_is_told():
         (["--robots", "0"], "--robots 0: want 1 or more"),
     ],
 )
-def test_a_wrong_argument_is_told_before_anything_is_measured(monkeypatch, capsys, words, message):
+def test_a_wrong_argument_is_named_before_anything_is_measured(monkeypatch, capsys, words, message):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(sys, "argv", ["gpu_parity", *words])
     with pytest.raises(SystemExit) as ended:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from baselines.base.markdown import BEGIN, END
-from benchmarks.speed.time_gpu import measure_count, table, write_figures
+from benchmarks.speed.time_gpu import table, write_figures
 from tests.project import ROOT
 
 
@@ -28,21 +28,6 @@ def test_a_figure_beyond_its_limit_is_marked():
     page = table(figures(65_536))  # 655,360 steps/s
     assert "| control steps/s, all on the device | 655,360 | >= 1e+06: **missed** |" in page
     assert page.count("**missed**") == 1
-
-
-def test_a_row_keeps_its_exact_number_of_robots(monkeypatch):
-    class Bench:
-        def __init__(self, *arguments):
-            pass
-
-        def measure(self, runs):
-            return {"steps_per_s": 772_213.4}
-
-        def bare_floor(self, runs):
-            return 1_763_018.2
-
-    monkeypatch.setattr("benchmarks.speed.time_gpu.DeviceBench", Bench)
-    assert measure_count("cuda:0", 65_536, 1)["robots"] == 65_536
 
 
 def test_a_run_that_is_cut_off_keeps_the_rows_that_it_measured(tmp_path):
