@@ -82,7 +82,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("volume-throws", "setup", "benchmarks.comparisons.volume.throw_bodies", "artifacts/bench/volume-throws", 5),
     _page("scans", "setup", "benchmarks.scans.judge", 20),
     _page("round-trips", "setup", "benchmarks.scans.round_trips", 1),
-    _page("drawings", "setup", "benchmarks.pictures.judge_drawings", 5),
+    _page("drawings", "setup", "benchmarks.pictures.judge_drawings", 7),
     _python("reach", "setup", "benchmarks.worlds.reach", "artifacts/bench/reach.md", 10),
     # Proof
     _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", 6),
