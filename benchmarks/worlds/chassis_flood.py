@@ -1,4 +1,8 @@
-"""Where a robot's chassis touches no rock, by MuJoCo's contacts at places of a grid, and what it reaches of them."""
+"""Find the places of a world where a robot can stand, and those that it reaches from one of them.
+
+At each place of a grid on the floors MuJoCo is asked whether the robot's chassis touches rock. Places that lie beside
+each other, with floors that a robot climbs between them, form one region.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +27,9 @@ _TILE_M, _BESIDE_M = 4.0, 1.0  # of the models in which contacts are looked for
 
 @dataclass(frozen=True)
 class ChassisFlood:
-    """Places (n, 3) m on floors where a chassis touches no rock, on a grid, and the largest set that it drives in.
+    """Places (n, 3) m of a grid on floors where a chassis touches no rock, and the number of the region (n,) of each.
 
-    `region` (n,) are the numbers of connected sets.
+    Regions are numbered from 0.
     """
 
     places_m: np.ndarray
