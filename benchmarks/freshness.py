@@ -100,9 +100,9 @@ def pages(root: Path) -> Iterator[EvidencePage]:
             day, code, own = found.groups() if found else ("never", None, None)
             why = ""
             if code != code_of(benchmark, root):
-                why = "the code" if code else "earlier code"
+                why = "older than the code" if code else "its code is not known"
             elif benchmark.needs == "all" and world and own != world:
-                why = "the world"
+                why = "of another world"
             yield EvidencePage(Path(name), benchmark, day, why)
 
 
@@ -149,7 +149,7 @@ def stale(root: Path) -> int:
         minutes = some[0].benchmark.minutes or 0.0
         total += minutes
         for one in some:
-            print(f"{minutes:5g} min  {name:17} {one.page.name:22} measured {one.day}, older than {one.why}".rstrip())
+            print(f"{minutes:5g} min  {name:17} {one.page.name:22} measured {one.day}: {one.why}")
     if found:
         print(f"{total / 60:.1f} h in all; `make evidence` renews them")
     if not (root / WORLD).is_file():

@@ -82,7 +82,7 @@ def test_a_page_that_is_not_written_and_one_of_earlier_code_state_no_hash_and_st
     )
     stamp(begin(freshness.BENCHMARKS[0], tree), tree)
     assert stale(tree) == 1
-    assert "scans.md               measured 2026-11-26, older than earlier code" in capsys.readouterr().out
+    assert "scans.md               measured 2026-11-26: its code is not known" in capsys.readouterr().out
 
 
 def test_the_stale_are_renewed_the_cheapest_first_within_the_budget_and_a_second_run_goes_on(tree, capsys):
