@@ -24,7 +24,7 @@ from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.resume import resume, run_benchmark
 from benchmarks.worlds.random_levels import random_legs
 from pipeline.errors import MineError
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors

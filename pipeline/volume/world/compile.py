@@ -18,7 +18,7 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.rock.uncrossed import parted
+from pipeline.volume.rock.parted import parted
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Volume

@@ -15,9 +15,8 @@ from shapely import Polygon
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
-from pipeline.remarks import warn_user
+from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
-from pipeline.volume.rock.uncrossed import arrays_of, manifold_of, uncrossed
 from pipeline.volume.union import Volume
 
 _SPACING_M = 1.0  # of stations along a leg
@@ -40,25 +39,17 @@ def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.nd
 
 
 def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
-    """Return a solid, simplified, as the shell and the measures take it; all facets are of one piece.
-
-    Where facets cross the surface is found again, with a warning.
+    """Return a solid as the shell and the measures take it; all facets are of one piece.
 
     Raises
     ------
     GeometryError
-        If its mesh is not closed, or still crosses itself then.
+        If its mesh is not closed.
     """
-    solid = manifold_of(mesh.vertices, mesh.faces).simplify(mesh.simplify_m)
+    solid = manifold_of(mesh.vertices, mesh.faces)
     if solid.is_empty():
         raise GeometryError(f"compile3d: the solid's mesh encloses no space ({solid.status().name})")
-    apart = uncrossed(*arrays_of(solid))
-    if apart.crossed:
-        warn_user(
-            f"compile3d: {apart.crossed} facets cross others; at {apart.places} places the surface is found again, to "
-            f"{apart.cell_m:.2f} m"
-        )
-    vertices, faces = arrays_of(manifold_of(apart.vertices, apart.faces).as_original())
+    vertices, faces = arrays_of(solid.as_original())
     return Volume(vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [])
 
 

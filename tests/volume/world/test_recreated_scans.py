@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.params.survey import SolidSurveyParams
+from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.rock.uncrossed import arrays_of, manifold_of
 from pipeline.volume.world.solid import volume_of_solid
 
 EDGE_M = 0.12

@@ -27,10 +27,10 @@ from tests.volume_worlds import VolumeWorld, validated
 DRIFT_M = 40.0
 
 
-def mesh_of(solid, simplify_m=0.001):
-    mesh = solid.to_mesh64()
+def mesh_of(solid):
+    mesh = solid.simplify(0.001).to_mesh64()
     vertices, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
-    return ClosedMesh(vertices, faces, 100.0, simplify_m)
+    return ClosedMesh(vertices, faces, 100.0)
 
 
 def crossing():
