@@ -206,7 +206,7 @@ def command_line() -> argparse.ArgumentParser:
 
 def main(words: list[str]) -> int:
     """Try a folder's files and print the table; exit code 2 if a reader failed or there is no such folder."""
-    typed = command_line().parse_args(words)
+    typed = command_line().parse_intermixed_args(words)
     given = [word for word in _own_options().parse_known_args(words)[1] if Path(word) != typed.folder]
     if typed.child and typed.build:
         with tempfile.TemporaryDirectory() as scratch:

@@ -20,7 +20,6 @@ _FLAT = 10.0  # heights are stretched so much before distances are measured, whi
 _LOW, _HIGH = 0.25, 0.75  # of a low roof's height: what stands for the bottom and the top of the chassis under it
 _ALIKE = 3  # decimals: of places with as much room the one nearest to the middle is taken
 _EDGE_M = 0.1  # under a floor: where rock is beside that, the floor ends
-_OVER_EDGE_M = 0.15  # of a robot's disc may be over an edge: its wheels are within the disc
 _BLOCK = 20_000  # spans at a time
 
 
@@ -37,8 +36,8 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     """Return the room in the cells of spans whose floors have slopes (s, 2), rise over run to the east and the north.
 
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
-    floor, and from 10 cm under it, which is that to an edge of the floor. Of cells where robots stand it is looked for
-    at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
+    floor, and from 10 cm under it, which is that to an edge of the floor: all of a robot's disc is over floor. Of cells
+    where robots stand it is looked for at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
     """
     count = len(slope)
     aside = np.zeros((count, 3))
@@ -83,7 +82,7 @@ class _Chassis:
         )
         everywhere, here = np.arange(len(slope)), np.zeros((1, 2))
         self.middle_m = self._beside(everywhere, here)[:, 0]
-        edge = self._edge_m(everywhere, here)[:, 0]
+        edge = self._distance_m(self._under, everywhere, here)[:, 0]
         self._at_edge = edge < self.middle_m + 2 * bare.cell_m  # elsewhere rock is nearer all over the cell
         self.middle_m = np.minimum(self.middle_m, edge)
 
@@ -91,16 +90,13 @@ class _Chassis:
         """Return the clearance (k, m) m of places (m, 2) m beside the middles of spans (k,)."""
         found = self._beside(spans, aside_m)
         edge = np.flatnonzero(self._at_edge[spans])
-        found[edge] = np.minimum(found[edge], self._edge_m(spans[edge], aside_m))
+        found[edge] = np.minimum(found[edge], self._distance_m(self._under, spans[edge], aside_m))
         return found
 
     def _beside(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         bottom, top = (self._distance_m(end, spans, aside_m) for end in (self._bottom, self._top))
         found: np.ndarray = np.minimum(bottom, top)
         return found
-
-    def _edge_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
-        return self._distance_m(self._under, spans, aside_m) + _OVER_EDGE_M
 
     def _distance_m(self, places_m: np.ndarray, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         """Return the level distances (k, m) m from rock of places (m, 2) m beside those (s, 3) of spans (k,)."""
