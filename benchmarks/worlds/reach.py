@@ -81,7 +81,7 @@ def _new(folder: Path) -> Path:
 def main() -> int:
     """Print the table; write it where no bundle is named."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks reach", description=__doc__)
-    parser.add_argument("bundles", type=Path, nargs="*", help="folders of worlds, instead of Wheal Pell, Sakany and the tee")
+    parser.add_argument("bundles", type=Path, nargs="*", help="folders of worlds, instead of those it builds")
     parser.add_argument("--narrow", type=int, default=None, help="how many narrow mines: 10, or none beside bundles")
     a = parser.parse_args()
     narrow = a.narrow if a.narrow is not None else 0 if a.bundles else _NARROW

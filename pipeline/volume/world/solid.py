@@ -18,6 +18,7 @@ from pipeline.geometry.network.skeleton import trace_network
 from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
 from pipeline.volume.union import Volume
+from pipeline.volume.world.reach import RobotSize, neighbours_of
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
@@ -53,7 +54,7 @@ def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
     return Volume(vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [])
 
 
-def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:
+def legs_on_floors(cells: FloorSpans, robot: RobotSize, datum_m: float) -> SurveyedLegs:
     """Return legs along the middles of all floors of 1 m2 and more; their length is not known yet (0).
 
     Each storey's floor is thinned in plan; stations are a metre apart. Storeys that meet are joined by a leg between
@@ -62,16 +63,17 @@ def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> Surv
     Parameters
     ----------
     cells : FloorSpans
-    pairs : (n, 2) int
-        Neighbouring spans, as `neighbours_of` has them.
+    robot : RobotSize
+        That the cells are of.
     datum_m : float
         Elevation of height 0.
 
     Raises
     ------
     GeometryError
-        If no floor is so large.
+        If no floor is so large. The message names the floors' areas, and what overrules the robot's limits.
     """
+    pairs = neighbours_of(cells, robot)
     places, walls, names, first, storey_of = [], [], [], [0], []
     for storey in range(int(cells.storey.max(initial=-1)) + 1):
         own = np.flatnonzero(cells.storey == storey)
@@ -90,9 +92,7 @@ def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> Surv
                 first.append(len(names))
                 storey_of += [storey] * len(plan)
     if not places:
-        raise GeometryError(
-            f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot; compile3d.volume has both"
-        )
+        raise GeometryError(_without_floor(cells, robot))
     floors, sides = np.concatenate(places), np.concatenate(walls)
     rows, breaks = np.arange(len(names)), first
     for a, b in _joints(cells, pairs, floors, np.array(storey_of)):
@@ -111,6 +111,17 @@ def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> Surv
         np.zeros(0),
         0.0,
         datum_m,
+    )
+
+
+def _without_floor(cells: FloorSpans, robot: RobotSize) -> str:
+    """Return how much of the floors is high and flat enough, and which parameters overrule these limits."""
+    fits = (np.ones(len(cells.storey), bool), cells.headroom_m >= robot.height_m, cells.storey >= 0)
+    floors, high, flat = (f"{fit.sum() * cells.cell_m**2:.1f} m2" for fit in fits)
+    return (
+        f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot: of {floors} of floors {high} are "
+        f"{robot.height_m:g} m high (compile3d.volume.robot_height_m=M states another robot), and of these {flat} no "
+        f"steeper than {robot.steepest:g} (compile3d.volume.steepest=S)"
     )
 
 
