@@ -119,9 +119,9 @@ def _without_floor(cells: FloorSpans, robot: RobotSize) -> str:
     fits = (np.ones(len(cells.storey), bool), cells.headroom_m >= robot.height_m, cells.storey >= 0)
     floors, high, flat = (f"{fit.sum() * cells.cell_m**2:.1f} m2" for fit in fits)
     return (
-        f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot: of {floors} of floors {high} are "
-        f"{robot.height_m:g} m high (compile3d.volume.robot_height_m=M states another robot), and of these {flat} no "
-        f"steeper than {robot.steepest:g} (compile3d.volume.steepest=S)"
+        f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot: of {floors} of floors {high} "
+        f"are {robot.height_m:g} m high (compile3d.volume.robot_height_m=M states another robot), and of these {flat} "
+        f"no steeper than {robot.steepest:g} (compile3d.volume.steepest=S)"
     )
 
 
