@@ -1,6 +1,6 @@
 """Where a robot's chassis touches no rock, by MuJoCo's contacts at places of a grid, and what it reaches of them.
 
-All of the robot's disc is over floor.
+Its wheels and castors are over floor, whichever way it is turned.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot import CASTOR_M, RobotParams
 from minexplore.rotations import quaternion
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.rock import add_part
@@ -22,7 +22,7 @@ from minexplore.world import World
 STEP_M = 0.1  # of the grid
 _STEEPEST, _STEP_M = 0.364, 0.05  # rise over run of floors that robots drive on, and the step that they take besides
 _DROP_M = 0.1  # under the plane that the robot stands on: floor is over it, or ends there
-_RINGS, _AROUND = (0.5, 1.0), 24  # parts of the disc's radius, and places on each, under which floor is looked for
+_RINGS, _AROUND = (0.5, 1.0), 24  # parts of the radius within which wheels and castors touch, and places on each
 _TILE_M, _BESIDE_M = 4.0, 1.0  # of the models in which contacts are looked for
 
 
@@ -47,8 +47,8 @@ def flood(world: World, robot: RobotParams, step_m: float = STEP_M) -> ChassisFl
     """Return where a robot's chassis touches no rock and hangs over no edge, and which of these places are connected.
 
     Floors are those under plumb lines through a grid. The chassis stands on the facet under its middle. Under 48 places
-    of its disc the floor is no more than 10 cm below its plane. Places beside each other, diagonals included, are
-    connected if their floors differ by what a robot climbs.
+    about it, as far as its castors, the floor is no more than 10 cm below its plane. Places beside each other,
+    diagonals included, are connected if their floors differ by what a robot climbs.
     """
     assert world.volume is not None
     columns = FloorColumns(world.volume.facets)
@@ -62,9 +62,10 @@ def flood(world: World, robot: RobotParams, step_m: float = STEP_M) -> ChassisFl
 
 
 def _hangs_over(columns: FloorColumns, robot: RobotParams, places_m: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return at which places (n, 3) m of floors with normals (n, 3) a robot's disc is over an edge (n,)."""
+    """Return at which places (n, 3) m of floors with normals (n, 3) a wheel or a castor may be over an edge (n,)."""
+    far = robot.radius_m - CASTOR_M
     turn = np.arange(_AROUND) * 2 * np.pi / _AROUND
-    disc = np.concatenate([share * robot.radius_m * np.column_stack([np.cos(turn), np.sin(turn)]) for share in _RINGS])
+    disc = np.concatenate([share * far * np.column_stack([np.cos(turn), np.sin(turn)]) for share in _RINGS])
     beside = np.zeros((len(places_m), len(disc), 3))
     beside[:, :, :2] = disc
     beside[:, :, 2] = -(normals[:, :2] @ disc.T) / normals[:, 2:]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from minexplore.floors.volume_arrays import WAYS, FacetLabel, FloorSpans, VolumeFacets
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot import CASTOR_M, RobotParams
 from minexplore.volume.standing import neighbours
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.world.reach import RobotSize
@@ -36,8 +36,9 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     """Return the room in the cells of spans whose floors have slopes (s, 2), rise over run to the east and the north.
 
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
-    floor, and from 10 cm under it, which is that to an edge of the floor: all of a robot's disc is over floor. Of cells
-    where robots stand it is looked for at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
+    floor. It is also that to an edge of the floor, where there is rock 10 cm under it, and a castor's radius: a robot's
+    wheels and castors touch the floor so far within its disc. Of cells where robots stand it is looked for at 5 x 5
+    places: 5 cm apart where cells are 0.25 m wide.
     """
     count = len(slope)
     aside = np.zeros((count, 3))
@@ -82,7 +83,7 @@ class _Chassis:
         )
         everywhere, here = np.arange(len(slope)), np.zeros((1, 2))
         self.middle_m = self._beside(everywhere, here)[:, 0]
-        edge = self._distance_m(self._under, everywhere, here)[:, 0]
+        edge = self._edge_m(everywhere, here)[:, 0]
         self._at_edge = edge < self.middle_m + 2 * bare.cell_m  # elsewhere rock is nearer all over the cell
         self.middle_m = np.minimum(self.middle_m, edge)
 
@@ -90,13 +91,16 @@ class _Chassis:
         """Return the clearance (k, m) m of places (m, 2) m beside the middles of spans (k,)."""
         found = self._beside(spans, aside_m)
         edge = np.flatnonzero(self._at_edge[spans])
-        found[edge] = np.minimum(found[edge], self._distance_m(self._under, spans[edge], aside_m))
+        found[edge] = np.minimum(found[edge], self._edge_m(spans[edge], aside_m))
         return found
 
     def _beside(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         bottom, top = (self._distance_m(end, spans, aside_m) for end in (self._bottom, self._top))
         found: np.ndarray = np.minimum(bottom, top)
         return found
+
+    def _edge_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
+        return self._distance_m(self._under, spans, aside_m) + CASTOR_M
 
     def _distance_m(self, places_m: np.ndarray, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         """Return the level distances (k, m) m from rock of places (m, 2) m beside those (s, 3) of spans (k,)."""
