@@ -142,7 +142,8 @@ def build_file(path: Path, words: list[str], folder: Path) -> Outcome:
     start, project = sum(os.times()[:4]), Project(folder, tiny=False)
     command = [sys.executable, "-m", "pipeline", "new", _SURVEY, "--from", str(path.resolve()), *words]
     done = project.run(*command, check=False)
-    last = (done.stderr.strip().splitlines() or [""])[-1].replace(f"data/mines/{_SURVEY}/{path.name}: ", "")
+    last = (done.stderr.strip().splitlines() or [""])[-1].removeprefix("new: ")
+    last = last.replace(f"data/mines/{_SURVEY}/{path.name}: ", "")
     verdict, why = "failed", last
     if done.returncode == 0:
         measured = json.loads((folder / f"artifacts/worlds/{_SURVEY}/validation/metrics.json").read_text())
