@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from pipeline.geometry.network.skeleton import trace_network
 from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
 from pipeline.volume.union import Volume
-from pipeline.volume.world.reach import RobotSize, neighbours_of
+from pipeline.volume.world.reach import RobotSize, components_of, neighbours_of
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
@@ -115,7 +116,17 @@ def legs_on_floors(cells: FloorSpans, robot: RobotSize, datum_m: float) -> Surve
 
 
 def _without_floor(cells: FloorSpans, robot: RobotSize) -> str:
-    """Return how much of the floors is high and flat enough, and which parameters overrule these limits."""
+    """Return how much of the floors is high and flat enough, and which parameters overrule these limits.
+
+    Of floors that are smaller than a leg's, however high and flat they are, it is the largest one.
+    """
+    number = components_of(len(cells.storey), neighbours_of(cells, replace(robot, height_m=0.0)), cells.headroom_m > 0)
+    largest_m2 = float((number == 0).sum()) * cells.cell_m**2
+    if largest_m2 < _LEAST_M2:
+        return (
+            f"compile3d: its largest floor, however low and steep, has {largest_m2:.1f} m2, and a robot needs "
+            f"{_LEAST_M2:g} m2; is the scale right (--unit)?"
+        )
     fits = (np.ones(len(cells.storey), bool), cells.headroom_m >= robot.height_m, cells.storey >= 0)
     floors, high, flat = (f"{fit.sum() * cells.cell_m**2:.1f} m2" for fit in fits)
     return (
