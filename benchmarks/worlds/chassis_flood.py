@@ -72,8 +72,8 @@ def _hangs_over(columns: FloorColumns, robot: RobotParams, places_m: np.ndarray,
     plane = (places_m[:, None] + beside).reshape(-1, 3)
     under = plane + np.array([0.0, 0.0, robot.ground_clearance_m])
     floor = columns.heights_on(columns.facets_under(under), under[:, :2])
-    is_over = ~(floor >= plane[:, 2] - _DROP_M)  # also where there is no floor
-    found: np.ndarray = is_over.reshape(len(places_m), -1).any(axis=1)
+    is_held = (floor >= plane[:, 2] - _DROP_M).reshape(len(places_m), len(disc))  # not where there is no floor
+    found: np.ndarray = ~np.asarray(is_held.all(axis=1))
     return found
 
 
