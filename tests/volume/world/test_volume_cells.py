@@ -155,7 +155,7 @@ def test_a_way_past_an_edge_is_as_wide_as_the_floor_beside_it():
         (0.5, False),
         (0.62, False),
         (0.72, True),
-    ):  # a radius from rock, and 0.05 m less to the edge
+    ):  # 0.05 m less than a disc
         solid = box(0, 0, 0, 10, 3, 2) + hole.translate([0, beside - 1.0, 0])
         cells = cells_of(volume_of(solid), 0.25, ROBOT)
         places = cells.places_m
