@@ -67,7 +67,7 @@ def found_again(points_m: np.ndarray) -> ScannedVolume:
 
 def compare(truth: manifold3d.Manifold, found: ScannedVolume, rng: np.random.Generator) -> dict[str, float]:
     """Return the distances of places of the true surface from the one that was found, RMS, m, and the IoU."""
-    mesh = ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0, 1e-6)
+    mesh = ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0)
     volume, wanted = volume_of_solid(mesh, 0.36), mesh_of(truth)
     corners = wanted.vertices[wanted.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -101,7 +101,7 @@ def judge(seed: int) -> Row:
         near = [
             len(places) and np.linalg.norm(places[:, :2] - thing[:2], axis=1).min() < 1.0 for thing in scan.things_m
         ]
-        again = network_of_floors(ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0, 0.001))
+        again = network_of_floors(ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0))
     except MineError as error:
         return row | {"problem": str(error)}
     return row | {"things": int(sum(map(bool, near))), "network": network.counts, "found": again.counts}

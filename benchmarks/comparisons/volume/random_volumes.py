@@ -21,7 +21,7 @@ from benchmarks.comparisons.volume.throw_bodies import KEPT, Mine, thrown_in
 from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.worlds.random_levels import random_legs
 from pipeline.errors import MineError
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors

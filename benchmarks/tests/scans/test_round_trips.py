@@ -12,7 +12,7 @@ from tests.survey.solids.test_solid_files import crossing_tunnels
 @pytest.fixture
 def mine(monkeypatch):
     vertices, faces, _ = crossing_tunnels()
-    mesh = ClosedMesh(vertices, faces.astype(np.int32), 0.0, 0.001)
+    mesh = ClosedMesh(vertices, faces.astype(np.int32), 0.0)
     monkeypatch.setattr(round_trips, "_mine", lambda seed: ("crossing", mesh))
     return mesh
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
+from pipeline.geometry.facets.separation import ROUNDING_M, Facets
 from pipeline.parallel import in_shares
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shapes import bodies_of
-from pipeline.volume.separation import ROUNDING_M, Facets
 from pipeline.volume.union import Volume
 
 _PAIRS = 100_000  # tried together

@@ -8,9 +8,9 @@ from itertools import chain
 import numpy as np
 import shapely
 
+from pipeline.geometry.facets.separation import Facets
 from pipeline.parallel import in_shares
 from pipeline.volume.rock.ragged import PartCorners
-from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
 
 ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet

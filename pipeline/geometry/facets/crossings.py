@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.volume.separation import ConvexBodies, Facets, boxes_near, boxes_of
+from pipeline.geometry.facets.separation import ConvexBodies, Facets, boxes_near, boxes_of
 
 CROSSING_M = 1e-6  # facets that are less deep in each other touch
 

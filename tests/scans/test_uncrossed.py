@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.errors import GeometryError
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.rock import uncrossed as module
-from pipeline.volume.rock.uncrossed import manifold_of, parted, uncrossed
+from pipeline.errors import InputError
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
+from pipeline.scans.meshes import uncrossed as module
+from pipeline.scans.meshes.uncrossed import manifold_of, uncrossed
 
 
 def two_balls(apart_m):
@@ -59,19 +59,5 @@ def test_a_mesh_that_does_not_cross_stays_as_it_is():
 def test_a_mesh_that_still_crosses_is_refused_by_the_place(monkeypatch):
     vertices, faces = two_balls(1.2)
     monkeypatch.setattr(module, "_ROUNDS", 0)
-    with pytest.raises(GeometryError, match=r"crosses itself at \(0\.\d, -?0\.\d, -?0\.\d\) m; --voxel"):
+    with pytest.raises(InputError, match=r"crosses itself at \(0\.\d, -?0\.\d, -?0\.\d\) m; --voxel"):
         uncrossed(vertices, faces)
-
-
-def test_corners_at_one_place_are_parted_by_a_millimetre_at_most():
-    box = trimesh.creation.box([1, 1, 1])
-    vertices = np.concatenate([box.vertices, box.vertices + np.array([1, 1, 0])])  # they touch in an edge
-    faces = np.concatenate([box.faces, box.faces + 8]).astype(int)
-    assert len(np.unique(vertices.astype(np.float32), axis=0)) == 14
-    found = parted(vertices, faces)
-    assert len(np.unique(found.astype(np.float32), axis=0)) == 16
-    moved = np.linalg.norm(found - vertices, axis=1)
-    assert (moved > 0).sum() == 4
-    assert moved.max() <= 1.0001e-3
-    assert crossings_of(found, faces) == 0
-    assert parted(box.vertices, box.faces.astype(int)) is box.vertices

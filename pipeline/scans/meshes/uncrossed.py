@@ -9,15 +9,14 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.errors import GeometryError
+from pipeline.errors import InputError
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.scans.meshes.rebuilt import rebuilt_within
 from pipeline.scans.meshes.winding import WindingNumber
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
 
 _CELLS = 6.0  # along the median edge of facets that cross
 _LEAST_M, _MOST_M = 0.02, 0.2  # of a cell
 _FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified; half as far in each round
-_APART_M = (1e-3, 3e-4, 1e-4)  # by which corners at one place are moved: the most that makes no facets cross
 _BESIDE_M = 1e-3  # of a facet: the place by which its part is judged
 _ROUNDS = 8  # in each of which the boxes about facets that cross are a cell wider
 
@@ -45,7 +44,7 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
 
     Raises
     ------
-    GeometryError
+    InputError
         If facets still cross after eight rounds. The message names the place.
     """
     pairs = crossing_facets(vertices, faces, CROSSING_M)
@@ -63,7 +62,7 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
         vertices, faces = _found_again(vertices, faces, boxes, cell_m, _FLAT * 0.5**n * cell_m)
         pairs = crossing_facets(vertices, faces, CROSSING_M)
     x, y, z = vertices[faces[pairs[0, 0]]].mean(axis=0)
-    raise GeometryError(
+    raise InputError(
         f"its surface crosses itself at ({x:.1f}, {y:.1f}, {z:.1f}) m; --voxel M finds it at another resolution"
     )
 
@@ -119,25 +118,3 @@ def arrays_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices (n, 3) m and faces (m, 3) of a solid."""
     mesh = solid.to_mesh64()
     return np.array(mesh.vert_properties, np.float64, order="C")[:, :3], np.array(mesh.tri_verts, np.int64, order="C")
-
-
-def parted(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the vertices (n, 3) m of a mesh of which none are at one place in the 32 bits of meshes.
-
-    Where a space touches itself in a corner or an edge, its corners move by up to a millimetre to their neighbours.
-    """
-    _, of, count = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True, return_counts=True)
-    touch = np.flatnonzero(count[of.reshape(-1)] > 1)
-    if not len(touch):
-        return vertices
-    ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])  # each edge of a closed mesh both ways
-    mean = np.stack([np.bincount(ends[:, 0], vertices[ends[:, 1], k], len(vertices)) for k in range(3)], axis=1)
-    way = mean[touch] / np.bincount(ends[:, 0], minlength=len(vertices))[touch, None] - vertices[touch]
-    way /= np.maximum(np.linalg.norm(way, axis=1), 1e-9)[:, None]
-    about = np.asarray(np.isin(faces, touch).any(axis=1))
-    for apart_m in _APART_M:
-        found = vertices.copy()
-        found[touch] += apart_m * way
-        if not len(crossing_facets(found, faces, CROSSING_M, about)):
-            return found
-    return vertices
