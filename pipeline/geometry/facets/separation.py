@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 import shapely
-
-from pipeline.parallel import in_shares
 
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
 _CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most
 _CELLS = 1e6
 _TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
-_LEAST_SHARE = 4000  # bodies, of one share
 
 
 @dataclass(frozen=True)
@@ -145,12 +141,8 @@ class Facets:
         Tried are a body's directions, the facets' planes and the products of edges, which is all there is of planes
         that can separate two convex bodies.
         """
-
-        def some(first: int, end: int) -> list[Contacts]:
-            starts = range(first, end, _TOGETHER)
-            return [self._crossing(bodies, start, min(start + _TOGETHER, end), enough_m, tried, of) for start in starts]
-
-        return Contacts.joined(list(chain.from_iterable(in_shares(some, len(bodies), _LEAST_SHARE))))
+        ends = ((start, min(start + _TOGETHER, len(bodies))) for start in range(0, len(bodies), _TOGETHER))
+        return Contacts.joined([self._crossing(bodies, *some, enough_m, tried, of) for some in ends])
 
     def _crossing(
         self,
