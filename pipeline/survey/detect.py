@@ -120,17 +120,17 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    half, grades = stated.half_width_m, stated.grade if isinstance(stated.grade, dict) else None
+    grades = stated.grade if isinstance(stated.grade, dict) else None
     options = stated.model_dump(include={"half_width_m", "piece", "declination_deg", "columns"})
     params = params.model_copy(update={"file": path.as_posix(), "grade": grades, **options})
     read = read_vector_survey(params)
-    origin = list(read.georeference.origin)
-    values: dict[str, Any] = {"kind": "passages", "file": path.name, "origin": origin, "half_width_m": half}
+    values: dict[str, Any] = {"kind": "passages", "file": path.name, "half_width_m": stated.half_width_m}
+    values["origin"], values["piece"] = list(read.georeference.origin), stated.piece
     remarks = {
         "origin": "of the mine frame, in the file's coordinates",
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
+        "piece": _PIECE,
     }
-    values["piece"], remarks["piece"] = stated.piece, _PIECE
     for name, remark in _OF_TABLES.items():
         value = grades if name == "grade" else options[name]
         if value is not None:
