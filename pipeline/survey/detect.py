@@ -119,24 +119,22 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
 
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
-    params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    grades = stated.grade if isinstance(stated.grade, dict) else None
     options = stated.model_dump(include={"half_width_m", "piece", "declination_deg", "columns"})
-    params = params.model_copy(update={"file": path.as_posix(), "grade": grades, **options})
+    options["grade"] = stated.grade if isinstance(stated.grade, dict) else None
+    params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
+    params = params.model_copy(update={"file": path.as_posix(), **options})
     read = read_vector_survey(params)
-    values: dict[str, Any] = {"kind": "passages", "file": path.name, "half_width_m": stated.half_width_m}
-    values["origin"], values["piece"] = list(read.georeference.origin), stated.piece
+    values = {"kind": "passages", "file": path.name, "origin": list(read.georeference.origin)}
+    values |= {name: options[name] for name in ("half_width_m", "piece")}
     remarks = {
         "origin": "of the mine frame, in the file's coordinates",
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
         "piece": _PIECE,
     }
-    for name, remark in _OF_TABLES.items():
-        value = grades if name == "grade" else options[name]
-        if value is not None:
-            values[name], remarks[name] = value, remark
-    files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
+    given = [name for name in _OF_TABLES if options[name] is not None]
+    values |= {name: options[name] for name in given}
+    remarks |= {name: _OF_TABLES[name] for name in given}
+    return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=len(read.legs) > 0)
 
 
 def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
