@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+STARTS = ("pose", "cell", "station", "noise_seed")  # options of a reset, see `minexplore.envs.starts`
 POSES = ("true", "odometry")  # what infos hold as a robot's pose
 _DEFAULT_CAMERA = "chase"
 _DEEPEST = 4  # lists in lists; a list may hold itself

@@ -11,7 +11,8 @@ import numpy as np
 
 from minexplore.bundle import GeomGroup
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import check_camera, check_options, check_pose, numbers_of, one_seed
+from minexplore.envs.call_checks import STARTS, check_camera, check_options, check_pose, numbers_of, one_seed
+from minexplore.envs.horizon import Timed
 from minexplore.envs.outcome import StepOutcome, info_of_robot
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.sensing.lidar import Backend
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 _DEFAULTS = {"render_mode": None, "camera": "chase", "lidar": "auto"}
 
 
-class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
+class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     """Explore a mine: see as many of the reachable 2 m cells as possible, without touching rock.
 
     ## Description
@@ -153,13 +154,18 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self.on_key: Callable[[int], None] = lambda code: None  # gets the viewer's key presses
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Place the robot near the entrance with a random yaw, and cast the beams once."""
+        """Place the robot near the entrance with a random yaw, or as options say, and cast the beams once."""
         self._require_open()
-        check_options(options, ())
+        check_options(options, STARTS)
+        start = None
+        if options:
+            from minexplore.envs.starts import start_of
+
+            start = start_of(options, self.robots)
         super().reset(seed=one_seed(seed))
         self._begun = True
-        outcome = self.robots.reset(np.arange(1), [self.np_random])
-        self.suite.begin(seed)
+        outcome = self.robots.reset(np.arange(1), [self.np_random], start)
+        self.suite.begin((options or {}).get("noise_seed", seed))
         self._show()
         return self._observed(outcome), info_of_robot(outcome.info, 0)
 
@@ -252,7 +258,7 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the arguments and all that has changed since; a copy goes on as this environment does."""
-        names = ("_begun", "_closed", "_np_random", "_np_random_seed", "spec")
+        names = ("_begun", "_closed", "_np_random", "_np_random_seed", "_spec", "task")
         changed = {name: getattr(self, name) for name in names}
         return {
             **super().__getstate__(),
@@ -269,6 +275,10 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if state["changed"]["_closed"]:
             self.close()
         self.__dict__.update(state["changed"])
+        self._set_task(self.task)
+
+    def _set_task(self, task: TaskParams) -> None:
+        self.task = self.robots.task = task
 
 
 def check_arguments(arguments: Mapping[str, Any]) -> None:
