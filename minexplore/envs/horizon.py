@@ -1,4 +1,4 @@
-"""Where an episode ends in time: by the id that `gymnasium.make` was given, or by the task of what is made without one."""
+"""Where an episode ends in time: by the id that `gymnasium.make` was given, or by the task of what is made directly."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ import numpy as np
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.starts import Start, source_of
 from minexplore.envs.sensed.odometry_batch import OdometryBatch
+from minexplore.envs.starts import Start, source_of
 from minexplore.sensing.params import SensorParams
 from minexplore.sensing.scanners.caster import Hits, shared_caster
 from minexplore.sensing.scanners.degradation import degrade_hits
