@@ -12,10 +12,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from minexplore.envs.batches import commands_of, observations_of
-from minexplore.envs.call_checks import STARTS, check_options, mask_of, numbers_of, one_seed, spread_seeds
+from minexplore.envs.call_checks import STARTS, check_options, numbers_of, one_seed, spread_seeds
 from minexplore.envs.env import MineEnv, check_arguments
 from minexplore.envs.horizon import Timed
-from minexplore.envs.vector import check_count, find_mode, task_of
+from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
+from minexplore.limits import has_display
 from minexplore.physics.robots import find_robot
 from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
@@ -67,7 +68,8 @@ class FamilyEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         self._families = None if families is None else Path(families)
         self._arguments = arguments
         self.render_mode = arguments.get("render_mode")
-        self.metadata = dict(MineEnv.metadata)  # a `SyncVectorEnv` writes its mode into it
+        modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
+        self.metadata = {**MineEnv.metadata, "render_modes": modes}  # of its own: `SyncVectorEnv` writes its mode there
         self.task = coerce_params(TaskParams, arguments.get("task"))
         robot, sensors = find_robot(arguments.get("robot")), check_sensors(arguments.get("sensors", ()))
         self.observation_space = observed_space(observations_of(self.task, robot), sensors)

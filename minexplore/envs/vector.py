@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import STARTS, check_camera, check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.call_checks import STARTS, check_camera, check_options, is_masked, numbers_of, spread_seeds
 from minexplore.envs.horizon import Timed
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.starts import start_of
@@ -231,6 +231,27 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         if state["changed"]["closed"]:
             self.close()
         self.__dict__.update(state["changed"])
+
+
+def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
+    """Return which of `count` robots a reset is for, (count,) bool: all without `options["reset_mask"]`.
+
+    Raises
+    ------
+    ValueError
+        If the mask is not an array of truth values, one a robot, or names none.
+    """
+    mask = None if options is None else options.get("reset_mask")
+    if mask is None:
+        return np.ones(count, dtype=bool)
+    if is_masked(mask):
+        raise ValueError("reset_mask: want no masked values")
+    found = np.asarray(mask)
+    if found.dtype != bool or found.shape != (count,):
+        raise ValueError(f"reset_mask of {found.dtype} with shape {found.shape}: want bool with shape ({count},)")
+    if not found.any():
+        raise ValueError("reset_mask: it names no robot")
+    return found
 
 
 def check_count(name: str, value: Any, most: int) -> None:

@@ -1,4 +1,4 @@
-"""The vector environment as Stable-Baselines3 takes it (`pip install minexplore[sb3]`)."""
+"""The vector environment as Stable-Baselines3 takes it (the extra `sb3`)."""
 
 from __future__ import annotations
 

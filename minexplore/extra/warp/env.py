@@ -14,9 +14,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.bundle import has_rough_floor
-from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.call_checks import check_options, numbers_of, spread_seeds
 from minexplore.envs.horizon import Timed
-from minexplore.envs.vector import check_count, find_mode, task_of
+from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
 from minexplore.extra.warp import require_device
 from minexplore.extra.warp.batch import WarpBatch
 from minexplore.extra.warp.kernels.faults import MEANINGS
