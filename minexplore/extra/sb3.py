@@ -43,14 +43,12 @@ class MineVecEnv(VecEnv):
 
     def __init__(self, env_id: str, num_envs: int, **kwargs: Any) -> None:
         """Make the environment."""
+        kwargs["autoreset_mode"] = AutoresetMode.SAME_STEP
         try:
-            spec = gymnasium.spec(env_id)
-        except (gymnasium.error.Error, ModuleNotFoundError) as error:
+            self.env: Any = gymnasium.make_vec(env_id, num_envs, "vector_entry_point", **kwargs)
+        except (gymnasium.error.UnregisteredEnv, ModuleNotFoundError) as error:
             known = [*minexplore.environments(), minexplore.FAMILY]
             raise ValueError(f"env_id = {env_id!r}: valid choices are {', '.join(known)}") from error
-        self.env: Any = gymnasium.make_vec(
-            spec, num_envs, "vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs
-        )
         self._actions = np.zeros(self.env.action_space.shape)
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
 
