@@ -133,7 +133,7 @@ env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorizat
 | `backend` | `"mujoco"` | `"mujoco"` steps robots on the CPU, `"warp"` on `device` |
 | `device` | `"cuda:0"` | a device of Warp; `"cpu"` works without a GPU and is slow |
 | `numpy` | False | return copies as arrays, and look for faults in every step |
-| `autoreset_mode` | `"NEXT_STEP"` | `"SAME_STEP"`: `final_obs`, `final_info` have a row a robot, with masks; `"DISABLED"` |
+| `autoreset_mode` | `"NEXT_STEP"` | `"SAME_STEP"`: `final_obs`, `final_info` have rows by robot, masked; `"DISABLED"` |
 
 `world`, `task` and `robot` are as above; there are no pictures, and no copies of the environment. Observations,
 rewards, flags and the info are torch tensors on the device. They are views of the environment's own arrays: the next
