@@ -162,7 +162,7 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         if options:
             from minexplore.envs.starts import start_of
 
-            start = start_of(options, self.robots)
+            start = start_of(options, self.world, self.robot.radius_m)
         super().reset(seed=one_seed(seed))
         self._begun, outcome = True, self.robots.reset(np.arange(1), [self.np_random], start)
         self.suite.begin((options or {}).get("noise_seed", seed))

@@ -5,15 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from minexplore.bundle import TOPOLOGY
 from minexplore.world import World
-
-if TYPE_CHECKING:
-    from minexplore.envs.robot_batch import RobotBatch
 
 _PLACES = ("pose", "cell", "station")  # options of which an episode takes at most one
 
@@ -45,7 +42,7 @@ def source_of(rng: np.random.Generator, robot: int, start: Start | None) -> np.r
     return np.random.default_rng(start.noise_seed + robot) if fixed else rng  # type: ignore[union-attr, operator]
 
 
-def start_of(options: Mapping[str, Any] | None, robots: RobotBatch) -> Start | None:
+def start_of(options: Mapping[str, Any] | None, world: World, radius_m: float) -> Start | None:
     """Return where options of a reset let episodes begin, or None if they do not say.
 
     Raises
@@ -66,8 +63,8 @@ def start_of(options: Mapping[str, Any] | None, robots: RobotBatch) -> Start | N
     if not given:
         return Start(noise_seed=noise_seed)
     name, value = given[0], asked[given[0]]
-    place, yaw = _READERS[name](robots.world, value)
-    _require_room(name, value, place, robots)
+    place, yaw = _READERS[name](world, value)
+    _require_room(name, value, place, world, radius_m)
     return Start(place, yaw, noise_seed)
 
 
@@ -108,9 +105,8 @@ def _numbers(name: str, value: Any, counts: tuple[int, ...], want: str) -> list[
     return [float(number) for number in found]
 
 
-def _require_room(name: str, value: Any, place_m: tuple[float, ...], robots: RobotBatch) -> None:
+def _require_room(name: str, value: Any, place_m: tuple[float, ...], world: World, radius_m: float) -> None:
     """Refuse a place in rock, or nearer to it than the robot is wide."""
-    world, radius_m = robots.world, robots.robot.radius_m
     column, row = np.floor((np.array(place_m[:2]) - world.origin_m) / world.cell_m).astype(int).tolist()
     rows, columns = world.clearance_m.shape
     clear_m = float(world.clearance_m[row, column]) if 0 <= row < rows and 0 <= column < columns else 0.0

@@ -120,7 +120,7 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
         if not self._begun and not mask.all():
             raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
-        start = start_of(options, self.robots)
+        start = start_of(options, self.world, self.robot.radius_m)
         self._draw_seeds()
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
