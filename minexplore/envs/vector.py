@@ -137,7 +137,7 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         self._draw_seeds()
         return tuple(self._seeds)
 
-    @property
+    @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Return each robot's random numbers."""
         self._draw_seeds()

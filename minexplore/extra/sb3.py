@@ -49,7 +49,7 @@ class MineVecEnv(VecEnv):
         except (gymnasium.error.UnregisteredEnv, ModuleNotFoundError) as error:
             known = [*minexplore.environments(), minexplore.FAMILY]
             raise ValueError(f"env_id = {env_id!r}: valid choices are {', '.join(known)}") from error
-        self._actions = np.zeros(self.env.action_space.shape)
+        self._actions = np.zeros(0)
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
 
     def reset(self) -> np.ndarray:
