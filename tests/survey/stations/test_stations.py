@@ -4,8 +4,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.remarks import collect_remarks
-from pipeline.survey.detect import detect_here, detect_survey
+from pipeline.survey.detect import detect_here
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
