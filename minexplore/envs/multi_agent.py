@@ -12,8 +12,7 @@ from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from minexplore.envs.call_checks import numbers_of, spread_seeds
-from minexplore.envs.outcome import info_of_robot
-from minexplore.envs.reward import COLLISION_PENALTY, step_reward
+from minexplore.envs.outcome import COLLISION_PENALTY, info_of_robot, step_reward
 from minexplore.envs.team import Team
 from minexplore.physics.robots import RobotChoice, default_robot
 from minexplore.pictures.opengl import prepare_opengl

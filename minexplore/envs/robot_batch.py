@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from minexplore.envs.ground import RobotGround, ground_of
-from minexplore.envs.outcome import StepOutcome
-from minexplore.envs.reward import step_reward
+from minexplore.envs.outcome import StepOutcome, step_reward
 from minexplore.envs.robot_places import RobotPlaces
 from minexplore.physics.robot_kind import DrivenRobot, Robot
 from minexplore.physics.stepper import PhysicsStepper
@@ -19,7 +18,7 @@ from minexplore.task import TaskParams
 from minexplore.world import World
 
 if TYPE_CHECKING:
-    from minexplore.envs.starts import Start
+    from minexplore.envs.starts import EpisodeStart
 
 _COUNTED = {2: "two", 4: "four"}
 # Arrays with a row for each robot that hold what changes while it drives.
@@ -66,7 +65,9 @@ class RobotBatch(RobotPlaces):
         """Return what the robots move over."""
         return ground_of(self.world, self.task, self.robot, self.count, whole)
 
-    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator], start: Start | None = None) -> StepOutcome:
+    def reset(
+        self, robots: np.ndarray, rngs: list[np.random.Generator], start: EpisodeStart | None = None
+    ) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, or as `start` says, and cast the beams once."""
         for i in robots.tolist():
             x, y, *z = self._sample_place(rngs[i])

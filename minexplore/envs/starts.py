@@ -16,7 +16,7 @@ _PLACES = ("pose", "cell", "station")  # options of which an episode takes at mo
 
 
 @dataclass(frozen=True)
-class Start:
+class EpisodeStart:
     """What options of a reset fix; None is drawn as without them.
 
     `place_m` is (x, y) or (x, y, z), m, mine frame, and `yaw_rad` counter-clockwise from east.
@@ -36,13 +36,13 @@ class Start:
         return [x, y, yaw if self.yaw_rad is None else self.yaw_rad, *z]
 
 
-def source_of(rng: np.random.Generator, robot: int, start: Start | None) -> np.random.Generator:
+def source_of(rng: np.random.Generator, robot: int, start: EpisodeStart | None) -> np.random.Generator:
     """Return what a robot's sensors take their random numbers from: its own, or those that its start fixes."""
     fixed = start is not None and start.noise_seed is not None
     return np.random.default_rng(start.noise_seed + robot) if fixed else rng  # type: ignore[union-attr, operator]
 
 
-def start_of(options: Mapping[str, Any] | None, world: World, radius_m: float) -> Start | None:
+def start_of(options: Mapping[str, Any] | None, world: World, radius_m: float) -> EpisodeStart | None:
     """Return where options of a reset let episodes begin, or None if they do not say.
 
     Raises
@@ -61,11 +61,11 @@ def start_of(options: Mapping[str, Any] | None, world: World, radius_m: float) -
         raise ValueError(f"options: {given[0]} and {given[1]}: want one of {', '.join(_PLACES)}")
     noise_seed = None if seed is None else int(seed)
     if not given:
-        return Start(noise_seed=noise_seed)
+        return EpisodeStart(noise_seed=noise_seed)
     name, value = given[0], asked[given[0]]
     place, yaw = _READERS[name](world, value)
     _require_room(name, value, place, world, radius_m)
-    return Start(place, yaw, noise_seed)
+    return EpisodeStart(place, yaw, noise_seed)
 
 
 def _pose_of(world: World, value: Any) -> tuple[tuple[float, ...], float | None]:

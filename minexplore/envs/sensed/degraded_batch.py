@@ -10,7 +10,7 @@ from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.sensed.odometry_batch import OdometryBatch
-from minexplore.envs.starts import Start, source_of
+from minexplore.envs.starts import EpisodeStart, source_of
 from minexplore.sensing.params import SensorParams
 from minexplore.sensing.scanners.caster import Hits, shared_caster
 from minexplore.sensing.scanners.degradation import degrade_hits
@@ -47,7 +47,9 @@ class DegradedBatch(RobotBatch):
         self._beam_rngs: list[np.random.Generator] = [np.random.default_rng(0) for _ in range(self.count)]
         self._usable_m = np.zeros((0, self.task.beams))
 
-    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator], start: Start | None = None) -> StepOutcome:
+    def reset(
+        self, robots: np.ndarray, rngs: list[np.random.Generator], start: EpisodeStart | None = None
+    ) -> StepOutcome:
         """Place robots, whose beams draw from children of their generators."""
         for robot in robots.tolist():
             self._beam_rngs[robot] = source_of(rngs[robot], robot, start).spawn(1)[0]

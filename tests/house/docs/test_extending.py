@@ -86,7 +86,7 @@ def test_the_observation_of_the_page_shows_how_the_mine_dips(tee):
     wrapper = run_blocks("An observation")["WithTilt"]
     env = wrapper(gymnasium.make("MineXplore/World-v0", world=str(tee.bundle)))
     observation, info = env.reset(seed=0)
-    assert observation[-2:] == pytest.approx([info["pitch_rad"], info["roll_rad"]])
+    assert observation[-2:] == pytest.approx([float(info["pitch_rad"]), float(info["roll_rad"])])
     observation, *_ = env.step(np.array([0.5, 0.0]))
     assert env.observation_space.contains(observation)
     assert np.linalg.norm(observation[-2:]) == pytest.approx(np.radians(5.0), abs=0.02)  # the world dips by 5 deg

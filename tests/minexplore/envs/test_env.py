@@ -12,7 +12,7 @@ from scipy.ndimage import label
 import minexplore  # noqa: F401  (registers the environments)
 from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
-from minexplore.envs.reward import CAP, step_reward
+from minexplore.envs.outcome import CAP, step_reward
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid, _connected
 from minexplore.sensing.observation import observe

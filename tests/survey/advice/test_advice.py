@@ -38,6 +38,18 @@ ELSEWHERE = {
     "--heights needs the survey's coordinates": (
         "tests/survey/test_surfaces.py::test_a_surface_that_does_not_belong_to_the_plan_is_refused"
     ),
+    "no column of a station table; there are": (
+        "tests/survey/stations/test_table_columns.py::test_a_stated_column_that_is_none_is_refused_with_those_that_are"
+    ),
+    "no such column; there are": (
+        "tests/survey/stations/test_table_columns.py::test_a_stated_column_that_is_none_is_refused_with_those_that_are"
+    ),
+    "--columns {}={}: stated twice": (
+        "tests/survey/stations/test_table_columns.py::test_a_stated_column_that_is_none_is_refused_with_those_that_are"
+    ),
+    "the unit of the column {} is not known": (
+        "tests/survey/stations/test_table_columns.py::test_a_unit_that_is_not_known_is_refused_and_the_option_reads_the_column"
+    ),
     "makes a GeoTIFF for --heights": (
         "tests/scans/test_exchanged_clouds.py::test_a_terrain_is_read_as_the_geotiff_that_the_refusal_asks_for"
     ),
@@ -46,6 +58,7 @@ ELSEWHERE = {
 UNKNOWN = (
     "its coordinates cannot be projected",  # PROJ gives infinite coordinates, and raises nothing
     "cannot be simplified to a closed mesh",
+    "its surface crosses itself at",  # what is left of it after it was mended
     "its lines are too tangled",
     "its surface, simplified to",
 )

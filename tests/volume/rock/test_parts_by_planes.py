@@ -1,7 +1,6 @@
 """Parts against the free space by planes and rays: what they say is what booleans say."""
 
 import dataclasses
-import os
 
 import manifold3d
 import numpy as np
@@ -134,14 +133,6 @@ def test_rays_block_deep_parts_between_two_drifts_and_none_that_fits(beside, kin
     assert blocked[0.08] == 0
 
 
-def test_polygons_are_the_same_plane_by_plane(beside, monkeypatch):
-    whole = polygons_of(beside)
-    assert len(whole) < len(beside.faces)
-    shares = "pipeline.volume.rock.polygons.in_shares"
-    monkeypatch.setattr(shares, lambda work, count, least: [work(k, k + 1) for k in range(count)])
-    assert polygons_of(beside) == whole
-
-
 def test_the_boxes_about_a_place_hold_all_of_the_free_space_there(beside):
     root, middle = Tile.of(beside.solid), beside.vertices.mean(axis=0)
     whole = list(root.about(root.low, root.high))
@@ -235,20 +226,20 @@ def test_no_part_repeats_its_last_corner(tmp_path):
     assert all((part.corners[:-1] != part.corners[-1]).any(axis=1).all() for part in parts)
 
 
-def test_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
-    for module in ("geometry.facets.separation", "volume.rock.faces", "volume.rock.cleared", "volume.rock.rays"):
-        monkeypatch.setattr(f"pipeline.{module}._LEAST_SHARE", 5)
+def test_figures_are_the_same_in_pieces_of_any_size(beside, monkeypatch):
     found, twice = {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
-    for cores in (1, 2, 3):
-        monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)))
+    for piece in (10_000, 5, 3):
+        monkeypatch.setattr("pipeline.geometry.facets.separation._TOGETHER", piece)
+        for module in ("faces", "cleared"):
+            monkeypatch.setattr(f"pipeline.volume.rock.{module}._AT_ONCE", piece)
         parts = build_shell(beside)
         enclosure = measure_enclosure(beside, parts)
         figures = (enclosure.gap.width_m, enclosure.gap.place_m.tolist(), enclosure.intrusion.depth_m)
         crossing = crossing_facets(twice, np.concatenate([beside.faces, beside.faces + len(twice) // 2]), 1e-6)
-        found[cores] = (figures, crossing.tolist(), [part.corners.tolist() for part in parts])
-    assert len(parts) >= 20  # four shares at least
-    assert len(found[1][1]) > 20
-    assert found[1] == found[2] == found[3]
+        found[piece] = (figures, crossing.tolist(), [part.corners.tolist() for part in parts])
+    assert len(parts) >= 20  # four pieces at least
+    assert len(found[5][1]) > 20
+    assert found[10_000] == found[5] == found[3]
 
 
 @pytest.mark.parametrize("number", [0, 3])

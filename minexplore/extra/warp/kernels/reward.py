@@ -1,9 +1,9 @@
-"""The paper's reward and the ends of episodes; `minexplore.envs.reward` is the reference."""
+"""The paper's reward and the ends of episodes; `minexplore.envs.outcome` is the reference."""
 
 import numpy as np
 import warp as wp
 
-from minexplore.envs.reward import COLLISION_PENALTY, COVERAGE_GAIN, IDLE_PENALTY, MILESTONES
+from minexplore.envs.outcome import COLLISION_PENALTY, COVERAGE_GAIN, IDLE_PENALTY, MILESTONES
 from minexplore.extra.warp.kernels.faults import NOT_FINITE, OUTSIDE
 from minexplore.extra.warp.kernels.frames import MineFrame
 
