@@ -20,7 +20,6 @@ _DIRECTIONS = 40  # about 30 deg from one to the next
 _REACH_RAD = 0.7  # from a splay, as far as it says where the wall is
 _BESIDE_RAD = 0.17  # from a splay, at least, in other directions
 _PARALLEL_RAD = 0.035  # of splays, of which the shortest counts: it ends at what is before the others
-_WITHIN = 0.9  # of a splay that no passage stops: surfaces that nearly coincide leave slivers
 _ALONE = 0.5  # weight of the station itself, beside those of the splays
 _LEAST_M = 0.05  # of a view in any direction, and of a splay
 _ROCK = 1.3  # of the sections of passages that are not near along the survey: views end before these
@@ -139,8 +138,7 @@ def star(steps: np.ndarray, stopped: np.ndarray) -> tuple[np.ndarray, np.ndarray
         if (ways[kept] @ ways[k]).max(initial=-1.0) < np.cos(_PARALLEL_RAD):
             kept.append(k)
     beside = ways[kept] @ ways[stopped].T > np.cos(_REACH_RAD)
-    kept = np.array(kept)[beside.any(axis=1)]
-    length, ways = np.where(stopped, 1.0, _WITHIN)[kept] * length[kept], ways[kept]
+    length, ways = length[kept][beside.any(axis=1)], ways[kept][beside.any(axis=1)]
     number = np.arange(_DIRECTIONS) + 0.5  # along a spiral over the sphere
     up, turn = 1 - 2 * number / _DIRECTIONS, np.pi * (1 + 5**0.5) * number
     level = np.sqrt(1 - up**2)
