@@ -235,12 +235,9 @@ class _Chain:
 
     def followed_by(self, other: _Chain) -> _Chain:
         """Return the chain and one that begins where it ends; the higher of their roofs counts there."""
-        shared = np.maximum(self.lrud_m[-1:], other.lrud_m[:1])
-        lrud = np.concatenate([self.lrud_m[:-1], shared, other.lrud_m[1:]])
-        places, known = (
-            np.concatenate([self.places_m, other.places_m[1:]]),
-            np.concatenate([self.known, other.known[1:]]),
-        )
+        lrud = np.concatenate([self.lrud_m[:-1], np.maximum(self.lrud_m[-1:], other.lrud_m[:1]), other.lrud_m[1:]])
+        places = np.concatenate([self.places_m, other.places_m[1:]])
+        known = np.concatenate([self.known, other.known[1:]])
         return _Chain(self.stations + other.stations[1:], places, lrud, known)
 
 
