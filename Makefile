@@ -9,7 +9,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data corpus parity-gpu bench-gpu train-gpu docs wheel lock dag
+.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data evidence corpus parity-gpu bench-gpu train-gpu docs wheel lock dag
 
 # Measurements, comparisons, pictures and training are `python -m benchmarks NAME`.
 help:  # show the targets, those that have a remark of two hashes
@@ -32,10 +32,10 @@ all: setup  ## run the whole pipeline (dvc repro)
 
 # Three workers fill two cores, as tests wait for processes and files; more threads of BLAS than one each would wait for each other.
 test: setup  ## run the tests, without the slow ones
-	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist worksteal -m "not slow" tests
+	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist worksteal -m "not slow"
 
 test-slow: setup  ## run the slow tests
-	@$(PY) -m pytest -m slow tests
+	@$(PY) -m pytest -m slow
 
 check: setup  ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml
@@ -57,6 +57,9 @@ report: all  ## write docs/evidence/results.md, README's table and pictures; the
 
 data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=address or folder)
 	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
+
+evidence: all  ## renew the pages of docs/evidence that are older than the code, the cheapest first (ARGS="--budget 2h")
+	@$(PY) -m benchmarks evidence $(ARGS)
 
 corpus: all  ## build artifacts/corpus, a folder of worlds that others load by name, with certificates and reports
 	@$(PY) -m benchmarks corpus

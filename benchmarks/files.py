@@ -142,7 +142,8 @@ def build_file(path: Path, words: list[str], folder: Path) -> Outcome:
     start, project = sum(os.times()[:4]), Project(folder, tiny=False)
     command = [sys.executable, "-m", "pipeline", "new", _SURVEY, "--from", str(path.resolve()), *words]
     done = project.run(*command, check=False)
-    last = (done.stderr.strip().splitlines() or [""])[-1].replace(f"data/mines/{_SURVEY}/{path.name}: ", "")
+    last = (done.stderr.strip().splitlines() or [""])[-1].removeprefix("new: ")
+    last = last.replace(f"data/mines/{_SURVEY}/{path.name}: ", "")
     verdict, why = "failed", last
     if done.returncode == 0:
         measured = json.loads((folder / f"artifacts/worlds/{_SURVEY}/validation/metrics.json").read_text())
@@ -206,7 +207,7 @@ def command_line() -> argparse.ArgumentParser:
 
 def main(words: list[str]) -> int:
     """Try a folder's files and print the table; exit code 2 if a reader failed or there is no such folder."""
-    typed = command_line().parse_args(words)
+    typed = command_line().parse_intermixed_args(words)
     given = [word for word in _own_options().parse_known_args(words)[1] if Path(word) != typed.folder]
     if typed.child and typed.build:
         with tempfile.TemporaryDirectory() as scratch:

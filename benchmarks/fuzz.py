@@ -6,7 +6,6 @@ Time is that of the processors: other work on the machine does not count.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -15,26 +14,24 @@ import subprocess
 import sys
 import tempfile
 import zlib
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from baselines.base.markdown import markdown_table, write_table
 from benchmarks.fuzzing.case_alarm import Alarm, HangError
 from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.samples import SAMPLES
 from benchmarks.fuzzing.saved import Files
+from benchmarks.judged_cases import JudgedCases, largest
+from benchmarks.resume import Row
 from pipeline.errors import MineError, UnexpectedError
-from pipeline.store.files import write_atomically
 
-RESULTS, TABLE = Path("artifacts/bench/fuzz.json"), Path("docs/evidence/parts/fuzz.md")
+_COUNT = 40  # cases of a reader, hostile ones first
 Case = tuple[str, Callable[[], Files]]  # its name, and the function that makes its files
 _MEMORY = 4_000_000_000
 _NUMBERS = [b"-1", b"0", b"1e308", b"nan", b"inf", b"99999999999", b"-0.0", b"4294967296", b"1e-320", b"''"]
@@ -178,7 +175,7 @@ def _child(reader: str, first: int, count: int) -> None:
         print(json.dumps([number, name, verdict, round(trial.seconds, 3), peak]), file=out, flush=True)
 
 
-def fuzz_reader(reader: str, count: int, progress: Callable[[int], object]) -> dict[str, Any]:
+def fuzz_reader(reader: str, count: int = _COUNT) -> Row:
     """Run a reader's cases in a child process. After a case that kills the process, a new process continues."""
     verdicts: list[tuple[str, str]] = []
     slowest, peak = (0.0, ""), 0
@@ -191,10 +188,8 @@ def fuzz_reader(reader: str, count: int, progress: Callable[[int], object]) -> d
                 number, name, verdict, seconds, memory = json.loads(line)
                 verdicts.append((f"{number} ({name})", verdict))
                 slowest, peak = max(slowest, (seconds, name)), max(peak, memory)
-                progress(1)
         if len(verdicts) < count:
             verdicts.append((str(len(verdicts)), f"crash (exit code {child.returncode})"))
-            progress(1)
             if len(verdicts) == before + 1 and before == 0:
                 break
     found = [verdict for _, verdict in verdicts]
@@ -210,71 +205,28 @@ def fuzz_reader(reader: str, count: int, progress: Callable[[int], object]) -> d
     }
 
 
-def table(results: dict[str, dict[str, Any]], page: str = "") -> str:
-    """Return the results as Markdown, with the rows of a page for readers that have more cases there."""
-    counted = ("cases", "hostile", "refused with a message", "valid", "failed")
-    names = ("reader", *counted, "memory, GB", "slowest, CPU s", "")
-    rows: list[Sequence[object]] = []
-    earlier = _rows_of(page)
-    for reader in dict.fromkeys([*SAMPLES, *earlier]):  # a reader of an extra may stand there alone
-        kept = earlier.get(reader, [])
-        if reader not in results or any(int(cells[1]) > results[reader]["cases"] for cells in kept):
-            rows += kept
-            continue
-        row = results[reader]
-        size, slowest = f"{row['peak_bytes'] / 1e9:.1f}", f"{row['slowest_s']:.1f}"
-        counts = (row["cases"], row["hostile"], row["refused"], row["valid"], len(row["failed"]))
-        rows.append((reader, *counts, size, slowest, row["slowest_case"]))
-    return markdown_table(names, rows)
-
-
-def _rows_of(page: str) -> dict[str, list[list[str]]]:
-    """Return the row of each reader in a page's table."""
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| ")]
-    return {cells[0]: [cells] for cells in lines[1:]}
-
-
-def main() -> int:
-    """Fuzz all readers; exit code 2 if one fails."""
-    if sys.argv[1:2] == ["--child"]:
-        _child(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
-        return 0
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)
-    parser.add_argument("--count", type=int, default=500, help="cases of a reader, hostile ones first")
-    parser.add_argument("--readers", nargs="*", choices=list(SAMPLES), default=list(SAMPLES))
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="readers at a time")
-    parser.add_argument("--resume", action="store_true", help=f"leave out readers that have as many cases in {RESULTS}")
-    arguments = parser.parse_args()
-    if arguments.resume:
-        kept = _with_earlier({})
-        arguments.readers = [r for r in arguments.readers if kept.get(r, {}).get("cases", 0) < arguments.count]
-    with (
-        tqdm(total=arguments.count * len(arguments.readers), unit="case", disable=None) as bar,
-        ThreadPoolExecutor(arguments.jobs) as pool,
-    ):
-        found = pool.map(lambda reader: fuzz_reader(reader, arguments.count, bar.update), arguments.readers)
-        results, whole = {}, _with_earlier({})
-        for reader, result in zip(arguments.readers, found, strict=True):
-            results[reader] = result
-            whole = _with_earlier(results)
-            write_atomically(RESULTS, (json.dumps(whole, indent=1) + "\n").encode())
-    print(table(results))
-    failed = {f"{reader} {case}": v for reader, row in results.items() for case, v in row["failed"].items()}
-    for case, verdict in failed.items():
-        print(f"{case}: {verdict}")
-    sound = [row["cases"] >= arguments.count and not row["failed"] for row in whole.values()]
-    page = TABLE.read_text()
-    if all(sound) and {*whole, *_rows_of(page)} >= set(SAMPLES):
-        write_table(TABLE, table(whole, page))
-    return 2 if failed else 0
-
-
-def _with_earlier(results: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return results in the order of the readers, with the earlier ones of readers that were not run again."""
-    earlier = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
-    known = {**earlier, **results}
-    return {reader: known[reader] for reader in SAMPLES if reader in known}
-
+FUZZ = JudgedCases(
+    name="fuzz",
+    cases=list(SAMPLES),
+    judge=fuzz_reader,
+    holds=lambda row: not row["failed"],
+    groups=lambda row: [row["case"]],
+    of="reader",
+    with_all=False,
+    columns={
+        "cases": largest("cases"),
+        "hostile": largest("hostile"),
+        "refused with a message": largest("refused"),
+        "valid": largest("valid"),
+        "failed": lambda rows: len(rows[0]["failed"]),
+        "memory, GB": largest("peak_bytes", ".1f", 1e-9),
+        "slowest, CPU s": largest("slowest_s", ".1f"),
+        "slowest case": lambda rows: rows[0]["slowest_case"],
+    },
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    if sys.argv[1:2] == ["--child"]:
+        _child(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+    else:
+        sys.exit(FUZZ.run(__doc__))

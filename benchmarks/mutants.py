@@ -18,8 +18,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from benchmarks.faults.injection import edit_model, seal
+from benchmarks.faults.judge import CRASHED, MISSED, judge_many, prove, summarise
 from benchmarks.faults.listed import Mutant, faults
-from benchmarks.faults.random_mutants import CRASHED, MISSED, judge_many, prove, summarise
 from benchmarks.resume import run_benchmark
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches

@@ -1,21 +1,19 @@
-"""The simplest mines that a newcomer draws, each made by `pipeline new`: a run goes on where the last one stopped.
+"""What a newcomer tries first: simple mines, each made by `pipeline new` in a copy of the project.
 
 Boxes, bends, tees, rings, rooms and stubs, 1.6 to 12 m wide and 15 to 400 m long, in any direction, in metres, feet or
-millimetres, as GeoJSON or DXF. Every mine is built with its visible rock and judged by all limits of stage 6.
+millimetres, as GeoJSON or DXF; every seventh is a station table with heights. Every mine is built with its visible rock
+and judged by all limits of stage 6.
 """
 
 from __future__ import annotations
 
-import argparse
+import atexit
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from queue import SimpleQueue
-from typing import Any
 
 import ezdxf.filemanagement
 import ezdxf.units
@@ -23,17 +21,19 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon, affinity
 
-from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import resume
+from benchmarks.judged_cases import JudgedCases, span
+from benchmarks.resume import Row
+from benchmarks.worlds.random_levels import random_legs
+from tests.heights import table as station_table
 from tests.project import Project
 
-RESULTS, TABLE = Path("artifacts/bench/simple-mines.jsonl"), Path("docs/evidence/parts/simple-mines.md")
 _WIDTH_M, _LENGTH_M = (1.6, 12.0), (15.0, 400.0)
 _UNITS = {"m": 1.0, "ft": 0.3048, "mm": 0.001}
 _ROOM_SHARE = (0.3, 1.0)  # a room's width, of its length
 _STUB_WIDTHS = (2.0, 6.0)  # a stub's length, in widths of the drift
 _MESSAGE_CHARACTERS = 600  # characters of the last messages, which name the limits
 _RING_WIDTHS = 3.0  # the rock within a ring is at least so wide
+_HEIGHTS = 7  # every so many mines one is a survey with heights
 
 
 @dataclass(frozen=True)
@@ -52,18 +52,14 @@ class SimpleMine:
         path = folder / f"mine{self.suffix}"
         scaled = affinity.scale(self.outline, 1 / _UNITS[self.unit], 1 / _UNITS[self.unit], origin=(0, 0))
         if self.suffix == ".dxf":
-            write_dxf(path, scaled, self.unit)
+            unit = {"m": ezdxf.units.M, "ft": ezdxf.units.FT, "mm": ezdxf.units.MM}[self.unit]
+            drawing = ezdxf.filemanagement.new(units=unit)
+            for ring in (scaled.exterior, *scaled.interiors):
+                drawing.modelspace().add_lwpolyline(list(ring.coords)[:-1], close=True)
+            drawing.saveas(path)
             return ["--from", str(path)]
         path.write_text(shapely.to_geojson(scaled))
         return ["--from", str(path), "--unit", self.unit]
-
-
-def write_dxf(path: Path, outline: Polygon, unit: str) -> None:
-    """Write an outline, in units of the file, as closed polylines of a DXF that states its unit: m, ft or mm."""
-    drawing = ezdxf.filemanagement.new(units={"m": ezdxf.units.M, "ft": ezdxf.units.FT, "mm": ezdxf.units.MM}[unit])
-    for ring in (outline.exterior, *outline.interiors):
-        drawing.modelspace().add_lwpolyline(list(ring.coords)[:-1], close=True)
-    drawing.saveas(path)
 
 
 def _drift(places_m: list[tuple[float, float]], width_m: float) -> Polygon:
@@ -119,85 +115,56 @@ def random_mine(seed: int) -> SimpleMine:
     return SimpleMine(kind, turned, width, length, unit, suffix)
 
 
-def judge(seed: int, project: Project, overrides: list[str]) -> dict[str, Any]:
+def judge(seed: int) -> Row:
     """Make one mine with `pipeline new` and return its exit code and its last messages."""
-    mine, name = random_mine(seed), f"simple-{seed}"
-    row: dict[str, Any] = {"seed": seed, "kind": mine.kind, "width_m": round(mine.width_m, 2), "unit": mine.unit}
-    row |= {"length_m": round(mine.length_m), "format": mine.suffix[1:]}
+    name, project = f"simple-{seed}", _project()
     with tempfile.TemporaryDirectory() as folder:
-        done = project.module("pipeline", "new", name, *mine.write(Path(folder)), *overrides)
+        if seed % _HEIGHTS:
+            mine = random_mine(seed)
+            words, row = (
+                mine.write(Path(folder)),
+                {"kind": mine.kind, "width_m": mine.width_m, "length_m": mine.length_m},
+            )
+        else:
+            kind, legs = random_legs(seed)
+            path = Path(folder) / "mine.csv"
+            path.write_text(station_table(legs))
+            words, row = ["--from", str(path)], {"kind": f"{kind}, with heights"}
+        done = project.run(sys.executable, "-m", "pipeline", "new", name, *words)
     shutil.rmtree(project.folder / "artifacts" / "worlds" / name, ignore_errors=True)
-    row["exit_code"] = done.returncode
-    if done.returncode:
-        row["messages"] = done.stderr[-_MESSAGE_CHARACTERS:].splitlines()
-    return row
+    return row | {"exit_code": done.returncode, "messages": done.stderr[-_MESSAGE_CHARACTERS:].splitlines()}
 
 
-def table(rows: list[dict[str, Any]]) -> str:
-    """Return the results by kind as Markdown."""
-    counted = []
-    for kind in (*KINDS, None):
-        some = [row for row in rows if kind in (None, row["kind"])]
-        if some:
-            spans = (f"{min(r[k] for r in some):g} to {max(r[k] for r in some):g}" for k in ("width_m", "length_m"))
-            passed = sum(row["exit_code"] == 0 for row in some)
-            counted.append((kind or "all", len(some), passed, *spans))
-    return markdown_table(("kind", "mines", "pass", "width, m", "length, m"), counted)
+@cache
+def _project() -> Project:
+    """Return the copy of the project that this process builds in; it is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="simple-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Project(Path(folder), tiny=False)
 
 
-def tables(rows: list[dict[str, Any]]) -> str:
-    """Return the table, and a line for each mine that does not pass."""
+def note(rows: list[Row]) -> str:
+    """Return a line for each mine that does not pass."""
     failed = [row for row in rows if row["exit_code"]]
-    lines = [
-        f"- seed {row['seed']}, a {row['kind']} {row['width_m']} m wide: {row['messages'][-1].strip()}\n"
-        for row in failed
-    ]
-    return table(rows) + ("\nNot passed:\n\n" + "".join(lines) if lines else "")
+    lines = [f"- seed {row['case']}, a {row['kind']}: {row['messages'][-1].strip()}\n" for row in failed]
+    return "Not passed:\n\n" + "".join(lines) if lines else ""
 
 
-def _rows(wanted: list[int], jobs: int, overrides: list[str]) -> Iterator[dict[str, Any]]:
-    """Judge mines side by side, each job in a copy of the project of its own."""
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(jobs) as pool:
-        projects: SimpleQueue[Project] = SimpleQueue()
-        for job in range(jobs):
-            projects.put(Project(Path(folder) / str(job), tiny=False))
-
-        def judged(seed: int) -> dict[str, Any]:
-            project = projects.get()
-            try:
-                return judge(seed, project, overrides)
-            finally:
-                projects.put(project)
-
-        yield from pool.map(judged, wanted)
-
-
-def main() -> int:
-    """Make the mines that have no result yet and write the table; exit code 2 if a mine fails."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.simple_mines", description=__doc__)
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--again", action="store_true", help="make all mines again")
-    parser.add_argument("overrides", nargs="*", help="for example preset=light; the page is then not written")
-    a = parser.parse_args()
-    if a.again:
-        RESULTS.unlink(missing_ok=True)
-    made = resume(
-        RESULTS,
-        range(a.count),
-        lambda seeds: _rows(seeds, a.jobs, a.overrides),
-        "mine",
-        is_valid=lambda row: row["exit_code"] == 0,
-    )
-    found = sorted((row for row in made if row["seed"] < a.count), key=lambda row: row["seed"])
-    failed = [row for row in found if row["exit_code"]]
-    if not a.overrides:
-        write_table(TABLE, tables(found))
-    print(table(found), end="")
-    for row in failed:
-        print(row)
-    return 2 if failed else 0
-
+SIMPLE_MINES = JudgedCases(
+    name="simple-mines",
+    cases=range(42),
+    judge=judge,
+    holds=lambda row: row["exit_code"] == 0,
+    groups=lambda row: [row["kind"]],
+    of="kind",
+    columns={
+        "mines": len,
+        "pass": lambda rows: sum(row["exit_code"] == 0 for row in rows),
+        "width, m": span("width_m", ".2f"),
+        "length, m": span("length_m", ".0f"),
+    },
+    note=note,
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(SIMPLE_MINES.run(__doc__))

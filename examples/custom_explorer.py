@@ -1,4 +1,7 @@
-"""Evaluate an explorer of your own by the leaderboard's protocol: `python examples/custom_explorer.py`."""
+"""Evaluate an explorer of your own by the leaderboard's protocol: `python examples/custom_explorer.py`.
+
+It needs a checkout: the wheel has no baselines.
+"""
 
 import argparse
 from pathlib import Path

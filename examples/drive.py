@@ -1,4 +1,7 @@
-"""Drive a robot through the default mine and write a picture of what it sees: `python examples/drive.py`."""
+"""Drive a robot through the default mine and write a picture of what it sees: `python examples/drive.py`.
+
+It needs the wheel and its extra `examples`.
+"""
 
 import argparse
 

@@ -1,4 +1,7 @@
-"""Map a mine by a LiDAR on a robot, in dust: `python examples/map_from_lidar.py`. It needs Open3D."""
+"""Map a mine by a LiDAR on a robot, in dust: `python examples/map_from_lidar.py`.
+
+It needs the wheel and its extra `examples`.
+"""
 
 import argparse
 

@@ -1,4 +1,7 @@
-"""Put a robot of any MJCF file into a mine and step it; by default Gymnasium's Ant in the embedded mine."""
+"""Put a robot of any MJCF file into a mine and step it; by default Gymnasium's Ant in the embedded mine.
+
+It needs the wheel alone.
+"""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""Read a world bundle with json, numpy and mujoco only: `python examples/read_bundle.py FOLDER`."""
+"""Read a world bundle with json, numpy and mujoco only: `python examples/read_bundle.py FOLDER`.
+
+It needs no package of this project. The wheel has the default world in `minexplore/worlds/chilean_mine`.
+"""
 
 import argparse
 import json

@@ -1,4 +1,7 @@
-"""Train PPO of Stable-Baselines3 in many copies of the default mine: `python examples/train_sb3.py`."""
+"""Train PPO of Stable-Baselines3 in many copies of the default mine: `python examples/train_sb3.py`.
+
+It needs the wheel and its extra `sb3`.
+"""
 
 import argparse
 import sys
@@ -13,7 +16,7 @@ try:
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import VecMonitor
 except ImportError:
-    print("train_sb3: Stable-Baselines3 is not installed; run `pip install 'minexplore[sb3]'`", file=sys.stderr)
+    print("train_sb3: Stable-Baselines3 is not installed; run `pip install 'stable-baselines3>=2.6'`", file=sys.stderr)
     sys.exit(2)
 
 from minexplore.extra.sb3 import MineVecEnv

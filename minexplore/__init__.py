@@ -12,6 +12,7 @@ end_at_once_if_interrupted("minexplore", "baselines", "pipeline", "stages", "ben
 from gymnasium.envs.registration import register  # noqa: E402
 
 from minexplore.bundle import RECORD  # noqa: E402
+from minexplore.task import TaskParams  # noqa: E402
 
 if TYPE_CHECKING:
     from minexplore.world import World
@@ -113,11 +114,12 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"minexplore.extra.{_EXTRA[name]}"), name)
 
 
+def register_env(env_id: str, kwargs: dict[str, Any], one: str = ENTRY_POINT, many: str = VECTOR_ENTRY_POINT) -> None:
+    """Register an environment, whose episodes end after the `max_steps` of its task."""
+    steps = kwargs.get("task", {}).get("max_steps", TaskParams.max_steps)
+    register(env_id, one, vector_entry_point=many, kwargs=kwargs, max_episode_steps=steps)
+
+
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():
-    register(_id, ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=_kwargs, order_enforce=True)
-register(
-    FAMILY,
-    "minexplore.envs.family:FamilyEnv",
-    vector_entry_point="minexplore.envs.family:FamilyVectorEnv",
-    order_enforce=True,
-)
+    register_env(_id, _kwargs)
+register_env(FAMILY, {}, "minexplore.envs.family:FamilyEnv", "minexplore.envs.family:FamilyVectorEnv")

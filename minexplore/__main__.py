@@ -74,8 +74,9 @@ def play(env_id: str, kwargs: dict[str, Any], policy: str, steps: int, video: st
     except OSError as error:
         raise ValueError(f"video = {video!r}: no folder that can be written ({error.strerror})") from error
     with recording as place:  # nothing is kept of a video that is not finished
-        _drive(gymnasium.wrappers.RecordVideo(env, place, episode_trigger=lambda k: True), policy, steps, False)
-        for file in sorted(Path(place).glob("*.mp4")):
+        own = Path(place, "made")  # a folder that is there is warned of
+        _drive(gymnasium.wrappers.RecordVideo(env, str(own), episode_trigger=lambda k: True), policy, steps, False)
+        for file in sorted(own.glob("*.mp4")):
             file.rename(_free_name(Path(video) / file.name))
 
 
@@ -109,11 +110,17 @@ def _drive_open(env: gymnasium.Env, policy: str, steps: int, at_pace: bool) -> N
 
     mine.on_key = on_key
     observation, info = env.reset(seed=0)
+    began = time.perf_counter()
     for step in range(steps):
         start = time.perf_counter()
         observation, _, _, truncated, info = env.step(policies[policy](observation))
         if step % 50 == 0:
-            print(f"{step / 10:6.1f} s  coverage {100 * info['coverage']:5.2f} %  collisions {info['collisions']}")
+            pace = "" if at_pace else f"  {(step + 1) / (time.perf_counter() - began):.1f} frames/s"
+            print(
+                f"{step / 10:6.1f} s  coverage {100 * info['coverage']:5.2f} %  collisions {info['collisions']}{pace}"
+            )
+            if step == 0 and not at_pace and os.environ.get("MUJOCO_GL") != "egl":
+                print("pictures are drawn on the processor; with a GPU, MUJOCO_GL=egl before the command is faster")
         if truncated:
             break
         if at_pace:

@@ -7,6 +7,7 @@ import numbers
 import os
 import re
 import stat
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,11 @@ class Span:
         number = "a whole number" if self.whole else "a number"
         most = "" if math.isinf(self.high) else f" to {self.high:,.10g}"
         return f"{number} from {self.low:,.10g}{most}{' or more' if not most else ''}"
+
+
+def has_display() -> bool:
+    """Return whether a window can be shown: on Linux whether an X or Wayland display is announced."""
+    return bool(sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def check_numbers(kind: str, params: Any, spans: Mapping[str, Span]) -> None:

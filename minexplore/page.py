@@ -73,7 +73,7 @@ family](../how-to/families.md). The mines must be built: `python -m benchmarks w
 
 ```python
 env = gymnasium.make("MineXplore/Family-v0", split="test")
-observation, info = env.reset(seed=7)  # info["mine"] is its name
+observation, info = env.reset(seed=7)  # info["mine"] is its number in the split, env.unwrapped.mine its name
 observation, info = env.reset(options={"mine": "test-0007"})
 ```
 
@@ -86,6 +86,22 @@ observation, info = env.reset(options={"mine": "test-0007"})
 All other arguments are those of the environment above, without `world`. `gymnasium.make_vec` gives each robot a mine of
 its own. Which mine a seed draws does not depend on which mines are built; a drawn mine that is missing is an error.
 Training refuses the mines of `validation` and `test`, and variants of the embedded mine.
+"""
+
+_VECTOR = """## Many robots
+
+`gymnasium.make_vec` steps many robots in one call, each alone in its own copy of the mine, with the trajectories of
+single ones. `np_random_seed` has a seed a robot.
+
+| `autoreset_mode` | when an episode has ended |
+|---|---|
+| `"NEXT_STEP"` | the next step resets the robot and ignores its action |
+| `"SAME_STEP"` | the step resets it; `final_obs` and `final_info` hold its last ones |
+| `"DISABLED"` | `reset(options={"reset_mask": ...})` resets it; a step before that is refused |
+
+Gymnasium's vector wrappers of observations, such as `NormalizeObservation` and `FlattenObservation`, refuse
+`SAME_STEP`, in version 1.2.2 by a bare `AssertionError`: take `NEXT_STEP` with them. Other arguments are those above,
+with `threads`. In `gymnasium.make_vec` the horizon is `max_episode_steps`; `max_steps` of a task beside it is refused.
 """
 
 _TEAM = """## A team
@@ -116,12 +132,12 @@ env = gymnasium.make_vec("MineXplore/ChileanMine-v0", num_envs=65536, vectorizat
 |-----------|---------|-------------|
 | `backend` | `"mujoco"` | `"mujoco"` steps robots on the CPU, `"warp"` on `device` |
 | `device` | `"cuda:0"` | a device of Warp; `"cpu"` works without a GPU and is slow |
-| `numpy` | False | return copies as arrays, with the zone's name, and look for faults in every step |
-| `autoreset_mode` | `"NEXT_STEP"` | or `"SAME_STEP"`: `final_obs`, `final_info` have a row a robot, with masks |
+| `numpy` | False | return copies as arrays, and look for faults in every step |
+| `autoreset_mode` | `"NEXT_STEP"` | `"SAME_STEP"`: `final_obs`, `final_info` have rows by robot, masked; `"DISABLED"` |
 
 `world`, `task` and `robot` are as above; there are no pictures, and no copies of the environment. Observations,
 rewards, flags and the info are torch tensors on the device. They are views of the environment's own arrays: the next
-call overwrites them. `zone` is a number there, west to east. `step` waits for nothing, so `check` reports faults:
+call overwrites them. `step` waits for nothing, so `check` reports faults:
 actions or states that are not finite, robots outside of the mine, and limits of MuJoCo Warp that were too small.
 
 Floors are level here: a mine with heights, a volume included, or with a rough floor is refused at once.
@@ -144,7 +160,7 @@ def page() -> str:
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
     use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     body, versions, history = rest.partition("## Version History")
-    more = f"{sensors_section()}\n{_FAMILY}\n{_TEAM}\n{_WARP}\n{physics()}"
+    more = f"{sensors_section()}\n{_VECTOR}\n{_FAMILY}\n{_TEAM}\n{_WARP}\n{physics()}"
     return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{more}\n{versions}{history}\n"
 
 

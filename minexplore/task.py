@@ -12,15 +12,15 @@ from minexplore.limits import Span, check_numbers
 
 T = TypeVar("T")
 
-_LONG = 1_000_000_000  # steps: an episode that never ends by itself
+LONG = 1_000_000_000  # steps: an episode that never ends by itself
 _RANGE = Span(0.0, 1000.0)
 _SPANS = {
     "beams": Span(1, 4096, whole=True),
     "range_noise_m": Span(0.0, 10.0),
     "max_forward_mps": Span(0.0, 50.0),
     "max_turn_radps": Span(0.0, 50.0),
-    "max_steps": Span(1, _LONG, whole=True),
-    "stall_steps": Span(1, _LONG, whole=True),
+    "max_steps": Span(1, LONG, whole=True),
+    "stall_steps": Span(1, LONG, whole=True),
     "stall_speed_mps": Span(0.0, 50.0),
     "control_s": Span(1e-4, 10.0),
     "cell_m": Span(0.1, 1000.0),

@@ -213,16 +213,15 @@ NO_LEGS = SurveyedLegs(
 class ClosedMesh:
     """The free space of a survey that is a solid: a closed mesh (m, mine frame) whose normals point out of it.
 
-    `datum_m` is the survey's elevation of height 0. The world's mesh may be simplified by `simplify_m`. A survey that
-    is no solid has no faces. `scan_m` are the points of the scan that it was made from, `scan_rgb` their colours: red,
-    green, blue, black of a point without one, none if the scan has none. `rays_m` are some of the points with the place
-    of the scanner that saw each, before it. Other solids have none of these.
+    Its facets do not cross. `datum_m` is the survey's elevation of height 0. A survey that is no solid has no faces.
+    `scan_m` are the points of the scan that it was made from, `scan_rgb` their colours: red, green,
+    blue, black of a point without one, none if the scan has none. `rays_m` are some of the points with the place of the
+    scanner that saw each, before it. Other solids have none of these.
     """
 
     vertices: Float64[np.ndarray, "n 3"]
     faces: Int32[np.ndarray, "f 3"]
     datum_m: float
-    simplify_m: float
     scan_m: Float64[np.ndarray, "p 3"] = field(default_factory=lambda: np.zeros((0, 3)), metadata={"optional": True})
     scan_rgb: UInt8[np.ndarray, "c 3"] = field(
         default_factory=lambda: np.zeros((0, 3), np.uint8), metadata={"optional": True}
@@ -236,7 +235,7 @@ class ClosedMesh:
         return len(self.faces)
 
 
-NO_SOLID = ClosedMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0, 0.0)
+NO_SOLID = ClosedMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import VOLUME
-from pipeline.parallel import together
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.stage import Artifact, Stage, main
 from pipeline.store.codecs import Bundle, Meshes
@@ -57,15 +56,10 @@ def model_surface(
         return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
     free, height_m = free_space.polygon, extent.height_m
     params = widen_spacing(params, free, height_m)
-    (rough, reported), smooth, texture = together(
-        lambda: _rough(params, free, topology, height_m),
-        lambda: _smooth(params, free, height_m),
-        lambda: _texture(params.texture),
-    )
-    chunks, evidence = together(
-        lambda: chunk_files(rough, params), lambda: _evidence(rough, smooth, reported, height_m)
-    )
-    return {"smooth": smooth, "rough": chunks, "texture": texture, **evidence}
+    rough, reported = _rough(params, free, topology, height_m)
+    smooth, texture = _smooth(params, free, height_m), _texture(params.texture)
+    evidence = _evidence(rough, smooth, reported, height_m)
+    return {"smooth": smooth, "rough": chunk_files(rough, params), "texture": texture, **evidence}
 
 
 def _rough(

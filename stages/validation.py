@@ -12,7 +12,6 @@ from minexplore.bundle import MODEL
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
-from pipeline.parallel import together
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.groups import applying_limits, is_measured, why_rock_is_not_judged
@@ -62,12 +61,9 @@ def validate_world(
         metrics = {group: validator.measure(group) for group in groups}
         timings = {"world_sha256": validator.world.record.world_sha256}
         return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, **_NOTHING_ELSE}
-    validator.measure_together()
-    cost, evidence = together(
-        lambda: measure_load(world / MODEL), lambda: _pictures(params, validator) | _evidence(params, validator)
-    )
     metrics = {group: validator.measure(group) for group in groups}
-    return {"metrics": metrics, "timings": _timings(validator, cost), **evidence}
+    evidence = _pictures(params, validator) | _evidence(params, validator)
+    return {"metrics": metrics, "timings": _timings(validator, measure_load(world / MODEL)), **evidence}
 
 
 def _validate_volume(
@@ -82,7 +78,6 @@ def _validate_volume(
     """Return the outputs of this stage for a world that is one volume."""
     from pipeline.volume.world.proof.again.seen import require_surveyed_plan
     from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
-        Validated,
         open_volume,
         validate_volume,
     )
@@ -92,14 +87,11 @@ def _validate_volume(
 
     opened = open_volume(world)
     files = opened.record.files
-
-    def judge() -> Validated:
-        require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
-        require_remade(world, opened, params.volume, *_survey_of(network, solid, floors))
-        require_surveyed_plan(world, opened.record, survey.frame, traced.polygons)
-        return validate_volume(params.volume, opened, network, solid, floors)
-
-    found, rock = together(judge, lambda: measure_volume_texture(opened, params.texture))
+    require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
+    require_remade(world, opened, params.volume, *_survey_of(network, solid, floors))
+    require_surveyed_plan(world, opened.record, survey.frame, traced.polygons)
+    found = validate_volume(params.volume, opened, network, solid, floors)
+    rock = measure_volume_texture(opened, params.texture)
     metrics, evidence = found.metrics, dict[str, Any]()
     if rock is not None:
         from pipeline.report.figures.texture import draw_heat, draw_texture

@@ -110,7 +110,7 @@ def test_the_metric_is_measured_and_its_limit_applies():
             "docs/reference/benchmark.md": [
                 ("| `random` |", "| `longest-beam` | drives along the longest beam |\n| `random` |")
             ],
-            "tests/baselines/test_longest_beam.py": """
+            "baselines/tests/test_longest_beam.py": """
 import pytest
 
 from baselines.policies.policy_lookup import known_sha256, make_policy

@@ -33,6 +33,11 @@ _LINKED = ("baselines", "benchmarks", "docs", "tests", "minexplore/**/__pycache_
 Run = Callable[..., subprocess.CompletedProcess]
 
 
+def modules_below(package: str) -> list[Path]:
+    """Return the modules of a package, without the tests that stand beside them."""
+    return [path for path in sorted((ROOT / package).rglob("*.py")) if path.relative_to(ROOT).parts[1] != "tests"]
+
+
 def _project_files() -> list[str]:
     """Return the paths of the project's files, also of those that git does not know yet."""
     command = ["git", "ls-files", "-co", "--exclude-standard"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from tests.heights import HEADER, Leg, levels, spiral, table
 from tests.volume_worlds import VolumeWorld
@@ -30,6 +31,9 @@ def three_levels() -> str:
     return table(levels())
 
 
-def build_volume(source: str | Path, folder: Path) -> Path:
-    """Return the folder of the bundle that the stages make of a station table's text, or of a file."""
-    return VolumeWorld(source, folder).bundle
+def build_volume(source: str | Path, folder: Path, **values: Any) -> Path:
+    """Return the folder of the bundle that the stages make of a station table's text, or of a file.
+
+    The values are those of the survey's section.
+    """
+    return VolumeWorld(source, folder, **values).bundle

@@ -29,7 +29,7 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.task import TaskParams
 
 _MOST_ANSWER = 1 << 20
-_MOST_SAID = 500  # bytes of a policy's error in a message
+_MOST_MESSAGE = 500  # bytes of a policy's error in a message
 _START_S = 120.0  # to start Python and import the policy; it counts against the limit too
 # The policy's folder comes last: none of its files can take the place of a module that is imported before the limits.
 _PROGRAM = (
@@ -124,15 +124,15 @@ class ConfinedPolicy:
                 self._channel.send(kind, payload, until)
             answer = self._channel.receive(until)
         except ChannelError as error:
-            raise BaselineError(f"policy {self._name}: {error} ({self._limits_said()})") from error
+            raise BaselineError(f"policy {self._name}: {error} ({self._limits_text()})") from error
         finally:
             self._used_s += time.monotonic() - begun
         if answer.kind != DONE:
-            said = answer.payload[:_MOST_SAID].decode(errors="replace").encode("unicode_escape").decode()
-            raise BaselineError(f"policy {self._name}: {said}")
+            message = answer.payload[:_MOST_MESSAGE].decode(errors="replace").encode("unicode_escape").decode()
+            raise BaselineError(f"policy {self._name}: {message}")
         return answer.payload
 
-    def _limits_said(self) -> str:
+    def _limits_text(self) -> str:
         limits = self._limits
         return f"limits: {limits.memory_bytes / 2**30:g} GB of memory, {limits.time_s:g} s of its own time"
 

@@ -12,7 +12,7 @@ from baselines.sandbox.channel import DONE, FAILED, MAKE, RESET, Channel, Channe
 from baselines.sandbox.syscall_filter import install_filter
 
 _MOST_BYTES = 256 << 20
-_MOST_SAID = 500
+_MOST_MESSAGE = 500
 _OPEN_FILES = 256
 _WAITING_SIGNALS = 64  # and timers; the kernel counts them for all processes of a user
 
@@ -35,8 +35,8 @@ def main() -> None:
                 else:
                     answer = server.reset(json.loads(payload)) if kind == RESET else server.act(payload)
             except Exception as error:
-                said = f"{type(error).__name__}: {error}"[:_MOST_SAID]
-                channel.send(FAILED, said.encode(errors="replace"))
+                message = f"{type(error).__name__}: {error}"[:_MOST_MESSAGE]
+                channel.send(FAILED, message.encode(errors="replace"))
             else:
                 channel.send(DONE, answer)
     except ChannelError:

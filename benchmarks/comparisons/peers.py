@@ -1,6 +1,6 @@
-"""Other packages beside this one on the same generated mine, in one run: `python -m benchmarks peers`.
+"""gymnasium-robotics beside this package on the same generated mine, in one run: `python -m benchmarks peers`.
 
-A package that is not installed is left out, by name; they are gymnasium-robotics, mujoco-lidar and mazelib.
+It is left out where it is not installed. The page of sensors has MuJoCo-LiDAR's rays.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 import shapely
 
 from baselines.base.markdown import markdown_table, write_table
-from minexplore.bundle import FREE_SPACE, TOPOLOGY, GeomGroup, is_rock
+from minexplore.bundle import FREE_SPACE, TOPOLOGY, is_rock
 from minexplore.envs.env import MineEnv
 from minexplore.sensing.lidar import shared_lidar
 from minexplore.world import World, load_world
@@ -46,7 +46,7 @@ _COLUMNS = (
     "s a step",
     "what it is",
 )
-_NONE = "-"
+_NONE, _PEER = "-", "gymnasium-robotics"
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def gymnasium_robotics(free: shapely.Polygon, points: np.ndarray) -> PeerRow:
     places = np.column_stack([scaled, np.full(len(scaled), env.maze.maze_height * scale / 2)])
     model, data = env.model, env.data
     return PeerRow(
-        f"gymnasium-robotics {version('gymnasium-robotics')}",
+        f"{_PEER} {version(_PEER)}",
         f"PointMaze of {_CELL_M:g} m cells; a step has the place and no beams; its rays are MuJoCo's",
         make_s,
         path.stat().st_size,
@@ -223,45 +223,6 @@ def _mujoco_rays(model: mujoco.MjModel, data: mujoco.MjData, places: np.ndarray,
     return _BEAMS * rate(cast, len(places))
 
 
-def mujoco_lidar(points: np.ndarray) -> PeerRow:
-    """Return the row of MuJoCo-LiDAR's processor backend in this project's world."""
-    from mujoco_lidar import MjLidarWrapper
-
-    world = load_world(WORLD / "realism" / "world")
-    spec = world.spec()
-    sensor = spec.worldbody.add_body(name="sensor", mocap=True)
-    sensor.add_site(name="lidar")
-    for geom in spec.geoms:
-        if geom.group != GeomGroup.COLLISION:
-            geom.group = 0 if geom.group == 0 else 5
-    model = world.compile(spec)
-    data = mujoco.MjData(model)
-    lidar = MjLidarWrapper(model, "lidar", backend="cpu", cutoff_dist=_RANGE_M, args={"bodyexclude": -1})
-    theta, phi = np.linspace(-np.pi, np.pi, 1000, endpoint=False), np.zeros(1000)
-    where = iter(np.tile(_in_world(world, points[:100]), (3, 1)))
-
-    def cast() -> None:
-        data.mocap_pos[0] = next(where)
-        mujoco.mj_kinematics(model, data)
-        lidar.trace_rays(data, theta, phi)
-
-    what = "its processor backend in this project's world, 1,000 rays a call"
-    return PeerRow(f"mujoco-lidar {version('mujoco-lidar')}", what, rays_per_s=1000 * rate(cast, 100))
-
-
-def mazelib(km: float) -> PeerRow:
-    """Return the row of mazelib, which makes a grid of so many kilometres of corridor and no world."""
-    from mazelib.generate.Prims import Prims
-
-    size = math.ceil(math.sqrt(1000 * km / _CELL_M / 4))  # a maze of n x n rooms has about 2 n^2 free cells
-    start = time.perf_counter()
-    grid = Prims(size, size).generate()
-    make_s = (time.perf_counter() - start) * km / ((grid == 0).sum() * _CELL_M / 1000)
-    return PeerRow(
-        f"mazelib {version('mazelib')}", "Prim's maze as a grid; no heights, physics or sensors", make_s, grid.nbytes
-    )
-
-
 def main() -> int:
     """Build the mine, measure every package that is installed, and write the page."""
     member = without_rock(generated("test", _MINE + 1, []), 0)[_MINE]
@@ -272,19 +233,12 @@ def main() -> int:
     free = decode(WORLD / "realism" / "world" / FREE_SPACE, FreeSpace).polygon
     km = decode(WORLD / "realism" / "world" / TOPOLOGY, DriftNetwork).total_length_m / 1000
     points = free_points(free, np.random.default_rng(0))
-    peers: dict[str, Callable[[], PeerRow]] = {
-        "gymnasium-robotics": lambda: gymnasium_robotics(free, points),
-        "mujoco-lidar": lambda: mujoco_lidar(points),
-        "mazelib": lambda: mazelib(km),
-    }
     rows = [own(points, make_s).cells(km)]
-    for package, measure in peers.items():
-        try:
-            version(package)
-        except PackageNotFoundError:
-            rows.append([package, *[_NONE] * 6, "left out: not installed"])
-            continue
-        rows.append(measure().cells(km))
+    try:
+        version(_PEER)
+        rows.append(gymnasium_robotics(free, points).cells(km))
+    except PackageNotFoundError:
+        rows.append([_PEER, *[_NONE] * 6, "left out: not installed"])
     table = f"The mine has {km:.2f} km of drifts.\n\n{markdown_table(_COLUMNS, rows)}"
     write_table(TABLE, table)
     print(table)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import mujoco
 import numpy as np
 import shapely
 
 from minexplore.bundle import (
-    CLEARANCE_GRID,
     FREE_SPACE,
     MINE_BODY,
     MODEL,
@@ -21,7 +18,6 @@ from minexplore.bundle import (
     ROCK_CLASS,
     UNSEALED,
     decode_msh,
-    is_floor,
     is_rock,
     world_sha256,
 )
@@ -200,69 +196,6 @@ def drop_island(bundle: Path) -> None:
     others = [ring for ring in free.polygon.interiors if not island.exterior.equals(shapely.LinearRing(ring))]
     without_island = shapely.Polygon(free.polygon.exterior, others)
     path.write_bytes(encode(path, FreeSpace(without_island, free.areas, free.tolerance_m, free.frame)))
-
-
-def set_geom(name: str, **values: object) -> Callable[[Path], None]:
-    """Return a fault that changes attributes of one geom."""
-
-    def change(spec: mujoco.MjSpec) -> None:
-        for key, value in values.items():
-            setattr(spec.geom(name), key, value)
-
-    return edit_model(change)
-
-
-def set_all(geoms: list, **values: object) -> None:
-    """Set attributes of several geoms."""
-    for geom in geoms:
-        for key, value in values.items():
-            setattr(geom, key, value)
-
-
-def swap_zones(spec: mujoco.MjSpec) -> None:
-    """Exchange the positions of the first and the last floor zone."""
-    floors = [g for g in spec.geoms if is_floor(g.name)]
-    one, two = np.array(floors[0].pos), np.array(floors[-1].pos)
-    floors[0].pos, floors[-1].pos = two, one
-
-
-def flip_tilt(spec: mujoco.MjSpec) -> None:
-    """Reverse the sign of the mine's tilt."""
-    mine = spec.body(MINE_BODY)
-    mine.quat = [mine.quat[0], 0.0, -mine.quat[2], 0.0]
-
-
-def change_image(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
-    """Return a fault that changes a picture in the bundle."""
-
-    def inject(bundle: Path) -> None:
-        grey = cv2.imread(str(bundle / name), cv2.IMREAD_UNCHANGED)
-        if grey is None:
-            raise MineError(f"{bundle / name}: cannot be read as a picture")
-        cv2.imwrite(str(bundle / name), change(grey))
-
-    return inject
-
-
-def change_grid(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
-    """Return a fault that changes both arrays of the clearance grid."""
-
-    def inject(bundle: Path) -> None:
-        path = bundle / CLEARANCE_GRID
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as grid:
-            values = {key: grid[key] for key in grid.files}
-        values |= {key: change(values[key]) for key in ("free", "clearance_m")}
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, **values)
-        path.write_bytes(buffer.getvalue())
-
-    return inject
-
-
-def shift_map_origin(text: str, east_m: float) -> str:
-    """Return the text of a Nav2 map file with its origin moved east."""
-    west = text.split("origin: [")[1].split(",")[0]
-    return text.replace(f"origin: [{west}", f"origin: [{float(west) + east_m:.6f}")
 
 
 def flip_byte(bundle: Path) -> None:

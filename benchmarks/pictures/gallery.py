@@ -16,10 +16,6 @@ from PIL import Image as Pillow
 from shapely import Polygon
 
 import minexplore  # noqa: F401  (registers the environments)
-from benchmarks.pictures.export_picture import draw_export
-from benchmarks.pictures.scan_colours import draw_scan_colours
-from benchmarks.pictures.scan_picture import draw_scan
-from benchmarks.pictures.volume_picture import draw_volume
 from minexplore.__main__ import ahead
 from minexplore.splits import STYLES
 from minexplore.task import TaskParams
@@ -82,10 +78,6 @@ def record_drive(path: Path) -> None:
 PICTURES: dict[str, tuple[Path, Callable[[Path], None]]] = {
     "styles": (Path("docs/generated.png"), draw_styles),
     "drive": (Path("docs/drive.gif"), record_drive),
-    "export": (Path("docs/export.jpg"), draw_export),
-    "volume": (Path("docs/volume-world.png"), draw_volume),
-    "scan": (Path("docs/scan.jpg"), draw_scan),
-    "colours": (Path("docs/scan-colours.jpg"), draw_scan_colours),
 }
 
 

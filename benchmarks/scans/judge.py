@@ -1,24 +1,20 @@
 """Scan mines whose volume is known, find the volume again, and measure how far it is from the truth.
 
 The scans have 20 to 2,000 points a square metre with noise of 2 cm, shadows, a hole of half a metre, and a person and
-a vehicle in them. With another noise the results are a file of their own, and the table of the evidence stays.
+a vehicle in them.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
-from functools import partial
-from pathlib import Path
-from typing import Any
 
 import manifold3d
 import numpy as np
 
-from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import resume
-from benchmarks.scans.sample import NOISE_M, Scan, scan_of
+from benchmarks.judged_cases import JudgedCases, largest, least
+from benchmarks.resume import Row
+from benchmarks.scans.sample import Scan, scan_of
 from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, truth_of
 from pipeline.errors import MineError
 from pipeline.scans.point_blocks import PointBlock
@@ -30,7 +26,6 @@ from pipeline.types import ClosedMesh
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.solid import volume_of_solid
 
-RESULTS, TABLE = Path("artifacts/bench/scans.jsonl"), Path("docs/evidence/parts/scans.md")
 _FLOOR_M, _WALL_M, _IOU = 0.03, 0.05, 0.97  # wanted
 _DENSITY = (20.0, 2000.0)  # points a m2
 _FINEST_M = 0.025  # as `detect_cloud` reads a small file
@@ -38,7 +33,6 @@ _SIMPLIFY_M = 0.03  # the command's own
 _SAMPLES = 200_000
 _CLEAR_M, _APART_M = 2.0, 8.0  # beside a vehicle, and between it and the person
 _AWAY_M = (3.2, 1.0)  # of the scanner from the vehicle, from the person
-_COLUMNS = ("mine", "scans", "hold", "floor, cm RMS", "walls, cm RMS", "lowest IoU", "network equal", "things found")
 
 
 def _things(network: FloorNetwork, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
@@ -55,13 +49,12 @@ def scan_mine(
     network: FloorNetwork,
     rng: np.random.Generator,
     per_m2: float,
-    noise_m: float = NOISE_M,
 ) -> Scan:
     """Return a scan of a mine with a person and a vehicle, which the scanner keeps away from."""
     person, vehicle, heading = _things(network, rng)
     way = network.way_m
     away = [np.linalg.norm(way - thing, axis=1) > far for thing, far in zip((vehicle, person), _AWAY_M, strict=True)]
-    return scan_of(truth, way[away[0] & away[1]], rng, per_m2, things=(person, vehicle, heading), noise_m=noise_m)
+    return scan_of(truth, way[away[0] & away[1]], rng, per_m2, things=(person, vehicle, heading))
 
 
 def found_again(points_m: np.ndarray) -> ScannedVolume:
@@ -74,7 +67,7 @@ def found_again(points_m: np.ndarray) -> ScannedVolume:
 
 def compare(truth: manifold3d.Manifold, found: ScannedVolume, rng: np.random.Generator) -> dict[str, float]:
     """Return the distances of places of the true surface from the one that was found, RMS, m, and the IoU."""
-    mesh = ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0, 1e-6)
+    mesh = ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0)
     volume, wanted = volume_of_solid(mesh, 0.36), mesh_of(truth)
     corners = wanted.vertices[wanted.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -91,15 +84,15 @@ def compare(truth: manifold3d.Manifold, found: ScannedVolume, rng: np.random.Gen
     return rms | {"iou": round(both / either, 5)}
 
 
-def judge(seed: int, noise_m: float = NOISE_M) -> dict[str, Any]:
+def judge(seed: int) -> Row:
     """Scan one mine, find it again, and return the figures."""
     rng = np.random.default_rng(seed)
     kind, truth = truth_of(seed)
     per_m2 = float(np.exp(rng.uniform(*np.log(_DENSITY))))
     network = network_of_floors(mesh_of(truth))
-    scan = scan_mine(truth, network, rng, per_m2, noise_m)
+    scan = scan_mine(truth, network, rng, per_m2)
     start = time.perf_counter()
-    row: dict[str, Any] = {"seed": seed, "kind": kind, "per_m2": round(per_m2), "points": len(scan.points_m)}
+    row: Row = {"kind": kind, "per_m2": round(per_m2), "points": len(scan.points_m)}
     try:
         found = found_again(scan.points_m)
         row |= {"seconds": round(time.perf_counter() - start, 1), "facets": len(found.faces)}
@@ -108,67 +101,45 @@ def judge(seed: int, noise_m: float = NOISE_M) -> dict[str, Any]:
         near = [
             len(places) and np.linalg.norm(places[:, :2] - thing[:2], axis=1).min() < 1.0 for thing in scan.things_m
         ]
-        again = network_of_floors(ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0, 0.001))
+        again = network_of_floors(ClosedMesh(found.vertices, found.faces.astype(np.int32), 0.0))
     except MineError as error:
         return row | {"problem": str(error)}
     return row | {"things": int(sum(map(bool, near))), "network": network.counts, "found": again.counts}
 
 
-def holds(row: dict[str, Any]) -> bool:
+def holds(row: Row) -> bool:
     """Return whether a scan has all figures that are wanted."""
     return (
         "found" in row
         and row["floor_m"] <= _FLOOR_M
         and row["wall_m"] <= _WALL_M
         and row["iou"] >= _IOU
-        and list(row["network"]) == list(row["found"])
+        and is_same_network(row)
     )
 
 
-def table_of(rows: list[dict[str, Any]]) -> str:
-    """Return the results by kind of mine as Markdown: the worst of each."""
-    lines = []
-    for kind in (*sorted({row["kind"] for row in rows}), None):
-        some = [row for row in rows if kind in (None, row["kind"])]
-        done = [row for row in some if "found" in row]
-        if not done:
-            continue
-        equal = sum(list(row["network"]) == list(row["found"]) for row in done)
-        worst = [f"{100 * max(row[key] for row in done):.1f}" for key in ("floor_m", "wall_m")]
-        iou, things = min(row["iou"] for row in done), sum(row["things"] for row in done)
-        lines.append(
-            (
-                kind or "all",
-                len(some),
-                sum(map(holds, some)),
-                *worst,
-                f"{iou:.3f}",
-                f"{equal} of {len(some)}",
-                f"{things} of {2 * len(some)}",
-            )
-        )
-    return markdown_table(_COLUMNS, lines)
+def is_same_network(row: Row) -> bool:
+    """Return whether the network was found with the truth's counts."""
+    return "found" in row and list(row["network"]) == list(row["found"])
 
 
-def main() -> int:
-    """Judge the scans that have no result yet; exit code 2 if one does not hold."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks scans", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=50)
-    parser.add_argument("--noise", type=float, default=NOISE_M, metavar="M", help="of the ranges, m (0.02)")
-    arguments = parser.parse_args()
-    noise_m, results = arguments.noise, RESULTS
-    if noise_m != NOISE_M:
-        results = RESULTS.with_stem(f"{RESULTS.stem}-{1e3 * noise_m:g}mm")
-    rows = resume(results, range(arguments.seeds), partial(map, partial(judge, noise_m=noise_m)), "scan")
-    text = table_of(rows)
-    if noise_m == NOISE_M:
-        write_table(TABLE, text)
-    print(text)
-    failed = [row for row in sorted(rows, key=lambda r: r["seed"]) if not holds(row)]
-    for row in failed:
-        print(row)
-    return 2 if failed else 0
-
+SCANS = JudgedCases(
+    name="scans",
+    cases=range(50),
+    judge=judge,
+    holds=holds,
+    groups=lambda row: [row["kind"]],
+    of="mine",
+    columns={
+        "scans": len,
+        "hold": lambda rows: sum(map(holds, rows)),
+        "floor, cm RMS": largest("floor_m", ".1f", 100.0),
+        "walls, cm RMS": largest("wall_m", ".1f", 100.0),
+        "lowest IoU": least("iou", ".3f"),
+        "network equal": lambda rows: f"{sum(map(is_same_network, rows))} of {len(rows)}",
+        "things found": lambda rows: f"{sum(row.get('things', 0) for row in rows)} of {2 * len(rows)}",
+    },
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(SCANS.run(__doc__))

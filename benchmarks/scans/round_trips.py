@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import resume
+from benchmarks.judged_cases import JudgedCases, largest
+from benchmarks.resume import Row
 from benchmarks.scans.solid_files import write
 from benchmarks.scans.truth import mesh_of, truth_of
 from pipeline.errors import MineError
@@ -26,12 +23,10 @@ from pipeline.survey.solids.read import read_solid
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh
 
-RESULTS, TABLE = Path("artifacts/bench/round-trips.jsonl"), Path("docs/evidence/parts/round-trips.md")
 MINES = 5
 FILES = ("a.obj", "a.stl", "a.ply", "a.glb", "a.dtm", "MESH.dxf", "3DFACE.dxf")
 _LARGEST_MM = 1.0
 _AWAY_M = (351_230.0, 6_301_110.0, 400.0)  # a place of a national grid
-_COLUMNS = ("file", "mines", "the same to 1 mm", "farthest, mm", "volume off, at most")
 
 
 @dataclass(frozen=True)
@@ -53,7 +48,6 @@ VARIANTS = (
 )
 _SINGLE = (".stl", ".ply", ".glb")  # corners of 32 bits: 3 cm apart in a national grid
 _STATES_UNIT = (".glb", ".dxf")  # in which these files are metres, and GLB has y up by its rule
-Key = tuple[int, str, str]
 
 
 @cache
@@ -62,9 +56,9 @@ def _mine(seed: int) -> tuple[str, ClosedMesh]:
     return kind, mesh_of(truth)
 
 
-def judge(key: Key) -> dict[str, Any]:
+def judge(case: tuple[int, str, str]) -> Row:
     """Write one mine in one way, read it, and return how far its surface and its volume are off."""
-    seed, name, wanted = key
+    seed, name, wanted = case
     variant = next(one for one in VARIANTS if one.name == wanted)
     kind, mesh = _mine(seed)
     suffix = Path(name).suffix
@@ -75,7 +69,7 @@ def judge(key: Key) -> dict[str, Any]:
     if up == "y":
         written = written[:, [0, 2, 1]] * [1, 1, -1]
     faces = mesh.faces[:, ::-1] if variant.inwards else mesh.faces
-    row: dict[str, Any] = {"seed": seed, "kind": kind, "file": name, "variant": wanted, "facets": len(faces)}
+    row: Row = {"kind": kind, "file": name, "facets": len(faces)}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         write(path, written, faces.astype(np.int64), path.stem)
@@ -105,45 +99,25 @@ def _volume_m3(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
 
-def holds(row: dict[str, Any]) -> bool:
+def holds(row: Row) -> bool:
     """Return whether a mine came back the same to a millimetre."""
     return "off_mm" in row and row["off_mm"] <= _LARGEST_MM
 
 
-def table_of(rows: list[dict[str, Any]]) -> str:
-    """Return the results by file as Markdown."""
-    lines = []
-    for name in (*FILES, None):
-        some = [row for row in rows if name in (None, row["file"])]
-        done = [row for row in some if "off_mm" in row]
-        if done:
-            off = max(row["off_mm"] for row in done)
-            volume = max(row["volume"] for row in done)
-            lines.append((name or "all", len(some), sum(map(holds, some)), f"{off:.3f}", f"{volume:.1e}"))
-    return markdown_table(_COLUMNS, lines)
-
-
-def _rows(keys: Iterable[Key]) -> Iterable[dict[str, Any]]:
-    return map(judge, keys)
-
-
-def _key(row: dict[str, Any]) -> Key:
-    return row["seed"], row["file"], row["variant"]
-
-
-def main() -> int:
-    """Judge the mines that have no result yet; exit code 2 if one is not the same."""
-    argparse.ArgumentParser(prog="python -m benchmarks round-trips", description=__doc__).parse_args()
-    wanted = [(seed, name, one.name) for seed in range(MINES) for name in FILES for one in VARIANTS]
-    rows = resume(RESULTS, wanted, _rows, "mine", _key)
-    text = table_of(rows)
-    write_table(TABLE, text)
-    print(text)
-    failed = [row for row in rows if not holds(row)]
-    for row in failed:
-        print(row)
-    return 2 if failed else 0
-
+ROUND_TRIPS = JudgedCases(
+    name="round-trips",
+    cases=[(seed, name, one.name) for seed in range(MINES) for name in FILES for one in VARIANTS],
+    judge=judge,
+    holds=holds,
+    groups=lambda row: [row["file"]],
+    of="file",
+    columns={
+        "mines": len,
+        "the same to 1 mm": lambda rows: sum(map(holds, rows)),
+        "farthest, mm": largest("off_mm", ".3f"),
+        "volume off, at most": largest("volume", ".1e"),
+    },
+)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(ROUND_TRIPS.run(__doc__))

@@ -13,7 +13,7 @@ from pipeline.survey.clouds.voxels import cells_at, keys_of
 
 _RANGE_M = 40.0
 _ROWS, _COLUMNS = 32, 240
-NOISE_M = 0.02
+_NOISE_M = 0.02  # standard deviation of the ranges
 _PERSON_M, _VEHICLE_M = (0.5, 0.35, 1.75), (4.2, 1.7, 1.7)
 _UNDER_M = 0.35  # of the vehicle's body over the floor
 
@@ -59,7 +59,6 @@ def scan_of(
     per_m2: float,
     hole_m: float = 0.5,
     things: tuple[np.ndarray, np.ndarray, float] | None = None,
-    noise_m: float = NOISE_M,
 ) -> Scan:
     """Return the scan of a volume along a way (k, 3) m of the scanner.
 
@@ -74,8 +73,6 @@ def scan_of(
         Width of the hole that is cut into the scan.
     things : (person, vehicle, heading), optional
         Places on the floor, m, and degrees.
-    noise_m : float
-        Standard deviation of the ranges.
     """
     scene = _scene(truth) if things is None else _scene(truth, _things(*things))
     pitch = np.radians(np.linspace(-75, 75, _ROWS))
@@ -87,7 +84,7 @@ def scan_of(
         rays = np.column_stack([np.broadcast_to(place, way.shape), way]).astype(np.float32)
         far = scene.cast_rays(rays)["t_hit"].numpy().astype(float)
         hit = far < _RANGE_M
-        far = far[hit] + rng.normal(0, noise_m, hit.sum())
+        far = far[hit] + rng.normal(0, _NOISE_M, hit.sum())
         found.append(place + far[:, None] * way[hit])
         times.append(np.full(hit.sum(), float(row)))
     points, time_s = np.concatenate(found), np.concatenate(times)

@@ -21,6 +21,7 @@ from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.params.compile3d import Compile3dParams
+from pipeline.survey.solids.read import KEPT_M
 from pipeline.types import NO_LEGS, ClosedMesh
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.world.compile import compile_volume
@@ -70,9 +71,9 @@ def truth_of(seed: int) -> tuple[str, manifold3d.Manifold]:
 
 def mesh_of(solid: manifold3d.Manifold) -> ClosedMesh:
     """Return a solid as stage 1 hands it on."""
-    mesh = solid.to_mesh64()
+    mesh = solid.simplify(KEPT_M).to_mesh64()
     vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
-    return ClosedMesh(vertices, faces, 0.0, 0.001)
+    return ClosedMesh(vertices, faces, 0.0)
 
 
 def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:

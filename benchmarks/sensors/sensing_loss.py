@@ -71,7 +71,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--policy", nargs="*", default=DRIVEN)
     parser.add_argument("--env", default=ENV)
-    parser.add_argument("--episodes", type=int, default=10)
+    parser.add_argument("--episodes", type=int, default=6)
     arguments = parser.parse_args()
     env_id, seeds = find_id(arguments.env), list(range(arguments.episodes))
     for policy in arguments.policy:

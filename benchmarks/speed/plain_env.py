@@ -7,7 +7,7 @@ import math
 import mujoco
 import numpy as np
 
-from minexplore.bundle import MINE_BODY, ROCK_CLASS, SURFACE_BODY, GeomGroup, is_rock, rock_geom
+from minexplore.bundle import SURFACE_BODY, GeomGroup
 from minexplore.physics.robot import (
     ROCK_BODY,
     RobotParams,
@@ -18,7 +18,6 @@ from minexplore.physics.robot import (
 )
 from minexplore.task import TaskParams
 from minexplore.world import World
-from pipeline.types import ConvexParts
 
 _SHOWN = (GeomGroup.FLOOR, GeomGroup.ROBOT, GeomGroup.ROUGH_SURFACE)
 
@@ -26,14 +25,12 @@ _SHOWN = (GeomGroup.FLOOR, GeomGroup.ROBOT, GeomGroup.ROUGH_SURFACE)
 class PlainEnv:
     """The whole world flat in one body, 20 x `mj_step`, `mj_multiRay`, coverage cell by cell in Python."""
 
-    def __init__(self, world: World, parts: ConvexParts | None = None) -> None:
-        """Compile the world, with its own collision walls or others."""
+    def __init__(self, world: World) -> None:
+        """Compile the world."""
         self.task, self.robot, self.world = TaskParams(), RobotParams(), world
         spec = world.spec()
         spec.option.timestep = self.task.physics_s
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        if parts is not None:
-            _replace_rock(spec, parts)
         separate_contacts(spec)
         attach_robot(spec, "robot", self.robot)
         spec.body(SURFACE_BODY).name = ROCK_BODY
@@ -89,22 +86,3 @@ class PlainEnv:
             share = min(1.0, k * 0.5 / max(length, 1e-9))
             x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
             self.seen.add((int(x // 2.0), int(y // 2.0)))
-
-
-def _replace_rock(spec: mujoco.MjSpec, parts: ConvexParts) -> None:
-    friction = list(spec.find_default(ROCK_CLASS).geom.friction)
-    for geom in list(spec.geoms):
-        if is_rock(geom.name):
-            spec.delete(geom)
-    mine = spec.body(MINE_BODY)
-    for i in range(len(parts)):
-        centre = parts[i].mean(axis=0)
-        spec.add_mesh(name=f"hull_{i}", uservert=(parts[i] - centre).ravel().tolist())
-        mine.add_geom(
-            name=rock_geom(i),
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=f"hull_{i}",
-            pos=centre,
-            group=GeomGroup.COLLISION,
-            friction=friction,
-        )

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from baselines.base.markdown import markdown_table, write_table
 from benchmarks.resume import run_benchmark
 from benchmarks.speed.plain_env import PlainEnv
-from minexplore.bundle import FREE_SPACE, MINE_BODY, floor_geom
+from minexplore.bundle import MINE_BODY, floor_geom
 from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.local_models import LocalModels
@@ -34,16 +34,13 @@ from minexplore.physics.robot import (
 from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
 from pipeline.store.files import write_atomically
-from pipeline.types import ConvexParts
 
 RESULTS, TABLE = Path("artifacts/bench/env.json"), Path("docs/evidence/parts/env-speed.md")
-HULLS = Path("artifacts/benchmarks/vhacd.npz")
 _RUNS, _ROBOTS, _STEPS, _ALONE_STEPS = 5, 64, 60, 400
 _CLEARANCE_M = 0.6  # of the places over which robots are spread; the robot's radius is 0.35 m
 _LIMITS = {
     "physics_vs_bare_floor": (0.95, None),
     "vector_vs_plain": (5.0, None),
-    "vector_vs_paper_design": (8.0, None),
     "two_threads_vs_one": (1.5, None),
     "reset_ms": (None, 1.0),
     "make_vec_256_s": (None, 2.0),
@@ -153,37 +150,18 @@ def one_robot_steps_per_s(env: PlainEnv | MineEnv, steps: int) -> float:
     return steps / seconds(lambda: [env.step(actions[k // 10 % 9]) for k in range(steps)])
 
 
-def paper_hulls(world: World) -> ConvexParts:
-    """Return V-HACD hulls of the present plan with the paper's parameters, made once."""
-    # Here, as `time_gpu` takes the bare floor from this module in many processes and needs no stage.
-    from pipeline.compose import compose
-    from pipeline.geometry.rock.partition import rock_around, world_box
-    from pipeline.store.codecs import decode, encode
-    from pipeline.types import FreeSpace
-    from stages.compile3d import collision_parts
-
-    if HULLS.is_file():
-        return decode(HULLS, ConvexParts)
-    free: FreeSpace = decode(world.folder / FREE_SPACE, FreeSpace)
-    params = compose(["collision=vhacd"]).compile3d
-    box = world_box(free.polygon, params.rock_margin_m, free.frame.extent_m)
-    parts = collision_parts(params, rock_around(free.polygon, box), box)
-    write_atomically(HULLS, encode(HULLS, parts))
-    return parts
-
-
 def measure() -> dict[str, float]:
     """Measure every figure: the median of five runs, references in the same run."""
     folder = find_world("chilean_mine")
     world = load_world(folder)
-    plain, paper, alone = PlainEnv(world), PlainEnv(world, paper_hulls(world)), MineEnv(folder)
+    plain, alone = PlainEnv(world), MineEnv(folder)
     one_robot_steps_per_s(alone, _ALONE_STEPS)
     one, two = (MineVectorEnv(_ROBOTS, folder, threads=t) for t in (1, 2))
     for start in (start_spread, start_at_entrance):  # models and scenes are made as robots reach them
         paired_steps_per_s((one, two), start, _STEPS)
     runs = [
         {
-            **_vector_rates(one, two, plain, paper),
+            **_vector_rates(one, two, plain),
             "one_robot_steps_per_s": one_robot_steps_per_s(alone, _ALONE_STEPS),
             **dict(zip(("physics_vs_dipping_floor", "physics_vs_bare_floor"), physics_ratios(world), strict=True)),
             "reset_ms": 1000 * seconds(lambda: [one.reset() for _ in range(20)]) / 20 / _ROBOTS,
@@ -194,11 +172,11 @@ def measure() -> dict[str, float]:
     return {name: round(median(run[name] for run in runs), 3) for name in runs[0]}
 
 
-def _vector_rates(one: MineVectorEnv, two: MineVectorEnv, plain: PlainEnv, paper: PlainEnv) -> dict[str, float]:
+def _vector_rates(one: MineVectorEnv, two: MineVectorEnv, plain: PlainEnv) -> dict[str, float]:
     """Return steps/s and their ratios: robots spread over the mine, then all at the entrance as the references."""
     spread, spread_two = paired_steps_per_s((one, two), start_spread, _STEPS)
     together, together_two = paired_steps_per_s((one, two), start_at_entrance, _STEPS)
-    theirs, design = (one_robot_steps_per_s(env, _STEPS) for env in (plain, paper))
+    theirs = one_robot_steps_per_s(plain, _STEPS)
     return {
         "vector_steps_per_s": spread,
         "two_threads_steps_per_s": spread_two,
@@ -207,7 +185,6 @@ def _vector_rates(one: MineVectorEnv, two: MineVectorEnv, plain: PlainEnv, paper
         "entrance_two_threads_vs_one": together_two / together,
         "plain_steps_per_s": theirs,
         "vector_vs_plain": together / theirs,
-        "vector_vs_paper_design": together / design,
     }
 
 

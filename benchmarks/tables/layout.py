@@ -66,8 +66,9 @@ class ProjectFiles:
             return cls({name: stream.read().decode() for name, stream in found if stream is not None}, commit)
 
     def modules(self, *packages: str) -> list[str]:
-        """Return the paths of the modules of packages."""
-        return [path for path in self.texts if path.endswith(".py") and path.split("/")[0] in packages]
+        """Return the paths of the modules of packages; tests that stand beside a package are of `tests`."""
+        named = ((path, path.split("/")) for path in self.texts if path.endswith(".py"))
+        return [path for path, parts in named if ("tests" if "tests" in parts[:2] else parts[0]) in packages]
 
     def lines(self, *packages: str) -> int:
         """Return how many lines the modules of packages have."""

@@ -1,4 +1,9 @@
-"""Where a robot's chassis touches no rock, by MuJoCo's contacts at places of a grid, and what it reaches of them."""
+"""Find the places of a world where a robot can stand, and those that it reaches from one of them.
+
+At each place of a grid on the floors MuJoCo is asked whether the robot's chassis touches rock; its wheels and castors
+must be over floor, whichever way it is turned. Places that lie beside each other, with floors that a robot climbs
+between them, form one region.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot import CASTOR_M, RobotParams
 from minexplore.rotations import quaternion
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.rock import add_part
@@ -18,14 +23,16 @@ from minexplore.world import World
 
 STEP_M = 0.1  # of the grid
 _STEEPEST, _STEP_M = 0.364, 0.05  # rise over run of floors that robots drive on, and the step that they take besides
+_DROP_M = 0.1  # under the plane that the robot stands on: floor is over it, or ends there
+_RINGS, _AROUND = (0.5, 1.0), 24  # parts of the radius within which wheels and castors touch, and places on each
 _TILE_M, _BESIDE_M = 4.0, 1.0  # of the models in which contacts are looked for
 
 
 @dataclass(frozen=True)
 class ChassisFlood:
-    """Places (n, 3) m on floors where a chassis touches no rock, on a grid, and the largest set that it drives in.
+    """Places (n, 3) m of a grid on floors where a robot can stand, and the number of the region (n,) of each.
 
-    `region` (n,) are the numbers of connected sets.
+    Regions are numbered from 0.
     """
 
     places_m: np.ndarray
@@ -39,24 +46,43 @@ class ChassisFlood:
 
 
 def flood(world: World, robot: RobotParams, step_m: float = STEP_M) -> ChassisFlood:
-    """Return where a robot's chassis touches no rock, and which of these places are connected.
+    """Return where a robot's chassis touches no rock and hangs over no edge, and which of these places are connected.
 
-    Floors are those under plumb lines through a grid. The chassis stands on the facet under its middle. Places beside
-    each other, diagonals included, are connected if their floors differ by what a robot climbs.
+    Floors are those under plumb lines through a grid. The chassis stands on the facet under its middle. Under 48 places
+    about it, as far as its castors, the floor is no more than 10 cm below its plane. Places beside each other,
+    diagonals included, are connected if their floors differ by what a robot climbs.
     """
-    places, normals, headroom = _floors(world, step_m)
+    assert world.volume is not None
+    columns = FloorColumns(world.volume.facets)
+    places, normals, headroom = _floors(world, columns, step_m)
     steep = np.hypot(normals[:, 0], normals[:, 1]) > _STEEPEST * normals[:, 2]
     fits = ~steep & (headroom >= robot.top_m)
     fits[fits] = ~touches_rock(world, robot, places[fits], normals[fits])
+    fits[fits] = ~_hangs_over(columns, robot, places[fits], normals[fits])
     places = places[fits]
     return ChassisFlood(places, _regions(places, step_m))
 
 
-def _floors(world: World, step_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _hangs_over(columns: FloorColumns, robot: RobotParams, places_m: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return at which places (n, 3) m of floors with normals (n, 3) a wheel or a castor may be over an edge (n,)."""
+    far = robot.radius_m - CASTOR_M
+    turn = np.arange(_AROUND) * 2 * np.pi / _AROUND
+    disc = np.concatenate([share * far * np.column_stack([np.cos(turn), np.sin(turn)]) for share in _RINGS])
+    beside = np.zeros((len(places_m), len(disc), 3))
+    beside[:, :, :2] = disc
+    beside[:, :, 2] = -(normals[:, :2] @ disc.T) / normals[:, 2:]
+    plane = (places_m[:, None] + beside).reshape(-1, 3)
+    under = plane + np.array([0.0, 0.0, robot.ground_clearance_m])
+    floor = columns.heights_on(columns.facets_under(under), under[:, :2])
+    is_held = (floor >= plane[:, 2] - _DROP_M).reshape(len(places_m), len(disc))  # not where there is no floor
+    found: np.ndarray = ~np.asarray(is_held.all(axis=1))
+    return found
+
+
+def _floors(world: World, columns: FloorColumns, step_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return places (n, 3) m on floors, their normals (n, 3) and the free heights (n,) m over them."""
     assert world.volume is not None
     facets = world.volume.facets
-    columns = FloorColumns(facets)
     low, high = facets.vertices.min(axis=0)[:2], facets.vertices.max(axis=0)[:2]
     first, end = np.floor(low / step_m), np.ceil(high / step_m)
     axes = [(np.arange(first[k], end[k]) + 0.5) * step_m for k in (0, 1)]

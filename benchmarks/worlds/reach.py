@@ -1,7 +1,9 @@
 """What a robot reaches of worlds that are one volume: by the environment, by a flood of contacts, and by driving.
 
-`python -m benchmarks reach` builds Wheal Pell, a tee with heights and ten narrow mines, and any bundles that are named.
-A flood of 10 cm takes places where MuJoCo finds no contact of the robot's chassis with rock. The environment's robot is
+`python -m benchmarks reach` builds Wheal Pell, Sakany, a tee with heights and ten narrow mines, or takes the bundles
+that are named.
+A flood of 10 cm takes places where MuJoCo finds no contact of the robot's chassis with rock and its castors are over
+floor, whichever way it is turned. The environment's robot is
 driven to every cell, and from the last places on over floors that it should not reach.
 """
 
@@ -24,7 +26,8 @@ from tests.heights import HEADER
 from tests.volumes import TEE, build_volume
 
 PAGE = Path("artifacts/bench/reach.md")
-_PELL = Path("data/wheal_pell/pell.3d")
+_PELL, _SAKANY = Path("data/wheal_pell/pell.3d"), Path("data/sakany/Sakany_nodes.dat")
+_SAKANY_HALF_M = 1.0  # of its passages, as `--half-width` states it: nobody measured their walls
 _NARROW, _WIDTH_M, _CHAMBER_M = 10, (0.75, 1.2), 3.0
 
 
@@ -62,8 +65,9 @@ def judge(name: str, world: World) -> tuple[str, ...]:
 
 def _worlds(bundles: list[Path], narrow: int, folder: Path) -> Iterator[tuple[str, World]]:
     if not bundles:
-        for name, source in (("Wheal Pell", _PELL), ("a tee with heights", TEE)):
-            yield name, load_world(build_volume(source, _new(folder)))
+        yield "Wheal Pell", load_world(build_volume(_PELL, _new(folder)))
+        yield "a tee with heights", load_world(build_volume(TEE, _new(folder)))
+        yield "Sakany", load_world(build_volume(_SAKANY, _new(folder), half_width_m=_SAKANY_HALF_M))
     for seed in range(narrow):
         yield f"narrow mine {seed}", load_world(build_volume(narrow_mine(seed), _new(folder)))
     for path in bundles:
@@ -77,7 +81,7 @@ def _new(folder: Path) -> Path:
 def main() -> int:
     """Print the table; write it where no bundle is named."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks reach", description=__doc__)
-    parser.add_argument("bundles", type=Path, nargs="*", help="folders of worlds, instead of Wheal Pell and the tee")
+    parser.add_argument("bundles", type=Path, nargs="*", help="folders of worlds, instead of those it builds")
     parser.add_argument("--narrow", type=int, default=None, help="how many narrow mines: 10, or none beside bundles")
     a = parser.parse_args()
     narrow = a.narrow if a.narrow is not None else 0 if a.bundles else _NARROW

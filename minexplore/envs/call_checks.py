@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+STARTS = ("pose", "cell", "station", "noise_seed")  # options of a reset, see `minexplore.envs.starts`
 POSES = ("true", "odometry")  # what infos hold as a robot's pose
 _DEFAULT_CAMERA = "chase"
 _DEEPEST = 4  # lists in lists; a list may hold itself
@@ -27,7 +28,7 @@ def numbers_of(action: Any) -> np.ndarray:
     if type(action) is np.ndarray and action.dtype in _PLAIN:  # as policies give them, at every step
         return action.astype(np.float64)
     try:
-        if _is_masked(action):
+        if is_masked(action):
             raise TypeError("masked values")
         found = np.asarray(action)
         if found.dtype.kind == "O" and all(isinstance(value, numbers.Real) for value in found.ravel()):
@@ -40,12 +41,12 @@ def numbers_of(action: Any) -> np.ndarray:
         raise ValueError(f"action = {_shown(action)}: want numbers ({error})") from error
 
 
-def _is_masked(value: Any, depth: int = _DEEPEST) -> bool:
+def is_masked(value: Any, depth: int = _DEEPEST) -> bool:
     """Return whether a value, or one in its lists, has masked entries; deeper lists are no arrays and refused later."""
     if "numpy.ma" not in sys.modules:  # who has masked arrays has loaded it; it takes as long as 50 steps
         return False
     if isinstance(value, list | tuple):
-        return depth > 0 and any(_is_masked(inner, depth - 1) for inner in value)
+        return depth > 0 and any(is_masked(inner, depth - 1) for inner in value)
     return isinstance(value, np.ma.MaskedArray) and bool(np.ma.getmaskarray(value).any())
 
 
@@ -54,25 +55,13 @@ def _shown(value: Any) -> str:
 
 
 def check_pose(pose: object) -> None:
-    """Refuse a pose that is not one of `POSES`.
-
-    Raises
-    ------
-    ValueError
-        Naming the choices.
-    """
+    """Refuse a pose that is not one of `POSES`: `ValueError` names them."""
     if not isinstance(pose, str) or pose not in POSES:
         raise ValueError(f"pose = {pose!r}: valid choices are {', '.join(POSES)}")
 
 
 def check_camera(camera: object) -> None:
-    """Refuse a camera that draws no pictures.
-
-    Raises
-    ------
-    ValueError
-        Naming the choices.
-    """
+    """Refuse a camera that draws no pictures: `ValueError` names those that do."""
     if camera == _DEFAULT_CAMERA:  # what draws is loaded for others, or when it draws
         return
     from minexplore.pictures.render import CAMERAS
@@ -82,13 +71,7 @@ def check_camera(camera: object) -> None:
 
 
 def check_options(options: Any, known: Sequence[str]) -> None:
-    """Refuse options of a reset that are no dict or have unknown keys.
-
-    Raises
-    ------
-    ValueError
-        Naming the option and those that there are.
-    """
+    """Refuse options of a reset that are no dict or have unknown keys: `ValueError` names those that there are."""
     if options is None:
         return
     if not isinstance(options, Mapping):
@@ -106,7 +89,7 @@ def spread_seeds(seed: Any, count: int) -> list[int | None]:
     ValueError
         If they are not ints of 0 or more or None, or not as many as robots, or some are masked.
     """
-    if _is_masked(seed):
+    if is_masked(seed):
         raise ValueError(f"seed = {_shown(seed)}: want no masked values")
     if isinstance(seed, np.ndarray):
         seed = seed.tolist()
@@ -134,24 +117,3 @@ def one_seed(seed: Any) -> int | None:
     if isinstance(seed, list | tuple | np.ndarray):
         raise ValueError(f"seed = {_shown(seed)}: want None or a whole number of 0 or more")
     return spread_seeds(seed, 1)[0]
-
-
-def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
-    """Return which of `count` robots a reset is for, (count,) bool: all without `options["reset_mask"]`.
-
-    Raises
-    ------
-    ValueError
-        If the mask is not an array of truth values, one a robot, or names none.
-    """
-    mask = None if options is None else options.get("reset_mask")
-    if mask is None:
-        return np.ones(count, dtype=bool)
-    if _is_masked(mask):
-        raise ValueError("reset_mask: want no masked values")
-    found = np.asarray(mask)
-    if found.dtype != bool or found.shape != (count,):
-        raise ValueError(f"reset_mask of {found.dtype} with shape {found.shape}: want bool with shape ({count},)")
-    if not found.any():
-        raise ValueError("reset_mask: it names no robot")
-    return found

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, get_args
 import gymnasium
 import numpy as np
 
-from minexplore.bundle import GeomGroup
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import check_camera, check_options, check_pose, numbers_of, one_seed
+from minexplore.envs.call_checks import STARTS, check_camera, check_options, check_pose, numbers_of, one_seed
+from minexplore.envs.horizon import Timed
 from minexplore.envs.outcome import StepOutcome, info_of_robot
+from minexplore.limits import has_display
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.params import SensorParams, sensor_params
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 _DEFAULTS = {"render_mode": None, "camera": "chase", "lidar": "auto"}
 
 
-class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
+class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     """Explore a mine: see as many of the reachable 2 m cells as possible, without touching rock.
 
     ## Description
@@ -68,27 +69,30 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     A cell is seen when a beam passes through it on the way to its return. Reachable are the cells in which the robot can
     stand, connected to the entrance. In a world that is one volume, floors over each other are different cells: a beam
     marks the one whose floor is the next under it, and the robot reaches what its width, its height, slopes of 20 deg
-    and steps of 5 cm let it.
+    and steps of 5 cm let it. It falls at 3 m/s at most.
 
     ## Starting State
     The anchor near the entrance, or a random free place of the entrance region where the anchor is too narrow; yaw
-    uniform in [-pi, pi). What the first look sees is seen, but earns nothing.
+    uniform in [-pi, pi). What the first look sees is seen, but earns nothing. `reset(options=...)` takes one of `pose`
+    (x, y, yaw, in a volume also z; m and rad, mine frame), `cell` (row and column of `World.clearance_m`) and `station`
+    (of `topology.json`), and `noise_seed`: the noise is then that of this seed, in a vector `noise_seed + i`.
 
     ## Episode End
-    `terminated` is always False. `truncated` after 6,000 steps (10 minutes), or after 100 steps in a row in which the
+    `terminated` is always False. `truncated` after 6,000 steps (10 minutes), which `max_episode_steps` of `gymnasium.make`
+    and `make_vec` changes (a task's `max_steps` without them), or after 100 steps in a row in which the
     robot moved, or was commanded to move, forward slower than 0.01 m/s. The noise of mud and water does not keep a parked
     robot's episode going.
 
     ## Info
-    `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `zone`,
-    `pose_m_rad` (x, y, yaw in the mine frame), `height_m` (of the floor under the robot, mine frame), `pitch_rad`,
-    `roll_rad` (against the level). In a world that is one volume also `floor`, the number of the storey, the largest 0,
-    and `leg`, the stations of the survey's leg. Robots fall at 3 m/s at most there.
+    Arrays of numbers, those of one number without dimensions; vectors and teams have the same keys, dtypes and shapes.
+    `cells_seen`, `cells_reachable`, `coverage`, `collision` (in this step), `collisions` (so far), `pose_m_rad` (x, y, yaw
+    in the mine frame), `height_m` (of the floor under the robot, mine frame), `pitch_rad`, `roll_rad` (against the level),
+    `zone`, a number into `World.zone_names`: in the default world 0 dry, 1 mud, 2 water. In a world that is one volume also
+    `floor`, the storey's number, the largest 0, and `leg`, into `minexplore.volume.legs.leg_names(world)`.
 
     ## Copies
-    `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. An
-    environment also steps in a fork of its process; if anything was drawn before the fork, it draws in none, and only
-    processes started by `"spawn"` do. After `close` it refuses every call.
+    `copy.deepcopy` and pickle give an environment in the same state, random numbers included, without windows. It also
+    steps in a fork of its process; if anything was drawn before, it draws only in processes started by `"spawn"`.
 
     ## Arguments
 
@@ -125,14 +129,12 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         conditions: SensorParams | Mapping[str, Any] | str | None = None,
     ) -> None:
         """Load the world and put the robot into it."""
-        gymnasium.utils.EzPickle.__init__(
-            self, world, task, robot, render_mode, camera, lidar, whole, pose, sensors, conditions
-        )
-        given: dict[str, Any] = dict(
-            task=task, robot=robot, render_mode=render_mode, camera=camera, lidar=lidar, whole=whole
-        )
-        given |= {"pose": pose, "sensors": sensors, "conditions": conditions}
+        given: dict[str, Any] = dict(task=task, robot=robot, render_mode=render_mode, camera=camera, lidar=lidar)
+        given |= {"whole": whole, "pose": pose, "sensors": sensors, "conditions": conditions}
+        gymnasium.utils.EzPickle.__init__(self, world, **given)
         check_arguments(given)
+        if not has_display():  # what goes through all modes, as Gymnasium's checker does, finds those that work
+            self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
         if render_mode is not None:
             from minexplore.pictures.opengl import prepare_opengl
 
@@ -153,13 +155,17 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self.on_key: Callable[[int], None] = lambda code: None  # gets the viewer's key presses
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Place the robot near the entrance with a random yaw, and cast the beams once."""
+        """Place the robot near the entrance with a random yaw, or as options say, and cast the beams once."""
         self._require_open()
-        check_options(options, ())
+        check_options(options, STARTS)
+        start = None
+        if options:
+            from minexplore.envs.starts import start_of
+
+            start = start_of(options, self.world, self.robot.radius_m)
         super().reset(seed=one_seed(seed))
-        self._begun = True
-        outcome = self.robots.reset(np.arange(1), [self.np_random])
-        self.suite.begin(seed)
+        self._begun, outcome = True, self.robots.reset(np.arange(1), [self.np_random], start)
+        self.suite.begin((options or {}).get("noise_seed", seed))
         self._show()
         return self._observed(outcome), info_of_robot(outcome.info, 0)
 
@@ -173,7 +179,6 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         gymnasium.error.ResetNeeded, gymnasium.error.ClosedEnvironmentError
             Before the first reset, and after `close`.
         """
-        self._require_open()
         self._require_begun("step")
         command = numbers_of(action)
         if command.shape != self.action_space.shape:
@@ -181,8 +186,8 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         outcome: StepOutcome = self.robots.step(command[None], [self.np_random])
         self.suite.advance()
         self._show()
-        info = info_of_robot(outcome.info, 0)
-        return self._observed(outcome), float(outcome.reward[0]), False, bool(outcome.truncated[0]), info
+        over, info = bool(outcome.truncated[0]), info_of_robot(outcome.info, 0)
+        return self._observed(outcome), float(outcome.reward[0]), False, over, info
 
     def capture(self, sensor: str) -> Any:
         """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.sensors.kind`.
@@ -192,7 +197,6 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         ValueError
             If there is no such sensor; the message lists those that there are.
         """
-        self._require_open()
         self._require_begun("capture")
         return self.suite.capture(check_sensors([sensor])[0])
 
@@ -203,12 +207,10 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
-        self._require_open()
         self._require_begun("render")
         if self.render_mode != "rgb_array":
             return None
-        robots = self.robots
-        return self._drawing().draw(self.camera, robots.qpos, robots.seen[0], robots.poses())
+        return self._drawing().draw(self.camera, self.robots.qpos, self.robots.seen[0], self.robots.poses())
 
     def _drawing(self) -> Renderer:
         if self._renderer is None:
@@ -221,14 +223,9 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         """Bring MuJoCo's viewer up to date in mode `human`."""
         if self.render_mode != "human":
             return
-        model, data = self._drawing().place(self.robots.qpos)
-        if self._viewer is None:
-            from minexplore.pictures.render import shown_groups
-            from minexplore.pictures.viewer import Viewer
+        from minexplore.pictures.viewer import show
 
-            groups = [group for group in shown_groups(self.world) if group is not GeomGroup.ROOF]  # seen from above
-            self._viewer = Viewer(model, data, lambda code: self.on_key(code), groups)
-        self._viewer.sync()
+        self._viewer = show(self._viewer, self._drawing().place(self.robots.qpos), self)
 
     def close(self) -> None:
         """Free renderer, viewer and threads; the environment cannot be used afterwards."""
@@ -247,12 +244,13 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
 
     def _require_begun(self, call: str) -> None:
+        self._require_open()
         if not self._begun:
             raise gymnasium.error.ResetNeeded(f"call reset before {call}")
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the arguments and all that has changed since; a copy goes on as this environment does."""
-        names = ("_begun", "_closed", "_np_random", "_np_random_seed", "spec")
+        names = ("_begun", "_closed", "_np_random", "_np_random_seed", "_spec", "task")
         changed = {name: getattr(self, name) for name in names}
         return {
             **super().__getstate__(),
@@ -269,6 +267,10 @@ class MineEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         if state["changed"]["_closed"]:
             self.close()
         self.__dict__.update(state["changed"])
+        self._set_task(self.task)
+
+    def _set_task(self, task: TaskParams) -> None:
+        self.task = self.robots.task = task
 
 
 def check_arguments(arguments: Mapping[str, Any]) -> None:

@@ -12,9 +12,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from minexplore.envs.batches import commands_of, observations_of
-from minexplore.envs.call_checks import check_options, mask_of, numbers_of, one_seed, spread_seeds
+from minexplore.envs.call_checks import STARTS, check_options, numbers_of, one_seed, spread_seeds
 from minexplore.envs.env import MineEnv, check_arguments
-from minexplore.envs.vector import check_count, find_mode
+from minexplore.envs.horizon import Timed
+from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
+from minexplore.limits import has_display
 from minexplore.physics.robots import find_robot
 from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
@@ -23,7 +25,7 @@ from minexplore.task import TaskParams, coerce_params
 _MOST = 4096  # robots of a vector: each has a world of its own in memory
 
 
-class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
+class FamilyEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     """Explore a mine that is drawn anew at every reset; see `MineEnv` for the task.
 
     The seed of `reset` decides about the mine and the episode in it. Mines are drawn with equal chance, and which one
@@ -42,7 +44,8 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     Notes
     -----
-    `reset(options={"mine": "test-0007"})` enters one of the mines. The info holds the name as `mine`.
+    `reset(options={"mine": "test-0007"})` enters one of the mines. The info holds the mine's number in
+    its split as `mine`, and the attribute `mine` is its name.
     """
 
     metadata = MineEnv.metadata
@@ -65,6 +68,8 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self._families = None if families is None else Path(families)
         self._arguments = arguments
         self.render_mode = arguments.get("render_mode")
+        modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
+        self.metadata = {**MineEnv.metadata, "render_modes": modes}  # of its own: `SyncVectorEnv` writes its mode there
         self.task = coerce_params(TaskParams, arguments.get("task"))
         robot, sensors = find_robot(arguments.get("robot")), check_sensors(arguments.get("sensors", ()))
         self.observation_space = observed_space(observations_of(self.task, robot), sensors)
@@ -85,18 +90,19 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         """
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
-        check_options(options, ("mine",))
+        check_options(options, ("mine", *STARTS))
         super().reset(seed=one_seed(seed))
         drawn = self.names[self.np_random.integers(len(self.names))]
-        inner = self._enter((options or {}).get("mine", drawn))
-        observation, info = inner.reset(seed=int(self.np_random.integers(2**31)))
-        return observation, {**info, "mine": self.mine}
+        starts = dict(options or {})
+        inner = self._enter(starts.pop("mine", drawn))
+        observation, info = inner.reset(seed=int(self.np_random.integers(2**31)), options=starts)
+        return observation, self._with_mine(info)
 
     def _enter(self, name: str) -> MineEnv:
         if not isinstance(name, str) or name not in self.names:
             raise ValueError(f"options: mine = {name!r}: want one of {self.names[0]} to {self.names[-1]}")
         if self._inner is None or name != self.mine:
-            entered = MineEnv(world_folder(name, self._families), **self._arguments)
+            entered = MineEnv(world_folder(name, self._families), **{**self._arguments, "task": self.task})
             if self._inner is not None:
                 self._inner.close()
             self.mine, self._inner = name, entered
@@ -105,7 +111,10 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for one control step; see `MineEnv.step`."""
         observation, reward, terminated, truncated, info = self._begun("step").step(action)
-        return observation, reward, terminated, truncated, {**info, "mine": self.mine}
+        return observation, reward, terminated, truncated, self._with_mine(info)
+
+    def _with_mine(self, info: dict[str, Any]) -> dict[str, Any]:
+        return {**info, "mine": np.array(parse_name(str(self.mine))[1])}
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return a picture of the present mine in mode `rgb_array`, else None."""
@@ -130,7 +139,7 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the arguments and all that has changed since; a copy goes on as this environment does."""
-        names = ("mine", "_inner", "_closed", "_np_random", "_np_random_seed", "spec")
+        names = ("mine", "_inner", "_closed", "_np_random", "_np_random_seed", "_spec", "task")
         return {**super().__getstate__(), "changed": {name: getattr(self, name) for name in names}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -139,7 +148,7 @@ class FamilyEnv(gymnasium.Env, gymnasium.utils.EzPickle):
         self.__dict__.update(state["changed"])
 
 
-class FamilyVectorEnv(SyncVectorEnv):
+class FamilyVectorEnv(Timed, SyncVectorEnv):
     """`num_envs` robots, each in a mine of its own, which is drawn anew for each of its episodes; see `FamilyEnv`.
 
     Robot i behaves as `FamilyEnv` with the seed `seed + i`. Robots share no mine, so that nothing is gained by stepping
@@ -147,12 +156,17 @@ class FamilyVectorEnv(SyncVectorEnv):
     """
 
     def __init__(
-        self, num_envs: int = 1, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Any
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        **arguments: Any,
     ) -> None:
-        """Make the environments; `arguments` are those of `FamilyEnv`."""
+        """Make the environments; `arguments` are those of `FamilyEnv`, and the others as of `MineVectorEnv`."""
         check_count("num_envs", num_envs, _MOST)
-        super().__init__([partial(FamilyEnv, **arguments)] * int(num_envs), autoreset_mode=find_mode(autoreset_mode))
-
+        self.task = task_of(arguments.pop("task", None), max_episode_steps)
+        made = partial(FamilyEnv, **arguments, task=self.task)
+        super().__init__([made] * int(num_envs), autoreset_mode=find_mode(autoreset_mode))
         self._begun = False
 
     def reset(  # type: ignore[override]
@@ -160,7 +174,7 @@ class FamilyVectorEnv(SyncVectorEnv):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Draw a mine for each robot, or for those of `options["reset_mask"]`; `options["mine"]` names one for all."""
         self._require_open()
-        check_options(options, ("mine", "reset_mask"))
+        check_options(options, ("mine", "reset_mask", *STARTS))
         seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
         if not self._begun and not mask.all():
             raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
@@ -176,6 +190,9 @@ class FamilyVectorEnv(SyncVectorEnv):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all robots; see `FamilyEnv.step`."""
         self._require_open()
+        over = np.flatnonzero(self._autoreset_envs)
+        if len(over) and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(f"robot {over[0]}: its episode ended; reset it by options['reset_mask']")
         commands = numbers_of(actions)
         if commands.shape != self.action_space.shape:
             raise ValueError(f"actions of shape {commands.shape}: want {self.action_space.shape}")

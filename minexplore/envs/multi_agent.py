@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -26,7 +26,7 @@ from minexplore.world import DEFAULT_WORLD, find_world, load_world
 _MOST = 1000  # robots of a team, which one model holds; 20,000 take more than 20 s to make
 
 
-class MineParallelEnv(ParallelEnv):
+class MineParallelEnv(ParallelEnv, gymnasium.utils.EzPickle):
     """A team of robots explores one mine; observations and actions of each are those of `MineEnv`.
 
     Parameters
@@ -58,6 +58,7 @@ class MineParallelEnv(ParallelEnv):
         lidar: Backend = "auto",
     ) -> None:
         """Load the world and put the team into it."""
+        gymnasium.utils.EzPickle.__init__(self, robots, reward, world, task, robot, render_mode, camera, lidar)
         if type(robots) is not int or not 1 <= robots <= _MOST or reward not in ("shared", "individual"):
             raise ValueError(
                 f"robots = {robots!r}, reward = {reward!r}: want 1 to {_MOST}, and 'shared' or 'individual'"
@@ -73,6 +74,7 @@ class MineParallelEnv(ParallelEnv):
         self.possible_agents = [f"robot_{i}" for i in range(robots)]
         self.agents: list[str] = []
         self._rngs: list[np.random.Generator] = []
+        self.team_cells = 0
         self.observation_spaces = {a: observation_space(self.task) for a in self.possible_agents}
         self.action_spaces = {a: gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32) for a in self.possible_agents}
         self._renderer: Renderer | None = None
@@ -158,8 +160,9 @@ class MineParallelEnv(ParallelEnv):
         return dict(zip(self.possible_agents, rows, strict=True))
 
     def _infos(self, info: dict[str, np.ndarray]) -> dict[str, dict[str, Any]]:
-        team = {"team_cells_seen": self.team_cells, "team_coverage": self.team_cells / self.team.grid.total}
-        return {a: {**info_of_robot(info, i), **team} for i, a in enumerate(self.possible_agents)}
+        cells = np.array([self.team_cells])
+        team = {"team_cells_seen": cells, "team_coverage": cells / self.team.grid.total}
+        return {a: {**info_of_robot(info, i), **info_of_robot(team, 0)} for i, a in enumerate(self.possible_agents)}
 
     def render(self) -> np.ndarray | None:
         """Return a picture (480, 640, 3) uint8 in mode `rgb_array`, else None."""
@@ -184,9 +187,17 @@ class MineParallelEnv(ParallelEnv):
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
 
-    def __reduce__(self) -> NoReturn:
-        """Refuse copies: the team's state cannot be taken along."""
-        raise TypeError("MineParallelEnv is neither copied nor pickled: make another one and reset it by the same seed")
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the arguments and all that has changed since; a copy goes on as this environment does."""
+        names = ("agents", "_rngs", "team_cells", "_closed")
+        changed = {name: getattr(self, name) for name in names}
+        return {**gymnasium.utils.EzPickle.__getstate__(self), "changed": changed, "team": self.team.copy_state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment from its arguments and bring it into its state; windows are not copied."""
+        gymnasium.utils.EzPickle.__setstate__(self, state)
+        self.team.restore_state(state["team"])
+        self.__dict__.update(state["changed"])
 
 
 def parallel_env(**kwargs: Any) -> MineParallelEnv:

@@ -19,5 +19,5 @@ class StepOutcome:
 
 
 def info_of_robot(info: dict[str, np.ndarray], row: int) -> dict[str, Any]:
-    """Return one robot's info as plain values."""
-    return {name: value.item(row) if value.ndim == 1 else value[row].copy() for name, value in info.items()}
+    """Return one robot's info: arrays with the same dtypes, a number being one without dimensions."""
+    return {name: value[row, ...].copy() for name, value in info.items()}

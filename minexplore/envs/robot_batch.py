@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from minexplore.sensing.lidar import Backend, shared_lidar
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
 from minexplore.world import World
+
+if TYPE_CHECKING:
+    from minexplore.envs.starts import Start
 
 _COUNTED = {2: "two", 4: "four"}
 # Arrays with a row for each robot that hold what changes while it drives.
@@ -62,11 +66,12 @@ class RobotBatch(RobotPlaces):
         """Return what the robots move over."""
         return ground_of(self.world, self.task, self.robot, self.count, whole)
 
-    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
-        """Place robots (k,) near the entrance with a random yaw, and cast the beams once."""
+    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator], start: Start | None = None) -> StepOutcome:
+        """Place robots (k,) near the entrance with a random yaw, or as `start` says, and cast the beams once."""
         for i in robots.tolist():
             x, y, *z = self._sample_place(rngs[i])
-            self.place(i, x, y, rngs[i].uniform(-np.pi, np.pi), *z)
+            pose = [x, y, rngs[i].uniform(-np.pi, np.pi), *z]
+            self.place(i, *(pose if start is None else start.pose(pose, i, rngs[i])))
         self._forget(robots)
         self.previous[robots] = 0.0
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
@@ -231,7 +236,7 @@ class RobotBatch(RobotPlaces):
             "coverage": seen / self.grid.total,
             "collision": np.asarray(collision),
             "collisions": self.collisions[rows].copy(),
-            "zone": self.world.zone_names[self.world.zones_at(now.places_m[:, 0])],
+            "zone": self.world.zones_at(now.places_m[:, 0]),
             "pose_m_rad": now.poses(),
             "height_m": self._heights_of(now),
             "pitch_rad": attitude[:, 0],

@@ -13,6 +13,7 @@ from minexplore.task import TaskParams
 from minexplore.world import World
 
 _APART_M = 1.2  # least distance between two robots at the start, centre to centre
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 class Team(RobotBatch):
@@ -37,6 +38,18 @@ class Team(RobotBatch):
         outcome = self.reset(np.arange(self.count), rngs)
         mujoco.mj_forward(self.model, self.data)
         return outcome
+
+    def copy_state(self) -> dict[str, np.ndarray]:
+        """Return a copy of all that changes while the team drives; see `RobotBatch.copy_state`."""
+        physics = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, physics, _STATE)
+        return {**super().copy_state(), "team_seen": self.team_seen.copy(), "physics": physics}
+
+    def restore_state(self, state: dict[str, np.ndarray]) -> None:
+        """Take what `copy_state` returned; see `RobotBatch.restore_state`."""
+        super().restore_state(state)
+        self.team_seen[...] = state["team_seen"]
+        mujoco.mj_setState(self.model, self.data, state["physics"], _STATE)
 
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
         """Place a robot, at rest, at a pose; see `RobotBatch.place`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import check_camera, check_options, mask_of, numbers_of, spread_seeds
+from minexplore.envs.call_checks import STARTS, check_camera, check_options, is_masked, numbers_of, spread_seeds
+from minexplore.envs.horizon import Timed
 from minexplore.envs.outcome import StepOutcome
+from minexplore.envs.starts import start_of
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.sensors.table import check_sensors
-from minexplore.task import TaskParams, coerce_params
+from minexplore.task import LONG, TaskParams, coerce_params
 from minexplore.world import find_world, load_world
 
 if TYPE_CHECKING:
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
 _MOST = 65_536  # robots, or threads
 
 
-class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
+class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
     """`num_envs` robots, each alone in its own copy of the mine; see `MineEnv` for the task.
 
     The trajectories are those of `MineEnv` with the same seeds and actions, bit for bit.
@@ -42,7 +45,10 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         `render` gives one picture a robot.
     autoreset_mode : AutoresetMode or str
         `NEXT_STEP` (default): the step after an episode's last one resets and ignores the action. `SAME_STEP`: the last
-        step resets at once; the last observation and info are in `info["final_obs"]`, `info["final_info"]`.
+        step resets at once; the last observation and info are in `info["final_obs"]`, `info["final_info"]`. `DISABLED`:
+        `reset(options={"reset_mask": ...})` resets robots whose episode ended; `step` refuses to go on before.
+    max_episode_steps : int, optional
+        Instead of the task's `max_steps`; `gymnasium.make_vec` gives that of the id.
     threads : int
         That step the physics.
     sensors : ()
@@ -66,25 +72,26 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         pose: str = "true",
         conditions: SensorParams | Mapping[str, Any] | str | None = None,
         sensors: Sequence[str] = (),
+        max_episode_steps: int | None = None,
     ) -> None:
         """Load the world and put the robots into it."""
         if check_sensors(sensors):
             raise ValueError(f"sensors = {sensors!r:.100}: want () here; vectorization_mode='sync' reads sensors")
         given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
-        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions)
+        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions, (), max_episode_steps)
         check_count("num_envs", num_envs, _MOST)
         check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode = {render_mode!r}: valid choices are None, 'rgb_array'")
         check_camera(camera)
         mode = find_mode(autoreset_mode)
-        self.num_envs, self.render_mode, self.camera, self._mode = num_envs, render_mode, camera, mode
+        self.num_envs, self.render_mode, self.camera, self.autoreset_mode = num_envs, render_mode, camera, mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         if render_mode is not None:
             from minexplore.pictures.opengl import prepare_opengl
 
             prepare_opengl(render_mode)
-        self.task = coerce_params(TaskParams, task)
+        self.task = task_of(task, max_episode_steps)
         self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
         self.world = load_world(find_world(world))
         batch = (self.world, self.task, self.robot, num_envs, threads, lidar, whole)
@@ -94,6 +101,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = []
+        self._seeds: list[int] = []
+        self._begun = False
         self._ended = np.zeros(num_envs, dtype=bool)
         self._observation: np.ndarray = np.zeros((num_envs, *observations_of(self.task, self.robot).shape), np.float32)
         self._renderer: Renderer | None = None
@@ -102,29 +111,54 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Reset all robots, or those of `options["reset_mask"]`; an int seed gives robot i the seed `seed + i`."""
+        """Reset all robots, or those of `options["reset_mask"]`; an int seed gives robot i the seed `seed + i`.
+
+        Options that say where an episode starts hold for each of these robots; see `MineEnv.reset`.
+        """
         self._require_open()
-        check_options(options, ("reset_mask",))
+        check_options(options, ("reset_mask", *STARTS))
         seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
-        if not self._rngs and not mask.all():
+        if not self._begun and not mask.all():
             raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
-        rngs = self._rngs or [seeding.np_random(s)[0] for s in seeds]
+        start = start_of(options, self.world, self.robot.radius_m)
+        self._draw_seeds()
         for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None and self._rngs:
-                rngs[i] = seeding.np_random(seeds[i])[0]
-        self._rngs = rngs
+            if seeds[i] is not None:
+                self._rngs[i], self._seeds[i] = seeding.np_random(seeds[i])
+        self._begun = True
         self._ended[mask] = False
-        outcome = self.robots.reset(np.flatnonzero(mask), self._rngs)
+        outcome = self.robots.reset(np.flatnonzero(mask), self._rngs, start)
         self._observation[mask] = outcome.observation
         return self._observation.copy(), _spread(outcome, np.flatnonzero(mask), self.num_envs)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Return the seed of each robot's random numbers, as `SyncVectorEnv` does."""
+        self._draw_seeds()
+        return tuple(self._seeds)
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """Return each robot's random numbers."""
+        self._draw_seeds()
+        return tuple(self._rngs)
+
+    def _draw_seeds(self) -> None:
+        """Give robots that have none yet random numbers by seeds of the system's."""
+        for _ in range(self.num_envs - len(self._rngs)):
+            rng, seed = seeding.np_random(None)
+            self._rngs.append(rng)
+            self._seeds.append(seed)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all robots; robots whose episode ended are reset as `autoreset_mode` says."""
         self._require_open()
         actions = numbers_of(actions)
-        if not self._rngs:
+        if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset before step")
         over = np.flatnonzero(self._ended)
+        if len(over) and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(f"robot {over[0]}: its episode ended; reset it by options['reset_mask']")
         driving = np.flatnonzero(~self._ended)
         reward, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
         info: dict[str, Any] = {}
@@ -138,7 +172,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
             self._observation[over] = started.observation
             info = _merge(info, _spread(started, over, self.num_envs), over)
         self._ended = truncated.copy()
-        if self._mode is AutoresetMode.SAME_STEP and truncated.any():
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
             info |= self._restart(np.flatnonzero(truncated), info)
         return self._observation.copy(), reward, np.zeros(self.num_envs, dtype=bool), truncated, info
 
@@ -159,7 +193,7 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
     def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
         """Return one picture (480, 640, 3) uint8 a robot in mode `rgb_array`, else None."""
         self._require_open()
-        if not self._rngs:
+        if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset before render")
         if self.render_mode is None:
             return None
@@ -186,7 +220,8 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the arguments and all that has changed since; a copy goes on as this environment does."""
-        changed = {name: getattr(self, name) for name in ("_rngs", "_ended", "_observation", "closed", "spec")}
+        names = ("_rngs", "_seeds", "_begun", "_ended", "_observation", "closed", "_spec")
+        changed = {name: getattr(self, name) for name in names}
         return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -198,6 +233,27 @@ class MineVectorEnv(VectorEnv, gymnasium.utils.EzPickle):
         self.__dict__.update(state["changed"])
 
 
+def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
+    """Return which of `count` robots a reset is for, (count,) bool: all without `options["reset_mask"]`.
+
+    Raises
+    ------
+    ValueError
+        If the mask is not an array of truth values, one a robot, or names none.
+    """
+    mask = None if options is None else options.get("reset_mask")
+    if mask is None:
+        return np.ones(count, dtype=bool)
+    if is_masked(mask):
+        raise ValueError("reset_mask: want no masked values")
+    found = np.asarray(mask)
+    if found.dtype != bool or found.shape != (count,):
+        raise ValueError(f"reset_mask of {found.dtype} with shape {found.shape}: want bool with shape ({count},)")
+    if not found.any():
+        raise ValueError("reset_mask: it names no robot")
+    return found
+
+
 def check_count(name: str, value: Any, most: int) -> None:
     """Refuse a number of robots or threads that is no whole number from 1 to `most`."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= most:
@@ -206,10 +262,19 @@ def check_count(name: str, value: Any, most: int) -> None:
 
 def find_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """Return an autoreset mode given by itself, its name or its value."""
-    for known in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+    for known in AutoresetMode:
         if mode in (known, known.name, known.value):
             return known
-    raise ValueError(f"autoreset_mode = {mode!r}: valid choices are NEXT_STEP, SAME_STEP")
+    raise ValueError(f"autoreset_mode = {mode!r}: valid choices are {', '.join(AutoresetMode.__members__)}")
+
+
+def task_of(task: TaskParams | dict[str, Any] | None, max_episode_steps: int | None) -> TaskParams:
+    """Return a vector's task, which ends after `max_episode_steps` where they are given."""
+    found = coerce_params(TaskParams, task)
+    if max_episode_steps is None:
+        return found
+    check_count("max_episode_steps", max_episode_steps, LONG)
+    return replace(found, max_steps=int(max_episode_steps))
 
 
 def _spread(outcome: StepOutcome, robots: np.ndarray, count: int) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from urllib.parse import quote
 import gymnasium
 import pooch
 import requests
-from gymnasium.envs.registration import register
 from tqdm import tqdm
 
 from minexplore.bundle import RECORD, BundleError
@@ -175,7 +174,7 @@ def _register(name: str, folder: Path) -> None:
     Gymnasium imports what stands before a colon as a module and looks up the rest, so that a module of that name
     exists, and the rest is an id of its own.
     """
-    from minexplore import ENTRY_POINT, VECTOR_ENTRY_POINT
+    from minexplore import ENTRY_POINT, register_env
 
     sys.modules.setdefault(_NAMESPACE, types.ModuleType(_NAMESPACE))
     short = f"{name}-v0"
@@ -184,10 +183,4 @@ def _register(name: str, folder: Path) -> None:
         raise BundleError(f"{_NAMESPACE}:{short}: another package has registered {short!r}")
     for env_id in (f"{_NAMESPACE}:{short}", short):
         gymnasium.registry.pop(env_id, None)
-        register(
-            env_id,
-            ENTRY_POINT,
-            vector_entry_point=VECTOR_ENTRY_POINT,
-            kwargs={"world": str(folder)},
-            order_enforce=True,
-        )
+        register_env(env_id, {"world": str(folder)})

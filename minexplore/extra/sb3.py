@@ -1,4 +1,4 @@
-"""The vector environment as Stable-Baselines3 takes it (`pip install minexplore[sb3]`)."""
+"""The vector environment as Stable-Baselines3 takes it (the extra `sb3`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import minexplore
 from minexplore.envs.outcome import info_of_robot
-from minexplore.envs.vector import MineVectorEnv
 
 Indices = None | int | Iterable[int]
 
@@ -26,10 +25,10 @@ class MineVecEnv(VecEnv):
     Parameters
     ----------
     env_id : str
-        Any of `minexplore.environments()`.
+        As `gymnasium.make_vec` takes it, also with `minexplore:` before it.
     num_envs : int
     **kwargs
-        Other arguments of `MineVectorEnv`: world, task, robot, render_mode, camera, threads.
+        Other arguments of `gymnasium.make_vec`: world, task, robot, render_mode, camera, threads, max_episode_steps.
 
     Notes
     -----
@@ -39,28 +38,37 @@ class MineVecEnv(VecEnv):
     Raises
     ------
     ValueError
-        If there is no environment of that id.
+        If this package has no environment of that id.
     """
 
     def __init__(self, env_id: str, num_envs: int, **kwargs: Any) -> None:
         """Make the environment."""
-        known = minexplore.environments()
-        if env_id not in known:
-            raise ValueError(f"env_id = {env_id!r}: valid choices are {', '.join(known)}")
-        self.env = MineVectorEnv(num_envs, **{**known[env_id], **kwargs}, autoreset_mode=AutoresetMode.SAME_STEP)
-        self._actions = np.zeros((num_envs, 2))
+        kwargs["autoreset_mode"] = AutoresetMode.SAME_STEP
+        try:
+            self.env: Any = gymnasium.make_vec(env_id, num_envs, "vector_entry_point", **kwargs)
+        except (gymnasium.error.UnregisteredEnv, ModuleNotFoundError) as error:
+            known = [*minexplore.environments(), minexplore.FAMILY]
+            raise ValueError(f"env_id = {env_id!r}: valid choices are {', '.join(known)}") from error
+        self._actions = np.zeros(0)
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
 
     def reset(self) -> np.ndarray:
         """Reset all robots, by the seeds of `seed` where they were set since the last reset."""
-        observation, info = self.env.reset(seed=self._seeds)
+        observation, info = self.env.reset(seed=self._seeds, options=self._options_of_all())
         self.reset_infos = self._infos_of(info, np.arange(self.num_envs))
         self._reset_seeds()
         self._reset_options()
         return observation
 
+    def _options_of_all(self) -> dict[str, Any] | None:
+        """Return what `set_options` was given; the robots share one environment, so all must have the same."""
+        first = self._options[0]
+        if any(repr(one) != repr(first) for one in self._options):
+            raise ValueError("set_options: the robots share one environment; want the same options for all")
+        return first or None
+
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions (n, 2) of the next step."""
+        """Take the actions (n, commands) of the next step."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:

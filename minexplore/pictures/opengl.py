@@ -7,12 +7,13 @@ import ctypes
 import functools
 import importlib
 import os
-import sys
 import weakref
 from contextlib import suppress
 
 import mujoco
 from mujoco.rendering.classic import gl_context
+
+from minexplore.limits import has_display
 
 _EGL, _OSMESA = "libEGL.so.1", ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
 _EGL_PLATFORM_DEVICE, _MOST_DEVICES = 0x313F, 32
@@ -35,7 +36,7 @@ def prepare_opengl(render_mode: str) -> None:
     DisplayError
         If nothing can draw in this mode; the message says what to install or set.
     """
-    if not sys.platform.startswith("linux") or has_display():
+    if has_display():
         return
     if render_mode == "human":
         raise DisplayError("render_mode = 'human' needs a display, and DISPLAY is not set; 'rgb_array' needs none")
@@ -80,11 +81,6 @@ def new_renderer(model: mujoco.MjModel, size_px: tuple[int, int], max_geom: int)
 def _close_all_at_exit() -> None:
     """Register once, after the first context: functions at exit run in reverse order, and MuJoCo's comes first."""
     atexit.register(lambda: [renderer.close() for renderer in list(_RENDERERS)])
-
-
-def has_display() -> bool:
-    """Return whether an X or Wayland display is announced."""
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def egl_works() -> bool:

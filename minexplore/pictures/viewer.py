@@ -5,9 +5,13 @@ from __future__ import annotations
 import atexit
 import threading
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import mujoco
 import mujoco.viewer
+
+from minexplore.bundle import GeomGroup
+from minexplore.pictures.render import shown_groups
 
 _CLOSE_S = 10.0  # longest wait for the viewer's threads to end
 
@@ -42,3 +46,12 @@ class Viewer:
         self._handle.close()
         for thread in self._threads:
             thread.join(_CLOSE_S)
+
+
+def show(viewer: Viewer | None, drawn: tuple[mujoco.MjModel, mujoco.MjData], env: Any) -> Viewer:
+    """Bring the window of an environment up to date, or open it, with the mine seen from above."""
+    if viewer is None:
+        groups = [group for group in shown_groups(env.world) if group is not GeomGroup.ROOF]
+        viewer = Viewer(*drawn, lambda code: env.on_key(code), groups)
+    viewer.sync()
+    return viewer

@@ -14,7 +14,6 @@ from minexplore.task import TaskParams
 from minexplore.tiles import Tile, tiles_at
 from minexplore.volume.air import air_spans, reached_from
 from minexplore.volume.columns import FloorColumns
-from minexplore.volume.legs import leg_names
 from minexplore.volume.rock import PartsOfRock
 from minexplore.world import World
 
@@ -80,7 +79,6 @@ class AirGround:
         near = np.hypot(*(self.air.places_m - anchor_m[:2]).T) <= task.region_m
         self.grid = CubeGrid(self.air.within(near).middles(task.cell_m), task.cell_m)
         self._columns = FloorColumns(self._facets)
-        self._legs = np.array(leg_names(world))
 
     def entrance_places(self, clearance_m: float) -> np.ndarray:
         """Return the places (n, 3) m of the entrance region over which the robot can be, on their floors."""
@@ -110,4 +108,4 @@ class AirGround:
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the leg whose floor is under robots (k,) at places (k, 3) m."""
         facet = np.maximum(self._columns.facets_under(places_m), 0)
-        return {"leg": self._legs[self._facets.leg[facet]]}
+        return {"leg": self._facets.leg[facet].astype(int)}

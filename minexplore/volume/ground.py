@@ -14,7 +14,6 @@ from minexplore.volume.cells import VolumeGrid
 from minexplore.volume.choice import PlaneChooser
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.creases import Creases
-from minexplore.volume.legs import leg_names
 from minexplore.volume.models import FEET, VolumeModels, code_of
 from minexplore.volume.planes import FloorPlanes
 from minexplore.volume.standing import standing_spans
@@ -51,7 +50,6 @@ class VolumeGround:
         self._columns = FloorColumns(self._facets)
         self._chooser = PlaneChooser(self.models, FloorPlanes(self._columns, Creases(self._facets)))
         self._under = np.full(count, -1)  # facet under each robot when it was last looked for
-        self._legs = np.array(leg_names(world))
         self._addresses: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
@@ -129,7 +127,7 @@ class VolumeGround:
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
         facet = self._follow(robots, places_m)
-        return {"floor": self._storeys(robots, places_m), "leg": self._legs[self._facets.leg[facet]]}
+        return {"floor": self._storeys(robots, places_m), "leg": self._facets.leg[facet].astype(int)}
 
     def _storeys(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the storey (k,) of robots: that of their column's nearest floor with one, or the one before."""

@@ -91,7 +91,8 @@ def _read(config: Config) -> tuple[Mapping[str, Any], Mask | None]:
     from stages.survey import STAGE
 
     made = STAGE.run(config.survey)
-    workings = find_workings(config.contours, **made)
+    taken = ("plan", "survey", "workings", "network", "solid", "floors")
+    workings = find_workings(config.contours, **{name: made[name] for name in taken})
     if len(made["network"]) and not len(made["solid"]) and not len(made["floors"]):
         _require_flat_leg(config.compile3d, made["network"], (made["survey"].sources or [made["survey"].name])[0])
     return made, workings

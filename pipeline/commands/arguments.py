@@ -93,6 +93,17 @@ def grade(text: str) -> float | dict[str, float]:
     return found
 
 
+def columns(text: str) -> dict[str, str]:
+    """Return the table's name of each of our columns, from OURS=NAME,OURS=NAME; a name may have blanks."""
+    found: dict[str, str] = {}
+    for part in text.split(","):
+        ours, _, name = (piece.strip() for piece in part.partition("="))
+        if not ours or not name or ours in found:
+            raise argparse.ArgumentTypeError(f"{part!r}: expected OURS=NAME with each column once, separated by commas")
+        found[ours] = name
+    return found
+
+
 def whole_numbers(count: int) -> Callable[[str], list[int]]:
     """Return a parser of `count` integers of 0 or more separated by commas."""
 

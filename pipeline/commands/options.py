@@ -8,9 +8,19 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
-from pipeline.commands.arguments import elevation, grade, number, numbers, piece, positive, ratio, whole_numbers
+from pipeline.commands.arguments import (
+    columns,
+    elevation,
+    grade,
+    number,
+    numbers,
+    piece,
+    positive,
+    ratio,
+    whole_numbers,
+)
 from pipeline.params.stated import BarBoxPx, Colour, Elevations, Ratio, SeedPx, StatedOptions, option, state
-from pipeline.params.survey import BoxPx, Grade, PieceOption, StartM
+from pipeline.params.survey import BoxPx, Columns, Grade, PieceOption, StartM
 
 _PARSERS: dict[Any, Callable[[str], Any]] = {  # type of a field, or of an item of its list -> parser of its text
     float: number,
@@ -25,6 +35,7 @@ _PARSERS: dict[Any, Callable[[str], Any]] = {  # type of a field, or of an item 
     StartM: numbers(2, 3),
     Elevations: elevation,
     Grade: grade,
+    Columns: columns,
     PieceOption: piece,
 }
 

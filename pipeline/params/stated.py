@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError
 from pipeline.errors import InputError
 from pipeline.params.base import Params
 from pipeline.params.refusals import in_own_words
-from pipeline.params.survey import GRADES_NEED, BoxPx, Elevation, Grade, Grey, PieceOption, StartM, Unit
+from pipeline.params.survey import GRADES_NEED, BoxPx, Columns, Elevation, Grade, Grey, PieceOption, StartM, Unit
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
 _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
@@ -81,6 +81,10 @@ class StatedOptions(Params):
     )
     half_width_m: Annotated[float | None, _option("--half-width", FileKind.VECTOR, FileKind.STATIONS)] = Field(
         default=None, gt=0, le=20, description="distance to a wall that a survey has not measured, m"
+    )
+    columns: Annotated[Columns | None, _option("--columns", FileKind.STATIONS, metavar="OURS=NAME,...")] = Field(
+        default=None,
+        description="columns of a station table with other names, such as leg=Code,easting_ft=E; or their numbers",
     )
     declination_deg: Annotated[float | None, _option("--declination", FileKind.STATIONS, metavar="DEG")] = Field(
         default=None,
@@ -222,6 +226,8 @@ def require_read(path: Path, kind: FileKind, stated: StatedOptions) -> None:
     """
     if isinstance(stated.grade, dict) and path.suffix.lower() != ".csv":
         raise InputError(f"{path}: --grade: {GRADES_NEED}")
+    if stated.columns is not None and path.suffix.lower() != ".csv":
+        raise InputError(f"{path}: --columns names the columns of a station table (.csv)")
     options = {name: option(name) for name in StatedOptions.model_fields}
     for name in stated.values():
         if kind not in options[name].read_with:

@@ -31,7 +31,6 @@ from pipeline.metrics.rock.texture import (
     sweep_walls,
     wall_wavelength_m,
 )
-from pipeline.parallel import together
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.sampled import Sampled, number_of_points, sample_pieces
 from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
@@ -111,10 +110,8 @@ class MeasuredTexture:
 
 def report_texture(rock: SeenRock, params: TextureReportParams) -> TextureReport:
     """Measure the visible rock of a world on the paper's six axes, and the smooth surface for comparison."""
-    found, flat = together(
-        lambda: measure_texture(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, params),
-        lambda: measure_flat_texture(rock, params),
-    )
+    found = measure_texture(rock.rough(WALLS), rock.rough(ROOF), rock.drifts, params)
+    flat = measure_flat_texture(rock, params)
     return repeatable(
         TextureReport(
             found.as_paper,
@@ -171,9 +168,8 @@ def measure_texture(
     pieces = [split_long(piece) for piece in (walls, roof)]
     _require_both(pieces)
     everywhere = sample_triangles(walls, number_of_points(walls, params.wall_points, params.points_per_m2), rng)[0]
-    (published_m, heat), (draws, along_m) = together(
-        lambda: _read_whole(everywhere, params), lambda: _measure_draws(pieces, drifts, params, rng)
-    )
+    published_m, heat = _read_whole(everywhere, params)
+    draws, along_m = _measure_draws(pieces, drifts, params, rng)
     return MeasuredTexture([draw.with_wavelengths(published_m, along_m) for draw in draws], heat)
 
 

@@ -31,7 +31,6 @@ from pipeline.mjcf.bundle import (
     read_made_by,
 )
 from pipeline.mjcf.render import render_free_space
-from pipeline.parallel import together
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
@@ -86,11 +85,6 @@ class Validator:
         _require_survey(self.bundle, self.world, self.survey)
         _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
         require_rock(self.bundle, self.world.record, self.free_space.polygon, grid, self.params)
-
-    def measure_together(self) -> None:
-        """Take the measures that take longest, at the same time."""
-        rock = [lambda: self.texture, lambda: (self.relief, self.walls)] if self.world.record.has_visible_rock else []
-        together(*rock, lambda: self.containment, lambda: self.columns)
 
     @functools.cached_property
     def world_free(self) -> Mask:

@@ -13,42 +13,41 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
 from pipeline.remarks import warn_user
-from pipeline.scans.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
+from pipeline.scans.point_blocks import NO_SYSTEM, PLACES, PointBlock, StatedSystem, Wanted, block_of, fields_of
+from pipeline.scans.table_columns import best_columns, named_column
 
 TEXT = (".dat", ".xyz", ".txt", ".csv", ".pts", ".asc")
 _BLOCK = 1_000_000
 _HEAD_BYTES = 10_000  # of the first line
 _COUNT_CHARACTERS = 20
+_COUNTED = 20  # rows
 _BETWEEN = re.compile(r"[,;\s]+")
-_NAMES = (  # of the columns of x, y and z
-    {"x", "x_m", "east", "easting", "easting_m"},
-    {"y", "y_m", "north", "northing", "northing_m"},
-    {"z", "z_m", "height", "height_m", "elevation", "elevation_m"},
-)
+_AXES = ("easting", "northing", "elevation")
 _COLUMNS = ["x", "y", "z"]  # of rows without names
 _DAT_COLUMNS = ["time", *_COLUMNS, "intensity"]
 _PTS_COLUMNS = [*_COLUMNS, "intensity", "red", "green", "blue"]
-_OF_STATIONS = {"leg", "station", "from", "to", "point", "punkt", "pt"}
+_OF_STATIONS = {"leg", "station", "from", "to", "point", "punkt", "pt", "p", "code"}
 
 
 @dataclass(frozen=True)
 class TextLayout:
     """How rows are written: lines above the first one, what separates numbers (None: spaces), and which are read.
 
-    `columns` are the places in a row of `x`, `y`, `z`, and of colours and the time that are wanted and stated.
+    `columns` are the places in a row of `x`, `y`, `z`, and of colours and the time that are wanted and stated. `system`
+    has the units in the names of columns.
     """
 
     above: int
     delimiter: str | None
     columns: dict[str, int]
+    system: StatedSystem = NO_SYSTEM
 
 
 def has_point_rows(path: Path) -> bool:
     """Return whether a table's first line names x, y and z, or is a row of numbers, and names no stations."""
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
         line = stream.readline(_HEAD_BYTES)
-    words = _words(line)
-    return not _OF_STATIONS & set(words) and (_named(words) is not None or _is_row(words))
+    return not _OF_STATIONS & set(_words(line)) and (_named(_names(line)) is not None or _is_row(_words(line)))
 
 
 def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
@@ -76,7 +75,8 @@ def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
                 lines = ["\n" if _is_count(line) else line for line in lines]
             if any(line.strip() for line in lines):
                 columns = parse_rows(path, lines, number, layout)
-                yield block_of(np.column_stack([columns[axis] for axis in "xyz"]), columns)
+                _require_no_numbers(path, columns["x"], layout)
+                yield block_of(np.column_stack([columns[axis] for axis in "xyz"]), columns, layout.system)
                 found += len(columns["x"])
             number += len(lines)
     if not found:
@@ -85,6 +85,15 @@ def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
         warn_user(
             f"{path.name}: {found:,} points, but the counts above its {len(stated)} scans state {sum(stated):,}; if it "
             "is cut off, copy or export it again"
+        )
+
+
+def _require_no_numbers(path: Path, x: np.ndarray, layout: TextLayout) -> None:
+    """Refuse rows without names whose first column counts them, as lists of surveyed points do."""
+    if not layout.above and len(x) >= _COUNTED and (np.diff(x) == 1).all() and x[0] in (0, 1):
+        raise InputError(
+            f"{path}: its first column counts its rows, and it names no columns: write their names in a line above "
+            "them, such as 'number x y z'"
         )
 
 
@@ -101,10 +110,25 @@ def _words(line: str) -> list[str]:
     return [word.strip("\"'").lower() for word in _BETWEEN.split(line.strip().lstrip("#/ ")) if word]
 
 
-def _named(words: list[str]) -> tuple[int, ...] | None:
+def _names(line: str) -> list[str]:
+    """Return the names of columns that a line has, which may be of several words where it has separators."""
+    line = line.strip().lstrip("#/ ")
+    separator = next((mark for mark in ";,\t" if mark in line), None)
+    return [word.strip().strip("\"'").lower() for word in line.split(separator)]
+
+
+def _named(names: list[str]) -> tuple[int, ...] | None:
     """Return the columns of x, y and z by their names, None if one is not there."""
-    found = [[k for k, word in enumerate(words) if word in names] for names in _NAMES]
-    return tuple(columns[0] for columns in found) if all(found) else None
+    found = best_columns(names, _AXES)
+    return tuple(found[axis] for axis in _AXES) if len(found) == len(_AXES) else None
+
+
+def _system(path: Path, names: list[str], places: tuple[int, ...]) -> StatedSystem:
+    """Return the units of x and y, and of z, that their names state."""
+    x, y, z = (named_column(names[k]) for k in places)
+    if x.metres != y.metres:
+        raise InputError(f"{path}:1: the columns {names[places[0]]!r} and {names[places[1]]!r} have different units")
+    return StatedSystem(plan_m=x.metres if x.unit else None, up_m=z.metres if z.unit else None)
 
 
 def _is_row(words: list[str]) -> bool:
@@ -115,20 +139,21 @@ def _is_row(words: list[str]) -> bool:
 
 
 def _layout(path: Path, head: list[str], wanted: Wanted) -> TextLayout:
-    suffix, words = path.suffix.lower(), _words(head[0])
-    above = 0 if _is_row(words) or (head[0].startswith("#") and _named(words) is None) else 1
+    suffix, words, names = path.suffix.lower(), _words(head[0]), _names(head[0])
+    named = _named(names)
+    above = 0 if _is_row(words) or (head[0].startswith("#") and named is None) else 1
     if suffix == ".dat" and not above:
         raise InputError(f"{path}:1: a row of numbers, expected the header line (time x y z intensity)")
     row = head[above]
     delimiter = _delimiter(row.strip())
     is_count = suffix == ".pts" and len(words) == 1
-    if above and not is_count and suffix != ".dat" and _named(words) is None:
+    if above and not is_count and suffix != ".dat" and named is None:
         raise InputError(f"{path}:1: {head[0].strip()[:60]!r} is no row of numbers, and does not name x, y and z")
     has_colours = is_count and len(row.split(delimiter)) == len(_PTS_COLUMNS)
     unnamed = _DAT_COLUMNS if suffix == ".dat" else _PTS_COLUMNS if has_colours else _COLUMNS
-    names, places = (words, named) if (named := _named(words)) else (unnamed, _named(unnamed))
+    names, places = (names, named) if named else (unnamed, _named(unnamed) or ())
     extra = {field: names.index(name) for field, name in fields_of(names, wanted).items()}
-    return TextLayout(above, delimiter, dict(zip("xyz", places or (), strict=True)) | extra)
+    return TextLayout(above, delimiter, dict(zip("xyz", places, strict=True)) | extra, _system(path, names, places))
 
 
 def _delimiter(row: str) -> str | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -86,10 +85,7 @@ def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief)
     """
     rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m) if rough.kept_share else None
-    with ThreadPoolExecutor(1) as pool:
-        mesher = pool.submit(Mesher, lattice, simplification)
-        wanted = _wanted_m(params, lattice, relief)
-        return displace_lattice(mesher.result(), wanted, bounds_of(rough))
+    return displace_lattice(Mesher(lattice, simplification), _wanted_m(params, lattice, relief), bounds_of(rough))
 
 
 def _wanted_m(params: SurfaceParams, lattice: Lattice, relief: Relief) -> np.ndarray:

@@ -41,7 +41,11 @@ from pipeline.types import Georeference
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
 _DXF, _METRIC = ".dxf", ("m", "cm", "mm")
 _OF_WALLS = 0.7  # of the length of lines with elevations, that bounds workings; else they are centrelines
-_DECLINATION, _GRADES = "in place of computed ones, deg", "rise over run of legs, in the order of their stations"
+_OF_TABLES = {  # in the section where they are stated
+    "declination_deg": "in place of computed ones, deg",
+    "grade": "rise over run of legs, in the order of their stations",
+    "columns": "our columns of a station table, each with the name of the table's own",
+}
 _PIECE = "a station of the piece that is built; null: the longest"
 _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece"}  # stated of walls and centrelines
 
@@ -115,23 +119,22 @@ def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
 
 
 def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
+    options = stated.model_dump(include={"half_width_m", "piece", "declination_deg", "columns"})
+    options["grade"] = stated.grade if isinstance(stated.grade, dict) else None
     params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    half, grades = stated.half_width_m, stated.grade if isinstance(stated.grade, dict) else None
-    options = {"half_width_m": half, "grade": grades, "piece": stated.piece, "declination_deg": stated.declination_deg}
     params = params.model_copy(update={"file": path.as_posix(), **options})
     read = read_vector_survey(params)
-    origin = list(read.georeference.origin)
-    values: dict[str, Any] = {"kind": "passages", "file": path.name, "origin": origin, "half_width_m": half}
+    values = {"kind": "passages", "file": path.name, "origin": list(read.georeference.origin)}
+    values |= {name: options[name] for name in ("half_width_m", "piece")}
     remarks = {
         "origin": "of the mine frame, in the file's coordinates",
         "half_width_m": "distance to a wall that nobody measured, m; null: half the median width of the others",
+        "piece": _PIECE,
     }
-    values["piece"], remarks["piece"] = stated.piece, _PIECE
-    for name, value, remark in (("declination_deg", stated.declination_deg, _DECLINATION), ("grade", grades, _GRADES)):
-        if value is not None:
-            values[name], remarks[name] = value, remark
-    files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
+    given = [name for name in _OF_TABLES if options[name] is not None]
+    values |= {name: options[name] for name in given}
+    remarks |= {name: _OF_TABLES[name] for name in given}
+    return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=len(read.legs) > 0)
 
 
 def _detect_vector(path: Path, stated: StatedOptions) -> Detection:

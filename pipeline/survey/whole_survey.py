@@ -57,7 +57,7 @@ class WholeSurvey:
 def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
     """Read a station survey, with elevations or without; `InputError` if it cannot be read."""
     if path.suffix.lower() == ".csv":
-        legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None)
+        legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None, params.columns)
         if not has_relief(legs):
             return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)

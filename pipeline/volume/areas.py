@@ -9,9 +9,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
+from pipeline.scans.meshes.uncrossed import arrays_of
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import ClosedMesh, FloorMesh, SurveyedLegs
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.network import network_of
 from pipeline.volume.union import pieces_of, unite
 
@@ -36,13 +37,8 @@ def solid_of_floors(floors: FloorMesh, shafts: SurveyedLegs, height_m: float, ha
         network = network_of(legs_of(shafts), height_m, half_m)
         middle = shafts.positions_m[0] - network.places_m[0]
         solids.append(unite(network, pieces_of(network)).solid.translate(middle.tolist()))
-    found = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add).to_mesh64()
-    return ClosedMesh(
-        np.array(found.vert_properties, np.float64)[:, :3],
-        np.asarray(found.tri_verts).astype(np.int32),
-        floors.datum_m,
-        _SIMPLE_M,
-    )
+    vertices, faces = arrays_of(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add).simplify(_SIMPLE_M))
+    return ClosedMesh(vertices, faces.astype(np.int32), floors.datum_m)
 
 
 def slab(floors: FloorMesh, height_m: float) -> tuple[np.ndarray, np.ndarray]:

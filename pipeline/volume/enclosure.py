@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.depth import Depth, deepest
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
@@ -15,7 +16,6 @@ from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.tiles import Tile
-from pipeline.volume.separation import Facets
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
 

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.separation import boxes_near, boxes_of
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.facets.separation import boxes_near, boxes_of
 from pipeline.volume.union import Volume, mesh_of
 
 _ROUNDS = 4

@@ -9,6 +9,7 @@ from itertools import compress
 import manifold3d
 import numpy as np
 
+from pipeline.geometry.facets.separation import ROUNDING_M, ConvexBodies, Facets
 from pipeline.volume.keyed import near_facets, of_facets
 from pipeline.volume.rock.depth import deepest
 from pipeline.volume.rock.faces import ON_PLANE_M
@@ -19,7 +20,6 @@ from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
 from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tile
-from pipeline.volume.separation import ROUNDING_M, ConvexBodies, Facets
 from pipeline.volume.union import Volume
 
 _ALLOWED_M = 1e-7  # volume of a part in the free space, by its area: rounding

@@ -7,7 +7,7 @@ from dataclasses import replace
 import manifold3d
 import numpy as np
 
-from pipeline.volume.crossings import CROSSING_M, crosses_more
+from pipeline.geometry.facets.crossings import CROSSING_M, crosses_more
 from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
 from pipeline.volume.union import Volume, mesh_of
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.params.config import Config
-from tests.conftest import share_mine
 from tests.export.exported import ExportedWorld
+from tests.fixtures import share_mine
 from tests.mines import TEE, BuiltMine
 
 

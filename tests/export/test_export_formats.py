@@ -152,6 +152,10 @@ def test_the_validators_of_usd_find_nothing_in_a_stage(world, tmp_path):
     check = UsdValidation.ValidationContext(validators)
     assert len(validators) > 10
     assert [error.GetErrorAsString() for error in check.Validate(stage)] == []
+    for mesh in map(UsdGeom.Mesh, filter(lambda prim: prim.IsA(UsdGeom.Mesh), stage.Traverse())):
+        normals, corners = mesh.GetNormalsAttr().Get(), len(mesh.GetFaceVertexIndicesAttr().Get())
+        flat = mesh.GetNormalsInterpolation() == UsdGeom.Tokens.faceVarying
+        assert len(normals) == (corners if flat else len(mesh.GetPointsAttr().Get())), mesh.GetPath()
     stage.ClearDefaultPrim()
     stage.ClearMetadata(UsdGeom.Tokens.upAxis)
     assert check.Validate(stage)  # the validators do find what is missing

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from minexplore import bundle
-from tests.project import ROOT
+from tests.project import ROOT, modules_below
 
 CONTRACT = ROOT / "minexplore/bundle.py"
 # They break bundles, so they spell what no builder writes.
@@ -49,7 +49,7 @@ def test_no_other_module_spells_what_the_contract_of_a_bundle_names():
     found = [
         f"{path.relative_to(ROOT)}:{line}: {spelt}"
         for package in ("minexplore", "pipeline", "stages", "baselines", "benchmarks")
-        for path in sorted((ROOT / package).rglob("*.py"))
+        for path in modules_below(package)
         if path != CONTRACT and not BREAKERS.match(path.relative_to(ROOT).as_posix())
         if _MAY_SPELL.search(text := path.read_text())
         for line, spelt in spelled(ast.parse(text))

@@ -17,7 +17,7 @@ from benchmarks.tables.reference import options_table
 from pipeline.params.config import Config
 from pipeline.params.survey import SurveyParams
 from pipeline.remarks import options_of
-from tests.project import ROOT
+from tests.project import ROOT, modules_below
 
 READERS = ("pipeline/survey", "pipeline/scans", "pipeline/guard", "pipeline/import_mine.py")
 OTHERS = ("pipeline/geometry/drawing", "pipeline/geometry/outline", "pipeline/geometry/floor", "stages/contours.py")
@@ -82,7 +82,7 @@ class Message:
 def modules(names: tuple[str, ...]) -> Iterator[tuple[str, ast.Module]]:
     """Yield the modules at these names with their syntax trees."""
     for name in names:
-        found = [ROOT / name] if name.endswith(".py") else sorted((ROOT / name).rglob("*.py"))
+        found = [ROOT / name] if name.endswith(".py") else modules_below(name)
         for path in found:
             yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text())
 

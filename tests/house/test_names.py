@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.project import ROOT
+from tests.project import modules_below
 
 PACKAGES = ("pipeline", "stages", "minexplore", "baselines", "benchmarks")
 _CLASS = re.compile(r"^[ \t]*class[ \t]+(\w+)", re.MULTILINE)
@@ -28,7 +28,7 @@ def names_used_twice(modules: Iterable[Path]) -> dict[str, list[str]]:
 
 
 def test_no_class_name_is_used_twice():
-    modules = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    modules = [path for package in PACKAGES for path in modules_below(package)]
     assert not names_used_twice(modules)
 
 

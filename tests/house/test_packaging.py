@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tarfile
 import tomllib
+import zipfile
 from importlib import import_module
 
 import gymnasium
@@ -13,9 +14,10 @@ import pytest
 import yaml
 
 import minexplore
-from tests.project import ROOT
+from tests.project import ROOT, modules_below
 
 PROJECTS = ("pyproject.toml", "packaging/pyproject.toml")
+APART = ("baselines", "benchmarks")  # distributions of their own
 
 
 def project_of(name):
@@ -51,6 +53,29 @@ def test_both_distributions_have_the_same_authors_addresses_and_classifiers():
 @pytest.mark.parametrize("package", ["minexplore", "pipeline", "baselines"])
 def test_a_package_says_that_it_is_typed(package):
     assert (ROOT / package / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("package", APART)
+def test_a_distribution_apart_has_the_version_of_the_others_and_a_wheel_without_tests(package, tmp_path):
+    record = project_of(f"{package}/pyproject.toml")
+    assert record["project"]["name"] == f"minexplore-{package}"
+    assert record["tool"]["hatch"]["version"]["path"] == "../minexplore/__init__.py"
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT / package, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    assert wheel.name.startswith(f"minexplore_{package}-{minexplore.__version__}-")
+    names = set(zipfile.ZipFile(wheel).namelist())
+    modules = {path.relative_to(ROOT).as_posix() for path in modules_below(package)}
+    assert {name for name in names if name.endswith(".py")} == modules
+    assert not [name for name in names if not name.startswith((f"{package}/", f"minexplore_{package}-"))]
+
+
+def test_what_baselines_need_is_what_the_lock_is_made_of():
+    root, apart = project_of("pyproject.toml")["project"], project_of("baselines/pyproject.toml")["project"]
+    train, locked = (set(apart["optional-dependencies"]["train"]), set(root["optional-dependencies"]["baselines"]))
+    assert locked == train - set(root["dependencies"])
+    assert set(apart["dependencies"]) - {"minexplore"} <= {*root["dependencies"], *locked}
 
 
 def test_every_link_on_the_page_of_the_wheel_is_absolute(monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.faults.random_mutants import prove
+from benchmarks.faults.judge import prove
 from minexplore.bundle import MADE_BY, BundleError
 from minexplore.sealed.files import read_folder
 from minexplore.sealed.json_text import read_json

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.faults.judge_fields import CLAIM, judge_fields
-from benchmarks.faults.random_mutants import CAUGHT
+from benchmarks.faults.judge import CAUGHT, CLAIM, judge_fields
 from minexplore.bundle import MODEL
 from pipeline.mjcf.loading import load_model
 from pipeline.proof.rebuilt.same_model import model_difference

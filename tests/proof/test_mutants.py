@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.faults.changes import random_change
 from benchmarks.faults.injection import edit_record, seal
-from benchmarks.faults.random_faults import random_mutant
-from benchmarks.faults.random_mutants import CAUGHT, CRASHED, MISSED, judge, prove
+from benchmarks.faults.judge import CAUGHT, CRASHED, MISSED, judge, prove
 from minexplore.bundle import MODEL, TriangleMesh, decode_msh, encode_msh
 from minexplore.sealed.files import read_folder
 from pipeline.errors import ArtifactError, MineError
@@ -63,8 +63,8 @@ def test_two_thousand_random_mutants_are_refused_or_harmless(small, params):
 
 def test_the_same_seed_gives_the_same_mutant_and_another_seed_another(small):
     files = read_folder(small)
-    assert random_mutant(files, 3) == random_mutant(files, 3)
-    assert len({random_mutant(files, seed)[0] for seed in range(30)}) > 25
+    assert random_change(files, 3) == random_change(files, 3)
+    assert len({random_change(files, seed)[0] for seed in range(30)}) > 25
 
 
 def test_two_models_differ_in_the_first_field_that_differs(small):

@@ -80,6 +80,7 @@ def test_every_field_is_an_option_of_the_command_line_read_with_some_kind_of_fil
         "--scale": ("1:2500", 2500.0),
         "--unit": ("mm", "mm"),
         "--half-width": ("2.5", 2.5),
+        "--columns": ("leg=Code,easting_ft=E", {"leg": "Code", "easting_ft": "E"}),
         "--declination": ("-3.5", -3.5),
         "--heights": ("h.csv", Path("h.csv")),
         "--grade": ("A=0.1", {"A": 0.1}),

@@ -6,7 +6,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
-from pipeline.volume.crossings import CROSSING_M, crosses_more, crossing_facets
+from pipeline.geometry.facets.crossings import CROSSING_M, crosses_more, crossing_facets
 from pipeline.volume.union import pieces_of, unite
 from tests.heights import levels, table
 

@@ -6,8 +6,8 @@ import pytest
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.geometry.facets.crossings import crossing_facets
 from pipeline.volume import floors
-from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.mesh_edges import MeshEdges, ranges

@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from minexplore.floors.volume_arrays import FacetLabel
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import _united, solve_floors
 from pipeline.volume.height_field.heights import solve_heights

@@ -8,11 +8,11 @@ import pytest
 
 from benchmarks.comparisons.volume.cases import CASES
 from pipeline.errors import GeometryError
+from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.keyed import Neighbourhood, boxes_apart, of_facets
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.shared import shared_m3
-from pipeline.volume.separation import Facets
 from pipeline.volume.slivers import without_slivers
 
 

@@ -7,12 +7,12 @@ import pytest
 
 from benchmarks.comparisons.volume.cases import CASES, GateCase
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.geometry.facets.separation import ConvexBodies, Facets
 from pipeline.params.validation import VolumeProofParams
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.inside import Inside
-from pipeline.volume.separation import ConvexBodies, Facets
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.proof import physics, throws

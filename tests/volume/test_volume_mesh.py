@@ -11,9 +11,9 @@ from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.comparisons.volume.random_volumes import beyond, judge
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import InputError
+from pipeline.geometry.facets.crossings import crossing_facets
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.types import ClosedMesh
-from pipeline.volume.crossings import crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
@@ -102,7 +102,7 @@ def test_a_free_space_under_a_litre_that_thin_rock_did_not_cut_off_stays(tmp_pat
     hole = manifold3d.Manifold.cube([0.07, 0.07, 0.07]).translate([0, 0, -9])
     mesh = manifold3d.Manifold.compose([rough.solid, hole]).to_mesh64()
     vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
-    volume = volume_of_solid(ClosedMesh(vertices, faces, 0.0, 0.0, np.zeros((0, 3))), 0.364)
+    volume = volume_of_solid(ClosedMesh(vertices, faces, 0.0, np.zeros((0, 3))), 0.364)
     assert facets_without_part(volume)
     sizes = sorted(part.volume() for part in without_thin_rock(volume, np.zeros((0, 3))).solid.decompose())
     assert len(sizes) == 3

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.comparisons.volume.cases import CASES
-from pipeline.volume.crossings import crossing_facets
+from pipeline.geometry.facets.crossings import crossing_facets
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
 

@@ -13,7 +13,6 @@ from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.network import SurveyNetwork
 from tests.heights import HEADER, levels, spiral, table
 
-LEVEL = Path("artifacts/realism/world")  # the mine that steps a second are compared with
 ROOF_M, HALF_M = 3.5, 1.0  # where nobody measured: as today's default height, and as stated for Sakany
 _TEE = """A,1,0,0,2.5,2.5,100,3.5,0
 A,2,60,0,2.5,2.5,96,3.5,0
@@ -31,8 +30,8 @@ class GateCase:
     source: str
     options: tuple[str, ...] = ()
     is_table: bool = True
-    robot_contacts: int = 1_000_000
-    ball_contacts: int = 100_000
+    robot_contacts: int = 100_000
+    ball_contacts: int = 20_000
     physics_within_m: float | None = None  # of the middle: MuJoCo's specs take 1 ms a part
 
     def path(self, folder: Path) -> Path:

@@ -1,30 +1,27 @@
-"""Random mines and caves as one volume each, by the certificate's limits. A run goes on where the last one stopped.
+"""Surveys as one volume each, by the certificate's limits: five surveys, and random mines and caves.
 
-`python -m benchmarks random-volumes` writes how many are clean, and why others are not. No bodies are thrown. Another
-count is of those with under a nanometre of rock in the free space. MuJoCo's corners have 32 bits, 8 um at 100 m: no
-body notices more of it.
+Into the five, robots are thrown and balls pushed at every facet. One column counts surveys with under 0.01 mm of rock
+in the free space.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
-from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from baselines.base.markdown import markdown_table, write_table
-from benchmarks.comparisons.volume.cases import GateCase
+from baselines.base.markdown import markdown_table
+from benchmarks.comparisons.volume.cases import CASES, GateCase, within
 from benchmarks.comparisons.volume.random_caves import random_cave
-from benchmarks.resume import resume, run_benchmark
+from benchmarks.comparisons.volume.throw_bodies import KEPT, Mine, thrown_in
+from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.worlds.random_levels import random_legs
 from pipeline.errors import MineError
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
@@ -34,8 +31,7 @@ from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.proof.fronts import fronts_of
 from tests.heights import table
 
-RESULTS = Path("artifacts/bench/volume-random.jsonl")
-PAGE = Path("docs/evidence/parts/random-volumes.md")
+_MINES, _CAVES = 60, 40
 _INTRUSION_MM = 0.01  # beside the limit of the certificate
 
 
@@ -96,38 +92,74 @@ def beyond(row: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _rows(kind: str, seeds: Iterable[int]) -> Iterable[dict[str, Any]]:
-    return (judge(kind, seed) for seed in seeds)
+def judge_case(case: tuple[str, int]) -> dict[str, Any]:
+    """Return the row of one of the five surveys, with bodies thrown, or of a random one."""
+    kind, seed = case
+    if kind in CASES:
+        with tempfile.TemporaryDirectory() as folder:
+            return {"kind": CASES[kind].title, **_measure(CASES[kind], Path(folder)), **_bodies(kind, Path(folder))}
+    return judge(kind, seed) | {"kind": f"random {kind}s"}
 
 
-def main() -> int:
-    """Measure what is missing; print the table and what is not clean."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks random-volumes", description=__doc__)
-    parser.add_argument("--mines", type=int, default=200)
-    parser.add_argument("--caves", type=int, default=100)
-    a = parser.parse_args()
-    lines, bad = [], []
-    for kind, count in (("mine", a.mines), ("cave", a.caves)):
-        path = RESULTS.with_stem(f"{RESULTS.stem}-{kind}")
-        rows = [row for row in resume(path, range(count), partial(_rows, kind), kind) if row["seed"] < count]
-        failed = [(row, found) for row in rows if (found := beyond(row))]
-        metres = sum(row.get("length_m", 0.0) for row in rows)
-        least = sum(not beyond(row) and row["enclosure.intrusion_mm"] <= _INTRUSION_MM for row in rows)
-        lines.append((f"random {kind}s", len(rows), len(rows) - len(failed), least, f"{metres:,.0f}"))
-        bad += [
-            (f"{kind} {row['seed']}", name, _figure(value)) for row, found in failed for name, value in found.items()
-        ]
-    text = markdown_table(("", "surveys", "clean", "and under 0.01 mm of intrusion", "surveyed, m"), lines)
-    if bad:
-        text += "\n\n" + markdown_table(("not clean", "figure", "is"), bad)
-    write_table(PAGE, text)
-    print(text)
-    return 0
+def _bodies(name: str, folder: Path) -> dict[str, int]:
+    """Return the contacts of bodies in a case, or in the part about its middle, and how many escaped."""
+    case = CASES[name]
+    network = case.network(folder)
+    if case.physics_within_m is not None:
+        network = within(network, case.physics_within_m)
+    volume = solve_floors(network)
+    mine = Mine(volume, without_refused(build_shell(volume))[0])
+    return thrown_in(mine, folder / KEPT, case.robot_contacts, case.ball_contacts)
 
 
-def _figure(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def _sum(key: str) -> Any:
+    def cell(rows: list[dict[str, Any]]) -> str:
+        values = [row[key] for row in rows if key in row]
+        return f"{sum(values):,.0f}" if values else ""
 
+    return cell
+
+
+def _least_intruded(rows: list[dict[str, Any]]) -> int:
+    return sum(not beyond(row) and row["enclosure.intrusion_mm"] <= _INTRUSION_MM for row in rows)
+
+
+def note(rows: list[dict[str, Any]]) -> str:
+    """Return which surveys are not clean, and why."""
+    bad = [
+        (f"{' '.join(map(str, row['case']))}", name, f"{value:.4g}" if isinstance(value, float) else value)
+        for row in rows
+        for name, value in beyond(row).items()
+    ]
+    return markdown_table(("not clean", "figure", "is"), bad) if bad else ""
+
+
+VOLUMES = JudgedCases(
+    name="volumes",
+    cases=[
+        *((name, 0) for name in CASES),
+        *(("mine", k) for k in range(_MINES)),
+        *(("cave", k) for k in range(_CAVES)),
+    ],
+    judge=judge_case,
+    holds=lambda row: not beyond(row) and not row.get("escapes"),
+    groups=lambda row: [row["kind"]],
+    with_all=False,
+    columns={
+        "surveys": len,
+        "clean": lambda rows: sum(not beyond(row) for row in rows),
+        "and under 0.01 mm of intrusion": _least_intruded,
+        "surveyed, m": _sum("length_m"),
+        "parts": _sum("parts"),
+        "floor off, mm": largest("floor.error_mm", ".1f"),
+        "step, mm": largest("floor.step_mm", ".1f"),
+        "intrusion, mm": largest("enclosure.intrusion_mm", ".2g"),
+        "gap, mm": largest("enclosure.gap_mm", ".2g"),
+        "contacts of bodies": _sum("contacts"),
+        "escapes": _sum("escapes"),
+    },
+    note=note,
+)
 
 if __name__ == "__main__":
-    sys.exit(run_benchmark("volume-random", main))
+    sys.exit(VOLUMES.run(__doc__))

@@ -95,6 +95,13 @@ def throw_everywhere(mine: Mine, kept: Path, robots: int, balls: int, most: int 
     return [row for row in rows if row["key"] in keys]
 
 
+def thrown_in(mine: Mine, kept: Path, robots: int, balls: int) -> dict[str, int]:
+    """Return the contacts of robots and balls thrown all over a mine, and how many escaped."""
+    rows = throw_everywhere(mine, kept, robots, balls)
+    found = [Throws(**row[kind]) for row in rows for kind in ("robots", "balls")]
+    return {"contacts": sum(one.contacts for one in found), "escapes": sum(one.escapes for one in found)}
+
+
 def table_of(rows: list[Row]) -> str:
     """Return what was thrown in all regions as a table."""
     lines = []

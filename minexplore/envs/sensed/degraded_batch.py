@@ -10,6 +10,7 @@ from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.sensed.odometry_batch import OdometryBatch
+from minexplore.envs.starts import Start, source_of
 from minexplore.sensing.params import SensorParams
 from minexplore.sensing.scanners.caster import Hits, shared_caster
 from minexplore.sensing.scanners.degradation import degrade_hits
@@ -46,11 +47,11 @@ class DegradedBatch(RobotBatch):
         self._beam_rngs: list[np.random.Generator] = [np.random.default_rng(0) for _ in range(self.count)]
         self._usable_m = np.zeros((0, self.task.beams))
 
-    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
+    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator], start: Start | None = None) -> StepOutcome:
         """Place robots, whose beams draw from children of their generators."""
         for robot in robots.tolist():
-            self._beam_rngs[robot] = rngs[robot].spawn(1)[0]
-        return super().reset(robots, rngs)
+            self._beam_rngs[robot] = source_of(rngs[robot], robot, start).spawn(1)[0]
+        return super().reset(robots, rngs, start)
 
     def true_ranges(self, robots: np.ndarray) -> np.ndarray:
         """Return the ranges (k, beams) m to rock and floor, as if the air were clear."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.starts import Start, source_of
 from minexplore.sensing.odometry import WheelOdometry
 
 
@@ -25,12 +26,12 @@ class OdometryBatch(RobotBatch):
         self._placed = np.zeros(self.count, dtype=bool)  # whether the odometry goes on from where the robot is
         self._friction = np.array([zone.friction for zone in self.world.active_zones(self.task.terrain)])
 
-    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator]) -> StepOutcome:
+    def reset(self, robots: np.ndarray, rngs: list[np.random.Generator], start: Start | None = None) -> StepOutcome:
         """Place robots, and let them know where they begin."""
         for robot in robots.tolist():
-            self._odometry.begin(robot, rngs[robot])
+            self._odometry.begin(robot, source_of(rngs[robot], robot, start))
         self._placed[robots] = False
-        return super().reset(robots, rngs)
+        return super().reset(robots, rngs, start)
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots, and count their motion on the floor that they began the step on."""

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from minexplore.bundle import MINE_BODY, line_of
+from minexplore.extra.placing.anchors import add_ties, moved_poses, take_ties
 from minexplore.extra.placing.robot_file import RobotFile, RobotStance, read_robot
 from minexplore.extra.placing.sites import Pose, Site, site_of
 from minexplore.limits import Span
@@ -136,14 +137,18 @@ def _compose(
     file.take_options(spec)
     file.meet(spec.geoms)
     file.prepare_to_join(spec)
+    ties = take_ties(file.spec, file.name)
     quat = quaternion(T_world_robot[:3, :3])
     frame = spec.worldbody.add_frame(pos=T_world_robot[:3, 3], quat=quat)
     spec.attach(file.spec, prefix=prefix, frame=frame)
+    add_ties(spec, ties, T_world_robot, prefix)
     qpos = stance.qpos.copy()
     for at in stance.free:
         qpos[at : at + 3] = T_world_robot[:3, :3] @ qpos[at : at + 3] + T_world_robot[:3, 3]
         mujoco.mju_mulQuat(qpos[at + 3 : at + 7], quat, stance.qpos[at + 3 : at + 7])
-    spec.add_key(name=SPAWN, qpos=qpos, ctrl=stance.ctrl, act=stance.act)
+    mpos, mquat = moved_poses(stance.mocap_m, stance.mocap_quat, T_world_robot)
+    mocap = {"mpos": mpos.ravel(), "mquat": mquat.ravel()} if len(mpos) else {}
+    spec.add_key(name=SPAWN, qpos=qpos, ctrl=stance.ctrl, act=stance.act, **mocap)
     return spec
 
 

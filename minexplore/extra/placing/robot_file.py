@@ -33,7 +33,8 @@ class RobotStance:
     """How a robot stands in its own file: a keyframe's or the initial configuration, and the box about what collides.
 
     `low_m` and `high_m` (3,) are the corners of the box, `origin_m` (2,) the place of its first body, all in the file's
-    frame. `free` are the addresses in `qpos` of the free joints of bodies without a parent.
+    frame. `free` are the addresses in `qpos` of the free joints of bodies without a parent. `mocap_m` (n, 3) and
+    `mocap_quat` (n, 4) are the poses of mocap bodies.
     """
 
     name: str
@@ -44,6 +45,8 @@ class RobotStance:
     high_m: np.ndarray
     origin_m: np.ndarray
     free: list[int]
+    mocap_m: np.ndarray
+    mocap_quat: np.ndarray
 
     @property
     def radius_m(self) -> float:
@@ -121,7 +124,8 @@ class RobotFile:
         ]
         named = (keyframe or names[0]) if names else "qpos0"
         state = (data.qpos.copy(), data.ctrl.copy(), data.act.copy())
-        return RobotStance(named, *state, low, high, data.xpos[roots[0], :2].copy(), free)
+        origin_m, mocap = data.xpos[roots[0], :2].copy(), (data.mocap_pos.copy(), data.mocap_quat.copy())
+        return RobotStance(named, *state, low, high, origin_m, free, *mocap)
 
     def drop_scenery(self) -> None:
         """Leave out what a file has round its robot: geoms and lights of the world itself, and pairs with such geoms.

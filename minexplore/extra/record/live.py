@@ -26,7 +26,7 @@ def require_viser() -> None:
         Naming the extra that brings it.
     """
     if find_spec("viser") is None:
-        raise ImportError("record --live needs viser: pip install 'minexplore[live]'")
+        raise ImportError("record --live needs viser: pip install viser")
 
 
 class LiveView:

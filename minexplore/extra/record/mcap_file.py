@@ -28,7 +28,7 @@ def require_mcap() -> None:
         Naming the extra that brings them.
     """
     if any(find_spec(package) is None for package in _PACKAGES):
-        raise ImportError("record needs MCAP's packages: pip install 'minexplore[record]'")
+        raise ImportError("record needs MCAP's packages: pip install mcap mcap-ros2-support")
 
 
 def require_new(path: Path) -> None:

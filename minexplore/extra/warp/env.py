@@ -14,14 +14,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.bundle import has_rough_floor
-from minexplore.envs.call_checks import check_options, mask_of, numbers_of, spread_seeds
-from minexplore.envs.vector import check_count, find_mode
+from minexplore.envs.call_checks import check_options, numbers_of, spread_seeds
+from minexplore.envs.horizon import Timed
+from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
 from minexplore.extra.warp import require_device
 from minexplore.extra.warp.batch import WarpBatch
 from minexplore.extra.warp.kernels.faults import MEANINGS
+from minexplore.extra.warp.limits import overflow_message
 from minexplore.physics.robots import RobotChoice, default_robot
 from minexplore.sensing.observation import observation_space
-from minexplore.task import TaskParams, coerce_params
+from minexplore.task import TaskParams
 from minexplore.world import find_world, load_world
 
 _INFO = {  # of `info`: the array of the batch
@@ -38,7 +40,7 @@ _INFO = {  # of `info`: the array of the batch
 _WORD = 1 << 32
 
 
-class MineWarpEnv(VectorEnv):
+class MineWarpEnv(Timed, VectorEnv):
     """`num_envs` robots on a device, each alone in its own copy of the mine; see `MineEnv` for the task.
 
     `reset` and `step` return torch tensors on the device: views of the environment's own arrays, which the next call
@@ -53,11 +55,14 @@ class MineWarpEnv(VectorEnv):
     device : str
         A Warp device: `cuda:0`, or `cpu`, which is slow and there for tests.
     numpy : bool
-        Return copies as arrays, `zone` by name as `MineVectorEnv`; every step then waits for the device and is checked.
+        Return copies as arrays, as `MineVectorEnv`; every step then waits for the device and is checked.
     autoreset_mode : AutoresetMode or str
         `NEXT_STEP` (default): the step after an episode's last one resets and ignores the action. `SAME_STEP`: the last
         step resets at once; `info["final_obs"]` and `info["final_info"]` hold what robots last saw, a row a robot, true
-        where `info["_final_obs"]` is.
+        where `info["_final_obs"]` is. `DISABLED`: a robot whose episode ended stands still until `reset` is called with
+        `options={"reset_mask": ...}`.
+    max_episode_steps : int, optional
+        Instead of the task's `max_steps`; `gymnasium.make_vec` gives that of the id.
     """
 
     closed = True  # until there is something to close
@@ -72,14 +77,16 @@ class MineWarpEnv(VectorEnv):
         numpy: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
         """Bring the world onto the device and put the robots into it."""
         check_count("num_envs", num_envs, 1 << 20)
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r}: the environment on Warp shows nothing; want None")
-        self.num_envs, self.render_mode, self._numpy, self._mode = num_envs, None, numpy, find_mode(autoreset_mode)
-        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
-        self.task, self.robot = coerce_params(TaskParams, task), default_robot(robot, "the environment on Warp")
+        self.num_envs, self.render_mode, self._numpy = num_envs, None, numpy
+        self.autoreset_mode = find_mode(autoreset_mode)
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.task, self.robot = task_of(task, max_episode_steps), default_robot(robot, "the environment on Warp")
         self.device = require_device(device)
         self.world = load_world(find_world(world))
         if self.world.has_heights:
@@ -143,13 +150,16 @@ class MineWarpEnv(VectorEnv):
         tensors = self.tensors
         tensors["action"].copy_(found, non_blocking=True)
         extra: dict[str, Any] = {}
-        if self._mode is AutoresetMode.SAME_STEP:
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
             tensors["drives"].fill_(True)
             self.robots.step()
             extra = self._keep_last()
             tensors["restarts"].copy_(tensors["truncated"])
         else:
-            tensors["restarts"].copy_(tensors["truncated"])
+            if self.autoreset_mode is AutoresetMode.NEXT_STEP:
+                tensors["restarts"].copy_(tensors["truncated"])
+            else:
+                tensors["restarts"].fill_(False)
             torch.logical_not(tensors["truncated"], out=tensors["drives"])
             self.robots.step()
         self.robots.restart()
@@ -164,8 +174,8 @@ class MineWarpEnv(VectorEnv):
         Raises
         ------
         RuntimeError
-            Naming the first robot, and what it was: an action or a state that is not finite, a robot outside of the
-            mine, or a limit of MuJoCo Warp that was too small.
+            Naming the first robot, and what it was: an action or a state that is not finite, or a robot outside of the
+            mine; or naming the limit of MuJoCo Warp that was too small.
         """
         fault = self.tensors["fault"].cpu().numpy()
         if fault.any():
@@ -174,12 +184,10 @@ class MineWarpEnv(VectorEnv):
             raise RuntimeError(
                 f"robot {robot}: {meanings} ({np.count_nonzero(fault)} of {self.num_envs} robots have faults)"
             )
-        overflow = self.robots.physics.overflows()
-        if overflow.any():
-            robot = int(np.flatnonzero(overflow)[0])
-            raise RuntimeError(
-                f"robot {robot}: MuJoCo Warp's overflow bits are {int(overflow[robot])}: contacts were left out"
-            )
+        physics = self.robots.physics
+        message = overflow_message(physics.overflows(), physics.limits)
+        if message:
+            raise RuntimeError(message)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the device's memory."""
@@ -213,7 +221,7 @@ class MineWarpEnv(VectorEnv):
         for name, array in _INFO.items():
             self._final[name].copy_(self.tensors[array])
         ended = self.tensors["truncated"]
-        last = {name: self._returned(tensor, name) for name, tensor in self._final.items()}
+        last = {name: self._returned(tensor) for name, tensor in self._final.items()}
         last |= {f"_{name}": self._returned(ended) for name in _INFO}
         return {
             "final_obs": self._returned(self._final_observation),
@@ -223,17 +231,16 @@ class MineWarpEnv(VectorEnv):
         }
 
     def _info(self) -> dict[str, Any]:
-        info = {name: self._returned(self.tensors[array], name) for name, array in _INFO.items()}
+        info = {name: self._returned(self.tensors[array]) for name, array in _INFO.items()}
         info["cells_reachable"] = self._returned(self._reachable)
         if self._numpy:
             info |= {f"_{name}": np.ones(self.num_envs, dtype=bool) for name in list(info)}
         return info
 
-    def _returned(self, tensor: torch.Tensor, name: str = "") -> Any:
+    def _returned(self, tensor: torch.Tensor) -> Any:
         if not self._numpy:
             return tensor
-        array = tensor.cpu().numpy().copy()
-        return self.world.zone_names[array] if name == "zone" else array
+        return tensor.cpu().numpy().copy()
 
     def __getstate__(self) -> dict[str, Any]:
         """Refuse copies: the state is the device's."""

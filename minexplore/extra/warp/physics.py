@@ -47,13 +47,12 @@ class WarpPhysics:
         self.host_model.opt.iterations = _ITERATIONS
         rows = max(2, count)  # MuJoCo Warp looks for empty mesh slots only where a field has several rows
         self.model = put_model(self.host_model, batch_sizes=dict.fromkeys(_BATCHED, rows))
-        self.data = mjw.make_data(
-            self.host_model,
-            nworld=count,
-            naconmax=max(_PAIRS * count, floor_pairs + rock_pairs),
-            naccdmax=max(_CONVEX * count, rock_pairs),
-            njmax=2 + _FLOORS * (2 * 4 + 2) + 4 * _PARTS,  # dry friction; wheels and castors; chassis
-        )
+        self.limits = {
+            "naconmax": max(_PAIRS * count, floor_pairs + rock_pairs),
+            "naccdmax": max(_CONVEX * count, rock_pairs),
+            "njmax": 2 + _FLOORS * (2 * 4 + 2) + 4 * _PARTS,  # dry friction; wheels and castors; chassis
+        }
+        self.data = mjw.make_data(self.host_model, nworld=count, **self.limits)
         self._rows, self._parts = wp.array(self.table.row, dtype=int), wp.array(self.table.parts, dtype=int)
         self._geoms, self._known = wp.array(geoms, dtype=int), part_arrays(models)
         self.row, self.moved = wp.full(count, -1, dtype=int), wp.zeros(count, dtype=bool)

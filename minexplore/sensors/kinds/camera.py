@@ -108,7 +108,8 @@ class Camera(SensorKind):
     def _calibration(self, time_ns: int) -> Message:
         """Return the calibration of a camera without distortion."""
         width_px, height_px, focal_px = self.params.width_px, self.params.height_px, self.params.focal_px
-        k = [focal_px, 0.0, width_px / 2, 0.0, focal_px, height_px / 2, 0.0, 0.0, 1.0]
+        # Pixels have whole numbers at their centres, in ROS as in OpenCV.
+        k = [focal_px, 0.0, (width_px - 1) / 2, 0.0, focal_px, (height_px - 1) / 2, 0.0, 0.0, 1.0]
         roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
         return {
             **{"header": header_of(time_ns, _FRAME), "height": height_px, "width": width_px},

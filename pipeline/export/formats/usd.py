@@ -72,6 +72,8 @@ def _add_surface(stage: Any, surface: Surface, material: Any) -> None:
     if len(surface.mesh.normals) == count:
         mesh.CreateNormalsAttr(_vectors(surface.mesh.normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    else:
+        _add_flat_normals(mesh, surface.mesh.vertices, surface.mesh.faces)
     if len(surface.mesh.texcoords) == count:
         from pxr import Sdf, Vt
 
@@ -80,6 +82,18 @@ def _add_surface(stage: Any, surface: Surface, material: Any) -> None:
         st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(upwards(surface.mesh.texcoords), np.float32)))
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     _add_labels(mesh.GetPrim(), surface)
+
+
+def _add_flat_normals(mesh: Any, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Give each corner of a triangle the triangle's own normal."""
+    from pxr import UsdGeom
+
+    corners = np.asarray(vertices, np.float64)[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(length > 0, normals / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
+    mesh.CreateNormalsAttr(_vectors(np.repeat(normals, 3, axis=0)))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
 
 
 def _add_part(stage: Any, part: ConvexPart, frictions: dict[str, Any]) -> None:
@@ -91,7 +105,9 @@ def _add_part(stage: Any, part: ConvexPart, frictions: dict[str, Any]) -> None:
         shape.CreateSizeAttr(2.0)
         shape.CreateExtentAttr([(-1, -1, -1), (1, 1, 1)])
     else:
-        shape = _mesh(stage, path, *hull_of(part))
+        vertices, faces = hull_of(part)
+        shape = _mesh(stage, path, vertices, faces)
+        _add_flat_normals(shape, vertices, faces)
     shape.AddTranslateOp().Set(Gf.Vec3d(*part.centre_m.tolist()))
     if part.is_box:
         shape.AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*part.half_m.tolist()))

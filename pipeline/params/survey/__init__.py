@@ -14,6 +14,7 @@ from pipeline.params.survey.solids import SolidSurveyParams
 from pipeline.params.survey.values import (
     GRADES_NEED,
     BoxPx,
+    Columns,
     Elevation,
     Grade,
     Grey,
@@ -42,6 +43,7 @@ __all__ = [
     "BoxPx",
     "CentrelineSurveyParams",
     "CloudSurveyParams",
+    "Columns",
     "Elevation",
     "Grade",
     "Grey",

@@ -25,6 +25,11 @@ def _by_name(grades: Any) -> Any:
     return {str(leg): grade for leg, grade in grades.items()} if isinstance(grades, dict) else grades
 
 
+def _as_texts(columns: Any) -> Any:
+    """Return columns as texts, also where YAML reads a number."""
+    return {str(k): str(v) for k, v in columns.items()} if isinstance(columns, dict) else columns
+
+
 def _name_or_place(value: Any) -> Any:
     """Return a station's name as text, also where YAML reads a number, and a place as a tuple."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -62,6 +67,9 @@ PieceOption = Annotated[
     BeforeValidator(_name_or_place),
 ]
 """A station by its name, or a place (easting, northing, elevation)."""
+
+Columns = Annotated[dict[str, str], BeforeValidator(_as_texts), Field(min_length=1, max_length=20)]
+"""Our columns of a station table, and the table's names of them, or their numbers."""
 
 
 GRADES_NEED = "a grade for each leg needs a station table (.csv), whose legs have names; state one number"

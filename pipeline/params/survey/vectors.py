@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.params.survey.base import FileSurveyParams
-from pipeline.params.survey.values import Elevation, PieceOption, PlaceM, PointM, Unit
+from pipeline.params.survey.values import Columns, Elevation, PieceOption, PlaceM, PointM, Unit
 
 _ORIGIN = Field(default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed")
 
@@ -78,6 +78,11 @@ class PassageSurveyParams(FileSurveyParams):
         ge=-180,
         le=180,
         description="magnetic declination in place of those that Survex computes, deg east of true north; null: these",
+    )
+    columns: Columns | None = Field(
+        default=None,
+        description="columns of a station table with other names: ours, such as easting_ft, and the table's, or its "
+        "number where the table has no names; null: by their names",
     )
     piece: PieceOption | None = Field(
         default=None,

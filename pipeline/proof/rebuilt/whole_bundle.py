@@ -8,7 +8,6 @@ from shapely import Polygon
 
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.parallel import together
 from pipeline.params.made_by import MadeBy
 from pipeline.proof.rebuilt.fittings import hang_again, require_floor, require_furniture
 from pipeline.proof.rebuilt.remake import read_free_space, require_remade
@@ -61,8 +60,6 @@ def require_rock(folder: Path, record: WorldRecord, free: Polygon, grid: Occupan
     Parameters and errors as `require_built`; `free` and `grid` are by `require_solid`.
     """
     if record.has_visible_rock:
-        together(
-            lambda: require_visible(folder, record, free, grid, require_smooth(folder, record, free)),
-            lambda: require_furniture(folder, record.files, params.fittings.furniture, hang_again(folder, record)),
-            lambda: require_floor(folder, record, free, params.fittings.floor),
-        )
+        require_visible(folder, record, free, grid, require_smooth(folder, record, free))
+        require_furniture(folder, record.files, params.fittings.furniture, hang_again(folder, record))
+        require_floor(folder, record, free, params.fittings.floor)

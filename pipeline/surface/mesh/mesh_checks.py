@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,9 +89,8 @@ def find_crossings(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | N
     scene = ray_scene(vertices - origin, faces)
     edges = _edges(faces if cast is None else cast)
     parts = [edges[i : i + _AT_ONCE] for i in range(0, len(edges), _AT_ONCE)]
-    with ThreadPoolExecutor(2) as pool:
-        places = pool.map(lambda part: _edge_crossings(part, scene, origin, vertices, faces), parts)
-        return np.concatenate([np.zeros((0, 3)), *places])
+    places = (_edge_crossings(part, scene, origin, vertices, faces) for part in parts)
+    return np.concatenate([np.zeros((0, 3)), *places])
 
 
 def find_shared_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,11 +88,8 @@ def _defects(
 ) -> np.ndarray:
     """Return the places (k, 3) m of defects in the changed faces (m, 3) over points, and at the moved points (n,)."""
     fine = lattice.faces[moved[lattice.faces].any(axis=1)]
-    with ThreadPoolExecutor(2) as pool:
-        crossings = pool.submit(find_crossings, points, changed)
-        shared = pool.submit(find_shared_edges, points, changed)
-        folds, knots = _folds(vertices, fine, lattice), _knots(vertices, lattice)
-        return np.concatenate([crossings.result(), shared.result(), folds, knots])
+    crossings, shared = find_crossings(points, changed), find_shared_edges(points, changed)
+    return np.concatenate([crossings, shared, _folds(vertices, fine, lattice), _knots(vertices, lattice)])
 
 
 def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndarray:
@@ -103,8 +99,7 @@ def _folds(vertices: np.ndarray, faces: np.ndarray, lattice: Lattice) -> np.ndar
     chamfer that overhangs does only the first; a face at a corner that points elsewhere than its points, the second.
     """
     parts = [faces[at : at + _FACES] for at in range(0, len(faces), _FACES)]
-    with ThreadPoolExecutor(2) as pool:
-        faces = np.concatenate([faces[:0], *pool.map(lambda part: _turned(part, vertices, lattice.vertices), parts)])
+    faces = np.concatenate([faces[:0], *(_turned(part, vertices, lattice.vertices) for part in parts)])
     turned = np.einsum("ij,ij->i", _normals(vertices[faces]), lattice.direction[faces].sum(axis=1)) <= 0
     return vertices[faces[turned]].mean(axis=1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -82,8 +81,7 @@ class Mesher(Generic[_F]):
             self._order = np.argsort(tile.astype(np.min_scalar_type(tile.max())), kind="stable")
             self._first = np.flatnonzero(np.diff(tile[self._order], prepend=-1))
             self._tiles = np.split(self._order, self._first[1:])
-            with ThreadPoolExecutor(2) as pool:
-                self._local = list(pool.map(_local_faces, [lattice.faces[tile] for tile in self._tiles]))
+            self._local = [_local_faces(lattice.faces[tile]) for tile in self._tiles]
             self._mesh = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
             self._share = np.full(len(self._tiles), simplification.kept_share)
             self._made = self._share  # with which each tile was last made

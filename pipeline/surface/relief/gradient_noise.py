@@ -6,8 +6,6 @@ gives the same numbers.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 _WORD = 1 << 64
@@ -56,8 +54,7 @@ def gradient_noise(points: np.ndarray, wavelength_m: float, seed: int) -> np.nda
     """
     turned = _turned(points, seed) * (_CELLS_PER_WAVE / wavelength_m)
     parts = [turned[:, at : at + _BLOCK] for at in range(0, turned.shape[1], _BLOCK)]
-    with ThreadPoolExecutor(2) as pool:
-        return np.concatenate([np.zeros(0), *pool.map(lambda part: _noise(part, seed), parts)])
+    return np.concatenate([np.zeros(0), *(_noise(part, seed) for part in parts)])
 
 
 def self_affine(

@@ -16,7 +16,7 @@ from pipeline.survey.clouds.points import ScanFile, ScanPoints, read_points, tur
 from pipeline.survey.clouds.thinned import ThinnedCloud
 from pipeline.survey.clouds.trajectory import Trajectory, read_trajectory
 from pipeline.survey.clouds.volume import NOWHERE, ScannedVolume, volume_of_cloud
-from pipeline.survey.solids.read import KEPT_M, MOST_FACETS, view_from_above
+from pipeline.survey.solids.read import MOST_FACETS, view_from_above, warn_of_crossed
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh, Georeference
 
@@ -72,7 +72,6 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
         found.vertices - lift,
         found.faces.astype(np.int32),
         origin[2] * metres + down,
-        KEPT_M,
         found.bounding.points_m - lift,
         found.bounding.rgb,
         found.rays_m - lift,
@@ -111,6 +110,7 @@ def _place(middle_m: tuple[float, float, float], down: float) -> str:
 def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: float) -> None:
     """Warn of what was left out, closed and not seen, with places in the mine frame."""
     name = path.name
+    warn_of_crossed(path, found.apart)
     if len(found.bounding.rgb):
         warn_user(f"{name}: the visible rock has the colours of the points (survey.colours)")
     if found.moved_m > params.simplify_m:

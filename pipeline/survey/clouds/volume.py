@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.scans.meshes.uncrossed import UncrossedMesh, uncrossed
 from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
@@ -37,7 +38,7 @@ NOWHERE = np.zeros((0, 3))
 
 @dataclass(frozen=True)
 class ScannedVolume:
-    """The surface of a scan's free space: vertices (n, 3) m, and triangles (m, 3) whose normals point out of it.
+    """The surface of a scan's free space, whose normals point out of it and whose triangles do not cross: `apart`.
 
     Four fifths of it moved by `moved_m` at most when it was simplified. `bounding` are the points of it, `things` what
     stood free and was left out with its points `thing_points_m`, `thin_points_m` points with free space on both sides,
@@ -47,8 +48,7 @@ class ScannedVolume:
     walls too. `unseen` points of that sample no place sees.
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
+    apart: UncrossedMesh
     moved_m: float
     bounding: ThinnedCloud
     spacing_m: float
@@ -60,6 +60,16 @@ class ScannedVolume:
     others_m3: list[float]
     rays_m: np.ndarray
     unseen: int
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Return the vertices (n, 3) m."""
+        return self.apart.vertices
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Return the triangles (m, 3)."""
+        return self.apart.faces
 
 
 def volume_of_cloud(
@@ -126,9 +136,9 @@ def volume_of_cloud(
     behind = cloud.points_m[sides.beyond]  # noise at the walls themselves is not worth a remark
     far = cKDTree(vertices).query(behind)[0]
     vertices, faces, moved_m = decimated(vertices, faces, tolerance_m, most_facets)
+    apart = uncrossed(vertices, faces)
     return ScannedVolume(
-        vertices,
-        faces,
+        apart,
         moved_m,
         bounding,
         spacing,

@@ -66,7 +66,8 @@ def axes_of_scan(path: Path, block: PointBlock, unit_m: float | None) -> ScanAxe
     elif unit_m is None and (stated.plan_m or stated.up_m):
         plan_m = stated.plan_m or stated.up_m or 1.0
         found = ScanAxes(f"{plan_m:g} m", plan_m, _ways(np.eye(2), (stated.up_m or plan_m) / plan_m), True)
-        warn_user(f"{path.name}: its header states a unit of {plan_m:g} m; --unit states another")
+        up = f", and of heights {stated.up_m:g} m" if stated.up_m and stated.up_m != plan_m else ""
+        warn_user(f"{path.name}: its header states a unit of {plan_m:g} m{up}; --unit states another")
     if (step := stated.step * found.unit_m) > _FINE_M:
         warn_user(
             f"{path.name}: its coordinates come in steps of {step:.3g} m, and so do walls; export it with a scale "

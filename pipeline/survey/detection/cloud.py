@@ -31,7 +31,7 @@ def is_cloud(path: Path, stated: StatedOptions) -> bool:
     if kind is FileKind.CLOUD:
         return True
     if path.suffix.lower() == _TABLE:
-        return has_point_rows(path)
+        return stated.columns is None and has_point_rows(path)
     if kind is not FileKind.SOLID:
         return False
     return stated.voxel_m is not None or (path.suffix.lower() == ".ply" and _has_no_faces(path))

@@ -18,6 +18,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.scans.checks.precision import require_fine, steps_seen
 from pipeline.scans.checks.strays import require_together
+from pipeline.scans.meshes.uncrossed import UncrossedMesh, arrays_of, uncrossed
 from pipeline.survey.solids.closing import ClosedPieces, close_pieces
 from pipeline.survey.solids.decimate import decimated
 from pipeline.survey.solids.files import read_triangles
@@ -59,8 +60,8 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     Raises
     ------
     InputError
-        If the file is no mesh, is too large, encloses no space, or has a hole wider than `close_m`. The message names
-        the file and the option.
+        If the file is no mesh, is too large, encloses no space, has a hole wider than `close_m`, or crosses itself
+        wherever it is found again. The message names the file and the option.
     """
     path = Path(params.file)
     data = read_text_bytes(path, "file_bytes")
@@ -82,11 +83,12 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         free = free_space_of(pieces, params.weld_m)
         tolerance = params.simplify_m if is_stated else _tolerance(free.solid, params.simplify_m)
         corners, faces, moved_m = _simplified(free.solid, tolerance)
+        apart = uncrossed(corners, faces)
     except InputError as error:
         doubt = "" if params.unit or read.unit else "; the file states no unit and is read in metres (--unit)"
         raise InputError(f"{path}: {error}{doubt}") from error
     points = np.zeros((0, 3))
-    if tolerance > KEPT_M:
+    if tolerance > KEPT_M or apart.crossed:
         points = trimesh.sample.sample_surface(trimesh.Trimesh(vertices, read.faces, process=False), _SAMPLES, seed=0)[
             0
         ]
@@ -97,7 +99,8 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
                 f"{path.name}: {free.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
                 f"fifths move by at most {max(tolerance, round(moved_m, 3)):g} m; --simplify M"
             )
-    solid = ClosedMesh(corners, faces.astype(np.int32), float(origin[2]) * METRES[unit], min(tolerance, KEPT_M), points)
+        warn_of_crossed(path, apart)
+    solid = ClosedMesh(apart.vertices, apart.faces.astype(np.int32), float(origin[2]) * METRES[unit], points)
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
     unit_is_guess, up_is_guess = not (params.unit or read.unit), params.up is None and read.up == "z"
     return SolidReading(solid, view_from_above(free.solid), place, tolerance, unit_is_guess, up_is_guess)
@@ -117,11 +120,9 @@ def _tolerance(solid: manifold3d.Manifold, stated_m: float) -> float:
 
 
 def _simplified(solid: manifold3d.Manifold, tolerance_m: float) -> tuple[np.ndarray, np.ndarray, float]:
-    found = solid.to_mesh64()
-    vertices, faces = np.array(found.vert_properties)[:, :3], np.asarray(found.tri_verts).astype(np.int64)
     if tolerance_m > KEPT_M:
-        return decimated(vertices, faces, tolerance_m, MOST_FACETS)
-    return vertices, faces, 0.0
+        return decimated(*arrays_of(solid), tolerance_m, MOST_FACETS)
+    return *arrays_of(solid.simplify(tolerance_m) if tolerance_m > 0 else solid), 0.0
 
 
 def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
@@ -163,6 +164,15 @@ def _warn(path: Path, pieces: ClosedPieces, free: PiecedSpace, params: SolidSurv
         say(f"{pieces.flipped} triangles are turned the way of their neighbours")
     if pieces.dropped:
         say(f"{pieces.dropped} pieces of {pieces.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
+
+
+def warn_of_crossed(path: Path, apart: UncrossedMesh) -> None:
+    """Warn of facets that crossed others, where the surface was found again."""
+    if apart.crossed:
+        warn_user(
+            f"{path.name}: {apart.crossed} triangles crossed others; at {apart.places} places the surface is found "
+            f"again, to {apart.cell_m:.2f} m; --voxel M finds all of it again"
+        )
 
 
 def _at(place: Place) -> str:

@@ -14,6 +14,7 @@ _PRECISION = "tests/survey/solids/test_solid_precision.py"
 _SOLIDS = "tests/survey/solids/test_solid_files.py"
 _SURVEY = "tests/survey/solids/test_solid_survey.py"
 _STATIONS = "tests/survey/stations/test_stations.py"
+_COLUMNS = "tests/survey/stations/test_table_columns.py"
 
 _ROWS: tuple[tuple[str, str, Outcome, str, str, str], ...] = (
     (".dxf", "unit ($INSUNITS): m, cm, mm, ft, in, US survey ft and in", "used",
@@ -87,11 +88,17 @@ _ROWS: tuple[tuple[str, str, Outcome, str, str, str], ...] = (
      _CLOUDS, "test_points_of_an_e57_file_that_are_stated_as_invalid_or_lie_at_the_scanner_are_left_out"),
     (".csv of points", "names of columns", "used", "They say which columns are x, y and z.",
      _CLOUDS, "test_columns_are_found_by_their_names"),
-    (".csv of stations", "unit of a column", "used", "Columns in feet are converted.",
-     _STATIONS, "test_columns_in_feet_are_read_as_metres_and_listed"),
+    (".csv of points", "unit in the names of columns", "used", "Coordinates have it; --unit overrules it.",
+     _COLUMNS, "test_points_have_the_unit_that_their_columns_state"),
+    (".csv of stations", "unit in a column's name: m, cm, mm, ft, usft, in", "used",
+     "Columns in other units than metres are converted and listed; an unknown unit in brackets is refused.",
+     _COLUMNS, "test_the_unit_in_a_columns_name_is_read"),
     (".csv of stations", "names that total stations give to columns", "used",
-     "They are read as ours, and listed; a list of points without legs is refused with what to add.",
-     _STATIONS, "test_a_list_of_points_is_refused_and_read_with_the_legs_that_the_refusal_asks_for"),
+     "They are read as ours, and listed; --columns OURS=NAME states others, or numbers where there are no names.",
+     _COLUMNS, "test_stated_columns_are_read_in_their_unit_whatever_their_names"),
+    (".csv of stations", "points without legs; directions, zenith angles and distances", "refused",
+     "The message has the columns, and the option, the column or the lines of Survex that read them.",
+     _COLUMNS, "test_directions_and_zenith_angles_are_read_by_survex_as_the_refusal_says"),
     (".csv of stations", "other columns", "listed", "They are not read.",
      _STATIONS, "test_columns_that_are_not_read_are_listed"),
 )  # fmt: skip

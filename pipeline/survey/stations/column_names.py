@@ -1,107 +1,130 @@
-"""The columns of a station table by the names that total stations and surveyors' programs give them."""
+"""The columns of a station table: those that are stated, and those by the names that others give them."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.scans.table_columns import NAMES, QUANTITIES, best_columns, named_column
 
-_ALIKE = {  # our column, without its unit -> names of others, without theirs, in lower case
-    "leg": ("drift", "strecke", "heading", "galerie", "galeria"),
-    "station": ("punkt", "punktnummer", "punktnr", "punkt-nr", "pkt", "pktnr", "point", "point id", "pointid",
-                "point_id", "point name", "point no", "point number", "pt", "ptid", "pt id", "stn", "punto", "numero",
-                "nr", "nr.", "no", "no.", "number", "name", "id"),
-    "easting": ("rechtswert", "ostwert", "ost", "east", "e", "este", "est", "rw"),
-    "northing": ("hochwert", "nordwert", "nord", "north", "n", "norte", "hw"),
-    "elevation": ("hoehe", "höhe", "elev", "elev.", "z", "rl", "alt", "altitude", "cota"),
-    "left": ("links",), "right": ("rechts",), "up": ("oben",), "down": ("unten",),
-}  # fmt: skip
-_NAMES = ("leg", "station")  # of our columns, those without a unit
-_UNIT = re.compile(r"\s*[\[(]\s*(m|ft|meter|metres?|feet)\s*\.?\s*[\])]$|_(m|ft)$")
-_FEET = ("ft", "feet")
-_LENGTHS = {"tape", "length", "distance", "dist", "laenge", "länge"}
-_COMMENTS = 20  # lines above a table of shots, at most
+_SHOWN = 40
 
 
-def our_names(path: Path, names: list[str], needed: list[str]) -> list[str]:
-    """Return the names of columns with ours in place of what others call them, and list what was replaced.
+@dataclass(frozen=True)
+class TableColumn:
+    """A column: `name` is ours, in metres, or the file's own if it is not read; `metres` are those of its unit."""
+
+    name: str
+    metres: float = 1.0
+
+
+def has_names(names: list[str]) -> bool:
+    """Return whether a first line names columns: in a row of a table two fields or more are numbers."""
+    return sum(map(_is_number, names)) < 2
+
+
+def columns_of(
+    path: Path, names: list[str], needed: list[str], stated: Mapping[str, str] | None = None
+) -> list[TableColumn]:
+    """Return the columns of a table, and list those that are read by a name that is not ours.
 
     Parameters
     ----------
     names : list of str
-        As the table has them.
+        As the table has them; of one without names the numbers of its columns.
     needed : list of str
-        Our columns without which there is no table; a column that has our name stands for itself.
-
-    Returns
-    -------
-    list of str
-        In lower case.
+        Our columns without which there is no table.
+    stated : mapping of str to str, optional
+        Our column, with its unit or without, and the name of the table's column that is it.
 
     Raises
     ------
     InputError
-        If all is there but the column leg; the message says which columns are read as which.
+        If what is stated is not there, a unit is not known, or all is there but the column leg; the message says which
+        columns are read as which.
     """
-    shown, names = names, [name.lower() for name in names]
-    found, read = list(names), dict[str, str]()
-    for ours, alike in _ALIKE.items():
-        if any(_parted(name)[0] == ours and _is_ours(name) for name in names):
+    found = [TableColumn(name.lower()) for name in names]
+    given = _stated_columns(path, names, stated or {})
+    for ours, (k, metres) in given.items():
+        found = [TableColumn(f"{name.name} (not read)") if name.name == ours else name for name in found]
+        found[k] = TableColumn(ours, metres)
+    read: dict[str, str] = {}
+    for quantity, k in best_columns(names).items():
+        column = named_column(names[k])
+        ours = quantity if quantity in NAMES else f"{quantity}_m"
+        if ours in given or k in [other for other, _ in given.values()]:
             continue
-        for k, name in enumerate(names):
-            plain, unit = _parted(name)
-            if plain in (ours, *alike) and found[k] == name:
-                found[k] = ours if ours in _NAMES else f"{ours}_{'ft' if unit in _FEET else 'm'}"
-                read[found[k]] = shown[k]
-                break
+        if quantity in NAMES:
+            found[k] = TableColumn(ours)
+        elif column.metres is None:
+            raise InputError(
+                f"{path}: the unit of the column {one_line(names[k], _SHOWN)!r} is not known (there are m, cm, mm, ft, "
+                f"usft, in): --columns {quantity}_m={one_line(names[k], _SHOWN)!r} reads it as metres"
+            )
+        else:
+            found[k] = TableColumn(ours, column.metres)
+        if column.rank or not (quantity in NAMES or names[k].lower().startswith(f"{quantity}_")):
+            read[ours if column.metres == 1.0 or quantity in NAMES else f"{quantity}_{column.unit}"] = names[k]
     _require_legs(path, found, needed, read)
     if read:
-        pairs = ", ".join(f"{one_line(name, 40)} as {ours}" for ours, name in read.items())
-        warn_user(f"{path.name}: {len(read)} columns are read by the names that others use: {pairs}")
+        pairs = ", ".join(f"{one_line(name, _SHOWN)} as {ours}" for ours, name in read.items())
+        warn_user(
+            f"{path.name}: {len(read)} columns are read by the names that others use: {pairs}; --columns OURS=NAME,..."
+        )
     return found
 
 
-def _parted(name: str) -> tuple[str, str]:
-    """Return a column's name without its unit, and the unit or nothing."""
-    unit = _UNIT.search(name)
-    return (name[: unit.start()].strip(), unit[1] or unit[2]) if unit else (name, "")
+def _stated_columns(path: Path, names: list[str], stated: Mapping[str, str]) -> dict[str, tuple[int, float]]:
+    """Return the number and the metres of the table's columns that are stated, by our names in metres."""
+    found: dict[str, tuple[int, float]] = {}
+    known = {name.lower(): k for k, name in reversed(list(enumerate(names)))}
+    for ours, theirs in stated.items():
+        column, place = named_column(ours), known.get(theirs.strip().lower())
+        if column.quantity is None or column.rank or column.metres is None:
+            raise InputError(
+                f"{path}: --columns {one_line(ours, _SHOWN)}: no column of a station table; there are "
+                f"{', '.join(QUANTITIES)}, all but {' and '.join(NAMES)} with a unit (_m, _cm, _mm, _ft, _usft, _in)"
+            )
+        if place is None:
+            raise InputError(
+                f"{path}: --columns {one_line(ours, _SHOWN)}={one_line(theirs, _SHOWN)}: no such column; there are "
+                f"{one_line(', '.join(names), 200)}"
+            )
+        name = column.quantity if column.quantity in NAMES else f"{column.quantity}_m"
+        if name in found or place in [k for k, _ in found.values()]:
+            raise InputError(f"{path}: --columns {one_line(ours, _SHOWN)}={one_line(theirs, _SHOWN)}: stated twice")
+        metres = column.metres if column.unit else named_column(names[place]).metres or 1.0
+        found[name] = place, metres
+    return found
 
 
-def _is_ours(name: str) -> bool:
-    return name in _NAMES or name.endswith(("_m", "_ft"))
+def _is_number(text: str) -> bool:
+    try:
+        plain_number(text)
+    except ValueError:
+        return False
+    return True
 
 
-def _require_legs(path: Path, names: list[str], needed: list[str], read: dict[str, str]) -> None:
+def _require_legs(path: Path, columns: list[TableColumn], needed: list[str], read: dict[str, str]) -> None:
     """Refuse a list of points: it has all that a station table needs but the legs that points follow each other in."""
-    if "leg" in names or not {column.replace("_ft", "_m") for column in names} >= set(needed) - {"leg"}:
+    names = [column.name for column in columns]
+    if "leg" in names or not set(names) >= set(needed) - {"leg"}:
         return
-    known = [f"{one_line(name, 40)} is {ours}" for ours, name in read.items()]
-    columns = f" ({', '.join(known)})" if known else ""
+    known = [f"{one_line(name, _SHOWN)} is {ours}" for ours, name in read.items()]
+    shown = f" ({', '.join(known)})" if known else ""
+    other = next((name for name in names if name and named_column(name).quantity is None and not _is_ours(name)), None)
+    by_option = "" if other is None else f", or --columns leg={one_line(other, _SHOWN)!r} if that one names it"
     raise InputError(
-        f"{path}: a list of points{columns}, and which of them follow each other along a drift is not in it: add a "
-        "column leg, the name of its drift in each row, with the rows in order along it, and left_m and right_m or "
-        "--half-width M; of a scan save the coordinates alone, as .xyz"
+        f"{path}: a list of points{shown}, and which of them follow each other along a drift is not in it: add a "
+        f"column leg, the name of its drift in each row, with the rows in order along it{by_option}, and left_m and "
+        "right_m or --half-width M; of a scan save the coordinates alone, as .xyz"
     )
 
 
-def require_no_shots(path: Path, text: str) -> None:
-    """Refuse a table of shots from station to station, with the program that reads it.
-
-    Raises
-    ------
-    InputError
-        If the first line, or a comment above the rows, names from, to and a length.
-    """
-    for line in text.splitlines()[:_COMMENTS]:
-        words = [word.strip("\"'# ").lower() for word in re.split(r"[,;\s]+", line)]
-        if {"from", "to"} <= set(words) and _LENGTHS & set(words):
-            if "topodroid" in text[:2000].lower():
-                way = "TopoDroid exports the same survey for Survex or Therion: give the .svx or .th"
-            else:
-                way = (
-                    "Survex reads them: in a file .svx write the line '*data normal from to tape compass clino' with "
-                    "the order of these columns, and below it the rows with blanks between their fields"
-                )
-            raise InputError(f"{path}: a table of shots from station to station, not of stations with places; {way}")
+def _is_ours(name: str) -> bool:
+    return named_column(name).quantity is not None or name == "rise_over_run"

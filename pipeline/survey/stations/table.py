@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -64,13 +65,16 @@ def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[Su
     return result
 
 
-def read_station_legs(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
+def read_station_legs(
+    path: Path, grades: dict[str, float] | None = None, columns: Mapping[str, str] | None = None
+) -> list[SurveyLeg]:
     """Read a station table that may be steep, pass over itself and be in pieces, else as `read_stations`.
 
     A distance to a wall may be empty, which is nan. Coordinates may be those of a national grid. Stations of a leg with
-    one position in plan are the ends of a shaft, which is a leg of its own, after the others.
+    one position in plan are the ends of a shaft, which is a leg of its own, after the others. `columns` names the
+    table's columns that are ours (`columns_of`).
     """
-    legs = _read_legs(path, _FARTHEST_M, grades)
+    legs = _read_legs(path, _FARTHEST_M, grades, columns=columns)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
     return [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))] + shafts
 
@@ -125,9 +129,13 @@ def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
 
 
 def _read_legs(
-    path: Path, reach_m: float = REACH_M, grades: dict[str, float] | None = None, walls_needed: bool = False
+    path: Path,
+    reach_m: float = REACH_M,
+    grades: dict[str, float] | None = None,
+    walls_needed: bool = False,
+    columns: Mapping[str, str] | None = None,
 ) -> list[SurveyLeg]:
-    rows = read_rows(path, walls_needed)
+    rows = read_rows(path, walls_needed, columns)
     has_heights = _has_heights(path, rows)
     has_grades = bool(grades) or any((row.get(GRADE) or "").strip() not in _UNKNOWN for _, row in rows)
     if has_heights and has_grades:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import manifold3d
 import numpy as np
 
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 
 _LEAST_STEP_M = 1.0  # between sections along a leg, which is cut into pieces as long as wide: their triangles are good
 _OVERLAP_M = 0.01  # of hulls that follow each other: solids that only touch are what booleans are worst at

@@ -5,15 +5,14 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
-from pipeline.parallel import in_shares
+from pipeline.geometry.facets.separation import ROUNDING_M, Facets
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.shapes import bodies_of
-from pipeline.volume.separation import ROUNDING_M, Facets
 from pipeline.volume.union import Volume
 
 _PAIRS = 100_000  # tried together
 _TOGETHER = 1000  # bodies
-_LEAST_SHARE = 4000  # parts, of one share
+_AT_ONCE = 20_000  # parts whose facets are looked for together
 
 
 def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
@@ -30,12 +29,11 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
     middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
     low, high = parts.boxes()
 
-    def some(first: int, end: int) -> np.ndarray:
-        part, facet = facets.near(low[first:end], high[first:end])
-        return np.stack(_not_parted(facets, parts, outward, reach, middles, part + first, facet))
-
-    pairs = np.concatenate([np.zeros((2, 0), int), *in_shares(some, len(parts), _LEAST_SHARE)], axis=1)
-    return _in_full(facets, parts, outward, pairs[0], pairs[1])
+    pairs = [np.zeros((2, 0), int)]
+    for start in range(0, len(parts), _AT_ONCE):
+        part, facet = facets.near(low[start : start + _AT_ONCE], high[start : start + _AT_ONCE])
+        pairs.append(np.stack(_not_parted(facets, parts, outward, reach, middles, part + start, facet)))
+    return _in_full(facets, parts, outward, *np.concatenate(pairs, axis=1))
 
 
 def _in_full(

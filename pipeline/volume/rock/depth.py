@@ -48,10 +48,10 @@ def deepest(parts: Iterable[np.ndarray], free: Tile, inside: Inside, corners: np
         middles = cells.mean(axis=1)
         from_rock, facet = inside.nearest(middles)
         deeper = np.flatnonzero(from_rock > depth)
-        deeper = deeper[inside.are_free(middles[deeper])] if len(deeper) else deeper
-        if len(deeper):
-            at = deeper[from_rock[deeper].argmax()]
-            depth, place = float(from_rock[at]), middles[at]
+        for at in deeper[np.argsort(-from_rock[deeper], kind="stable")]:  # a solid angle takes long
+            if inside.are_free(middles[at : at + 1]).all():
+                depth, place = float(from_rock[at]), middles[at]
+                break
         reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
         beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
         apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)

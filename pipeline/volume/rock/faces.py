@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 import shapely
 
-from pipeline.parallel import in_shares
+from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.rock.ragged import PartCorners
-from pipeline.volume.separation import Facets
 from pipeline.volume.union import Volume
 
 ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
@@ -20,7 +18,7 @@ _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
 _ON_EDGE_M = 1e-10  # a facet's corner that is so little outside a part's face is on its edge: rounding is 1e-13
 GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
 _PAIRS = 100_000  # of a part and a facet, tried together
-_LEAST_SHARE = 4000  # parts or facets, of one share
+_AT_ONCE = 20_000  # parts or facets
 
 
 @dataclass(frozen=True)
@@ -74,12 +72,7 @@ class PartFaces:
         most = np.zeros(len(areas_m2))
         np.maximum.at(most, self.facet, shapely.area(self.shared))
         left = np.flatnonzero((most > 0) & (most < (1 - _WHOLE) * areas_m2))
-        shared = self.covering(left)
-
-        def covered(start: int, stop: int) -> list[float]:
-            return [shapely.union_all(some, grid_size=GRID_M).area for some in shared[start:stop]]
-
-        most[left] = list(chain.from_iterable(in_shares(covered, len(left), _LEAST_SHARE)))
+        most[left] = [shapely.union_all(some, grid_size=GRID_M).area for some in self.covering(left)]
         return np.maximum(0.0, areas_m2 - most)
 
 
@@ -108,17 +101,15 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
 def _near(facets: Facets, parts: PartCorners) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs (2, n) of a part and a facet that are near each other, and which of them `_lie_behind` finds."""
     low, high = parts.boxes()
-
-    def some(first: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        part, facet = facets.near(low[first:end] - ON_PLANE_M, high[first:end] + ON_PLANE_M)
-        part, kept = part + first, [np.zeros(0, bool)]
-        for start in range(0, len(part), _PAIRS):
-            rows = slice(start, start + _PAIRS)
-            kept.append(_lie_behind(facets, parts, part[rows], facet[rows]))
-        return np.stack([part, facet]), np.concatenate(kept)
-
-    found = in_shares(some, len(parts), _LEAST_SHARE)
-    pairs, behind = zip((np.zeros((2, 0), int), np.zeros(0, bool)), *found, strict=True)
+    pairs, behind = [np.zeros((2, 0), int)], [np.zeros(0, bool)]
+    for start in range(0, len(parts), _AT_ONCE):
+        rows = slice(start, start + _AT_ONCE)
+        part, facet = facets.near(low[rows] - ON_PLANE_M, high[rows] + ON_PLANE_M)
+        part += start
+        pairs.append(np.stack([part, facet]))
+        for first in range(0, len(part), _PAIRS):
+            some = slice(first, first + _PAIRS)
+            behind.append(_lie_behind(facets, parts, part[some], facet[some]))
     return np.concatenate(pairs, axis=1), np.flatnonzero(np.concatenate(behind))
 
 
@@ -135,22 +126,18 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
     order = np.argsort(facet, kind="stable")
     first = np.append(np.flatnonzero(np.diff(facet[order], prepend=-1)), len(order))
 
-    def some(start: int, end: int) -> tuple[np.ndarray, ...]:
-        rows = np.sort(order[first[start] : first[end]])
-        return rows, *_faces_of(facets, parts, part[rows], plane[rows], facet[rows])
-
     area, depth = np.zeros(len(part)), np.zeros(len(part))
     shared = np.full(len(part), shapely.Polygon(), object)
-    for rows, *columns, filled, polygons in in_shares(some, len(first) - 1, _LEAST_SHARE):
-        area[rows], depth[rows] = columns
-        shared[rows[filled]] = shapely.from_wkb(polygons)
+    for start in range(0, len(first) - 1, _AT_ONCE):
+        rows = np.sort(order[first[start] : first[min(start + _AT_ONCE, len(first) - 1)]])
+        area[rows], depth[rows], shared[rows] = _faces_of(facets, parts, part[rows], plane[rows], facet[rows])
     return PartFaces(part, facet, area, depth, shared)
 
 
 def _faces_of(
     facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Return the last columns of `PartFaces`; of the polygons those that are not empty: their numbers, and as WKB."""
+    """Return the last columns of `PartFaces`."""
     ways, middles = across(facets.normals[facet]), facets.corners[facet].mean(axis=1)
     rows, starts = parts.rows(part)
     pair = np.repeat(np.arange(len(part)), np.diff(np.append(starts, len(rows))))
@@ -167,9 +154,7 @@ def _faces_of(
     shared[whole] = shapely.polygons(corners[whole])
     left = np.flatnonzero(~np.isin(facet, facet[whole]))
     shared[left] = polygons_shared(face[left], shapely.polygons(corners[left]))
-    filled = np.flatnonzero(~shapely.is_empty(shared))
-    deepest = np.maximum.reduceat(depth, starts)
-    return shapely.area(face), deepest, filled, shapely.to_wkb(shared[filled])
+    return shapely.area(face), np.maximum.reduceat(depth, starts), shared
 
 
 def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.rock.faces import GRID_M, PartFaces, across
-from pipeline.volume.separation import Facets
 
 _LEAST_M = 1e-5  # radius of a piece that is left out
 _ROUGH_M = 5e-4  # a larger radius is found exactly

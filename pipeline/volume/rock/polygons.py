@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-from itertools import chain
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from pipeline.parallel import in_shares
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
 
@@ -19,7 +15,6 @@ _PARALLEL = 1e-9  # of the cosine between facets of one plane
 _OF_EACH = 5e-6  # m, of all corners from the plane of each of its facets: the certificate takes 1e-5
 _STRAIGHT = 1e-9  # of the sine at a corner of a convex polygon
 _RIDGE = 1e-3
-_LEAST_SHARE = 4000  # planes, of one share
 
 
 def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
@@ -30,18 +25,12 @@ def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
     flat = np.einsum("fx,fix->fi", unit, unit[beside]) > 1 - 2 * _PARALLEL
     flat &= volume.label[:, None] == volume.label[beside]
     facet, side = np.nonzero(flat)
-    links = coo_matrix((np.ones(len(facet)), (facet, beside[facet, side])), (len(flat), len(flat)))
-    count, plane = connected_components(links, directed=False)
-    rows, edges = np.argsort(plane, kind="stable"), np.argsort(plane[facet], kind="stable")
-    ends = np.arange(count + 1)
-    of_plane, first = np.searchsorted(plane[rows], ends), np.searchsorted(plane[facet[edges]], ends)
     level = np.einsum("ij,ij->i", unit, volume.vertices[volume.faces[:, 0]])
 
-    def some(start: int, end: int) -> list[tuple[list[int], list[int]]]:
-        facets, joints = rows[of_plane[start] : of_plane[end]], edges[first[start] : first[end]]
-        return _joined(volume, unit, level, facets, np.column_stack([facet[joints], side[joints]]))
-
-    found = chain.from_iterable(in_shares(some, count, _LEAST_SHARE))
+    is_joined = flat.any(axis=1)
+    found = _joined(volume, unit, level, np.flatnonzero(is_joined), np.column_stack([facet, side]))
+    alone = np.flatnonzero(~is_joined)
+    found += [(face, [k]) for face, k in zip(volume.faces[alone].tolist(), alone.tolist(), strict=True)]
     return sorted(found, key=lambda polygon: polygon[1][0])
 
 

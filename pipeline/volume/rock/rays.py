@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.parallel import in_shares
 from pipeline.volume.rock.shapes import Polygons, halving_planes, shaped
 
 _SHARE = 0.95  # of the way from a polygon's middle to its corners and edges: where rays go
 _DEEP_M = 0.03  # of a part, at least: rays hit next to nothing in thinner ones
-_LEAST_SHARE = 4000  # polygons, of one share
 _INSIDE_M = 2e-4  # of what is hit, from the faces of a part: rays have 32 bits, 0.03 mm at 500 m
 
 
@@ -37,12 +35,7 @@ class RaysIntoRock:
         """
         if kind not in ("moved", "cut") or depth_m < _DEEP_M:
             return np.zeros(len(polygons), bool)
-        scene = self._scene  # made before threads share it
-
-        def some(first: int, end: int) -> np.ndarray:
-            return _blocked(scene, polygons.some(np.arange(first, end)), kind, depth_m)
-
-        return np.concatenate([np.zeros(0, bool), *in_shares(some, len(polygons), _LEAST_SHARE)])
+        return _blocked(self._scene, polygons, kind, depth_m)
 
 
 def _blocked(scene: Any, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from pipeline.volume.separation import ConvexBodies
+from pipeline.geometry.facets.separation import ConvexBodies
 
 DEPTHS_M = (0.3, 0.15, 0.08, 0.04, 0.02)
 MOVED_AND_CUT = tuple((kind, depth) for depth in DEPTHS_M for kind in ("moved", "cut"))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import manifold3d
 import numpy as np
 
-from pipeline.volume.separation import Facets
+from pipeline.geometry.facets.separation import Facets
 
 _SURE = 1e-2  # of a part behind facets, at least: less may be a fold of the surface
 _TOGETHER = 200  # parts: their triangles and the facets near them take some 10 MB

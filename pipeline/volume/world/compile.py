@@ -18,17 +18,16 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.rock.uncrossed import parted
+from pipeline.volume.rock.parted import parted
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
-from pipeline.volume.rock.uncrossed import parted
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.content import closed_volume, in_mine_frame
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.parts import labelled_parts, without_refused
-from pipeline.volume.world.reach import RobotSize, neighbours_of
+from pipeline.volume.world.reach import RobotSize
 from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
@@ -137,7 +136,7 @@ def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh, 
     solved = replace(solved, vertices=vertices, label=labels_of(vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)
-    surveyed = replace(legs_on_floors(cells, neighbours_of(cells, robot), solid.datum_m), start_m=stated.start_m)
+    surveyed = replace(legs_on_floors(cells, robot, solid.datum_m), start_m=stated.start_m)
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     volume = mine_volume(solved, nearest_leg(solved, surveyed))
     surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from minexplore.floors.volume_arrays import WAYS, FacetLabel, FloorSpans, VolumeFacets
-from minexplore.physics.robot import RobotParams
+from minexplore.physics.robot import CASTOR_M, RobotParams
 from minexplore.volume.standing import neighbours
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.world.reach import RobotSize
@@ -20,7 +20,6 @@ _FLAT = 10.0  # heights are stretched so much before distances are measured, whi
 _LOW, _HIGH = 0.25, 0.75  # of a low roof's height: what stands for the bottom and the top of the chassis under it
 _ALIKE = 3  # decimals: of places with as much room the one nearest to the middle is taken
 _EDGE_M = 0.1  # under a floor: where rock is beside that, the floor ends
-_OVER_EDGE_M = 0.15  # of a robot's disc may be over an edge: its wheels are within the disc
 _BLOCK = 20_000  # spans at a time
 
 
@@ -37,8 +36,9 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     """Return the room in the cells of spans whose floors have slopes (s, 2), rise over run to the east and the north.
 
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
-    floor, and from 10 cm under it, which is that to an edge of the floor. Of cells where robots stand it is looked for
-    at 5 x 5 places: 5 cm apart where cells are 0.25 m wide.
+    floor. It is also that to an edge of the floor, where there is rock 10 cm under it, and a castor's radius: a robot's
+    wheels and castors touch the floor so far within its disc. Of cells where robots stand it is looked for at 5 x 5
+    places: 5 cm apart where cells are 0.25 m wide.
     """
     count = len(slope)
     aside = np.zeros((count, 3))
@@ -100,7 +100,7 @@ class _Chassis:
         return found
 
     def _edge_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
-        return self._distance_m(self._under, spans, aside_m) + _OVER_EDGE_M
+        return self._distance_m(self._under, spans, aside_m) + CASTOR_M
 
     def _distance_m(self, places_m: np.ndarray, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         """Return the level distances (k, m) m from rock of places (m, 2) m beside those (s, 3) of spans (k,)."""

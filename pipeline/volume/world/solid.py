@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,10 +16,10 @@ from shapely import Polygon
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
-from pipeline.remarks import warn_user
+from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
-from pipeline.volume.rock.uncrossed import arrays_of, manifold_of, uncrossed
 from pipeline.volume.union import Volume
+from pipeline.volume.world.reach import RobotSize, components_of, neighbours_of
 
 _SPACING_M = 1.0  # of stations along a leg
 _SHORTEST_M = 1.0  # of a leg with a dead end
@@ -40,29 +41,21 @@ def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.nd
 
 
 def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
-    """Return a solid, simplified, as the shell and the measures take it; all facets are of one piece.
-
-    Where facets cross the surface is found again, with a warning.
+    """Return a solid as the shell and the measures take it; all facets are of one piece.
 
     Raises
     ------
     GeometryError
-        If its mesh is not closed, or still crosses itself then.
+        If its mesh is not closed.
     """
-    solid = manifold_of(mesh.vertices, mesh.faces).simplify(mesh.simplify_m)
+    solid = manifold_of(mesh.vertices, mesh.faces)
     if solid.is_empty():
         raise GeometryError(f"compile3d: the solid's mesh encloses no space ({solid.status().name})")
-    apart = uncrossed(*arrays_of(solid))
-    if apart.crossed:
-        warn_user(
-            f"compile3d: {apart.crossed} facets cross others; at {apart.places} places the surface is found again, to "
-            f"{apart.cell_m:.2f} m"
-        )
-    vertices, faces = arrays_of(manifold_of(apart.vertices, apart.faces).as_original())
+    vertices, faces = arrays_of(solid.as_original())
     return Volume(vertices, faces, np.zeros(len(faces), np.int64), labels_of(vertices, faces, steepest), [])
 
 
-def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> SurveyedLegs:
+def legs_on_floors(cells: FloorSpans, robot: RobotSize, datum_m: float) -> SurveyedLegs:
     """Return legs along the middles of all floors of 1 m2 and more; their length is not known yet (0).
 
     Each storey's floor is thinned in plan; stations are a metre apart. Storeys that meet are joined by a leg between
@@ -71,16 +64,17 @@ def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> Surv
     Parameters
     ----------
     cells : FloorSpans
-    pairs : (n, 2) int
-        Neighbouring spans, as `neighbours_of` has them.
+    robot : RobotSize
+        That the cells are of.
     datum_m : float
         Elevation of height 0.
 
     Raises
     ------
     GeometryError
-        If no floor is so large.
+        If no floor is so large. The message names the floors' areas, and what overrules the robot's limits.
     """
+    pairs = neighbours_of(cells, robot)
     places, walls, names, first, storey_of = [], [], [], [0], []
     for storey in range(int(cells.storey.max(initial=-1)) + 1):
         own = np.flatnonzero(cells.storey == storey)
@@ -99,9 +93,7 @@ def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> Surv
                 first.append(len(names))
                 storey_of += [storey] * len(plan)
     if not places:
-        raise GeometryError(
-            f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot; compile3d.volume has both"
-        )
+        raise GeometryError(_without_floor(cells, robot))
     floors, sides = np.concatenate(places), np.concatenate(walls)
     rows, breaks = np.arange(len(names)), first
     for a, b in _joints(cells, pairs, floors, np.array(storey_of)):
@@ -120,6 +112,27 @@ def legs_on_floors(cells: FloorSpans, pairs: np.ndarray, datum_m: float) -> Surv
         np.zeros(0),
         0.0,
         datum_m,
+    )
+
+
+def _without_floor(cells: FloorSpans, robot: RobotSize) -> str:
+    """Return how much of the floors is high and flat enough, and which parameters overrule these limits.
+
+    Of floors that are smaller than a leg's, however high and flat they are, it is the largest one.
+    """
+    number = components_of(len(cells.storey), neighbours_of(cells, replace(robot, height_m=0.0)), cells.headroom_m > 0)
+    largest_m2 = float((number == 0).sum()) * cells.cell_m**2
+    if largest_m2 < _LEAST_M2:
+        return (
+            f"compile3d: its largest floor, however low and steep, has {largest_m2:.1f} m2, and a robot needs "
+            f"{_LEAST_M2:g} m2; is the scale right (--unit)?"
+        )
+    fits = (np.ones(len(cells.storey), bool), cells.headroom_m >= robot.height_m, cells.storey >= 0)
+    floors, high, flat = (f"{fit.sum() * cells.cell_m**2:.1f} m2" for fit in fits)
+    return (
+        f"compile3d: no floor of {_LEAST_M2:g} m2 is flat and high enough for a robot: of {floors} of floors {high} "
+        f"are {robot.height_m:g} m high (compile3d.volume.robot_height_m=M states another robot), and of these {flat} "
+        f"no steeper than {robot.steepest:g} (compile3d.volume.steepest=S)"
     )
 
 

@@ -9,6 +9,7 @@ import cv2
 import pytest
 
 from benchmarks.__main__ import BENCHMARKS
+from benchmarks.__main__ import COMMANDS as OF_PAGES
 from pipeline.__main__ import parse
 from pipeline.survey.draw import draw_plan, frame_around
 from tests.mines import TEE
@@ -28,31 +29,32 @@ def commands_of(page):
 ELSEWHERE = {
     r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
     r"make test": "this is the test run",
-    r"make corpus": "tests/benchmarks/test_corpus.py, with few worlds",
+    r"make corpus": "benchmarks/tests/test_corpus.py, with few worlds",
     r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",
-    r"python -m baselines.(ppo|graph.training).train .*": "tests/baselines: training, interruption, resumption",
+    r"python -m baselines.(ppo|graph.training).train .*": "baselines/tests: training, interruption, resumption",
     r"python -m pipeline worlds --light .*": "tests/commands/test_family.py, with small mines",
     r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/commands/test_family.py, on a cluster of two nodes",
-    r"python -m baselines.ppo.curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
+    r"python -m baselines.ppo.curves": "baselines/tests/ppo/test_ppo.py; it draws the curves of long training",
+    r"(make evidence|python -m benchmarks (stale|evidence).*)": "benchmarks/tests/test_freshness.py",
     r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
     r"python -m benchmarks (replay|leave-out-sweeps)": "tests/proof/test_certificate.py; by what `make data` fetches",
-    r".*python -m benchmarks train.*": "tests/baselines/ppo/test_ppo.py: training, interruption, resumption, two nodes",
+    r".*python -m benchmarks train.*": "baselines/tests/ppo/test_ppo.py: training, interruption, resumption, two nodes",
     r"python -m benchmarks worlds .*": "tests/commands/test_family.py, with small mines",
-    r"python -m benchmarks curves": "tests/baselines/ppo/test_ppo.py; it draws the curves of long training",
+    r"python -m benchmarks curves": "baselines/tests/ppo/test_ppo.py; it draws the curves of long training",
     r"make data .*": "tests/survey/test_fetch.py, from a mirror",
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
-    r"python -m benchmarks files .*": "tests/benchmarks/test_files.py, with a small folder",
-    r"python -m benchmarks survey-programs .*": "tests/benchmarks/comparisons: with small files",
+    r"python -m benchmarks files .*": "benchmarks/tests/test_files.py, with a small folder",
+    r"python -m benchmarks survey-programs .*": "benchmarks/tests/comparisons: with small files",
     r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
-    r"python -m baselines.split .*": "tests/baselines/test_split.py; it needs the mines of a split",
+    r"python -m baselines.split .*": "baselines/tests/test_split.py; it needs the mines of a split",
     r"python -m pipeline export .* --to usd": "tests/export/test_formats.py; it needs the extra `export`",
     r"python -m minexplore play [^ ]+": "tests/minexplore/envs/test_env.py; it opens a window",
     r"python -m minexplore record .* --live": "tests/minexplore/extra/record/test_recording.py; it serves a page",
 }
 
 
-BENCHMARK_NAMES = {row.name for row in BENCHMARKS}
+BENCHMARK_NAMES = {*OF_PAGES, *(row.name for row in BENCHMARKS)}
 
 COMMANDS = [(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in commands_of(page)]
 

@@ -11,7 +11,7 @@ from baselines.base.markdown import BEGIN, END, with_table, write_table
 from benchmarks.tables.include_parts import on_page_markdown
 from benchmarks.tables.reference import TABLES, options_table
 from pipeline.params.config import Config
-from tests.project import ROOT
+from tests.project import ROOT, modules_below
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -83,11 +83,7 @@ def test_every_link_leads_to_a_file(page):
 
 
 def test_code_and_configuration_name_only_pages_that_exist():
-    files = [
-        file
-        for folder in ("pipeline", "minexplore", "baselines", "benchmarks")
-        for file in ROOT.glob(f"{folder}/**/*.py")
-    ]
+    files = [file for folder in ("pipeline", "minexplore", "baselines", "benchmarks") for file in modules_below(folder)]
     named = {
         (file.relative_to(ROOT).as_posix(), name)
         for file in [*files, *ROOT.glob("conf/**/*.yaml")]

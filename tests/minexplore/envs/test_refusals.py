@@ -106,7 +106,7 @@ def test_a_raw_environment_wants_a_reset_before_a_step_and_nothing_after_its_end
 
 def test_options_and_actions_of_another_kind_are_refused(tee: BuiltMine):
     env = MineEnv(tee.bundle)
-    with pytest.raises(ValueError, match=r"options: unknown 'yaw'; there are: none"):
+    with pytest.raises(ValueError, match=r"options: unknown 'yaw'; there are: pose, cell, station, noise_seed"):
         env.reset(options={"yaw": 1.0})
     with pytest.raises(ValueError, match=r"options = 3: want a dict"):
         env.reset(options=3)
@@ -177,11 +177,8 @@ def test_a_copy_of_a_new_environment_wants_a_reset_and_one_of_a_closed_one_is_cl
         copy.deepcopy(closed).reset()
 
 
-def test_a_team_refuses_copies_and_unclear_calls(tee: BuiltMine):
+def test_a_team_refuses_unclear_calls(tee: BuiltMine):
     team = MineParallelEnv(2, world=tee.bundle)
-    for copied in (copy.deepcopy, pickle.dumps):
-        with pytest.raises(TypeError, match="neither copied nor pickled"):
-            copied(team)
     with pytest.raises(gymnasium.error.ResetNeeded):
         team.step({})
     team.reset(seed=0)

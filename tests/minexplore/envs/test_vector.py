@@ -198,10 +198,10 @@ def test_memory_does_not_grow_over_resets(tee: BuiltMine):
 
 
 def test_the_scalar_env_survives_pickling_and_its_spec_a_round_trip(tee: BuiltMine):
-    made = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), task={"max_steps": 9})
+    made = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), max_episode_steps=9)
     spec = gymnasium.envs.registration.EnvSpec.from_json(made.spec.to_json())
     again = gymnasium.make(spec)
-    assert again.unwrapped.task.max_steps == 9
+    assert again.spec.max_episode_steps == 9
     copy = pickle.loads(pickle.dumps(made.unwrapped))
     np.testing.assert_array_equal(copy.reset(seed=3)[0], made.reset(seed=3)[0])
 

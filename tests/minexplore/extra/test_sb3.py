@@ -17,11 +17,11 @@ TEE_ID = "MineXplore/World-v0"
 
 
 def make(tee, count, **task):
-    return MineVecEnv(TEE_ID, count, world=tee.bundle, task={"max_steps": 7, **task})
+    return MineVecEnv(TEE_ID, count, world=tee.bundle, max_episode_steps=7, task=task)
 
 
 def test_it_gives_what_sb3_s_own_vector_of_scalar_environments_gives(tee: BuiltMine):
-    kwargs = {"world": str(tee.bundle), "task": {"max_steps": 7}}
+    kwargs = {"world": str(tee.bundle), "max_episode_steps": 7}
     theirs = DummyVecEnv([lambda: gymnasium.make(TEE_ID, **kwargs) for _ in range(3)])
     ours = make(tee, 3)
     for env in (theirs, ours):
@@ -69,7 +69,7 @@ def test_a_picture_shows_all_robots(tee: BuiltMine):
 
 def test_ppo_learns_for_a_moment_on_the_built_world(built):
     world = built.folder / "artifacts" / "realism" / "world"
-    env = VecMonitor(MineVecEnv(TEE_ID, 4, world=world, task={"max_steps": 40, "region_m": 40.0}))
+    env = VecMonitor(MineVecEnv(TEE_ID, 4, world=world, max_episode_steps=40, task={"region_m": 40.0}))
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, seed=3, device="cpu")
     before = [p.clone() for p in model.policy.parameters()]
     model.learn(512)

@@ -18,6 +18,7 @@ from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
+from minexplore.volume.legs import leg_names
 from minexplore.world import World, load_world
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
@@ -106,7 +107,8 @@ def test_the_info_names_the_floor_and_the_leg_of_passages_over_each_other(over):
     batch.place(0, 15.0, 0.0, 0.0, 8.0)
     batch.place(1, 15.0, 0.0, 0.0, 0.0)
     info = batch.step(np.zeros((2, 2)), rngs).info
-    assert info["leg"].tolist() == ["a to b", "e to f"]
+    names = leg_names(batch.world)
+    assert [names[leg] for leg in info["leg"]] == ["a to b", "e to f"]
     assert info["floor"][0] != info["floor"][1]
     assert info["height_m"] == pytest.approx([8.0, 0.0], abs=0.01)
 
@@ -208,7 +210,7 @@ def test_a_team_shares_cells_and_touches_rock_in_a_volume(over):
     for _ in range(30):
         observation, _, _, _, info = env.step({agent: np.array([1.0, 0.0]) for agent in env.agents})
     assert info["robot_0"]["team_cells_seen"] == env.team.team_seen.sum()
-    assert {one["leg"] for one in info.values()} == {"a to b"}
+    assert {leg_names(env.world)[one["leg"]] for one in info.values()} == {"a to b"}
     assert all(np.isfinite(row).all() for row in observation.values())
     assert env.team.collisions.sum() > 0
 

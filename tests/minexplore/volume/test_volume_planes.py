@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
-from benchmarks.comparisons.volume.local.drives import VolumeDrive
-from benchmarks.comparisons.volume.local.in_memory import VolumeStepping
 from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
@@ -21,6 +19,7 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.shell import build_shell
 from pipeline.volume.world.parts import without_refused
 from tests.heights import HEADER
+from tests.minexplore.volume.stepping import VolumeDrive, VolumeStepping
 
 RAMP = "A,1,0,0,1,1,0,3,0\nA,2,20,0,1,1,2,3,0\n"
 PITCH = RAMP + "B,2,20,0,1,1,2,3,0\nB,3,20,0,1,1,-10,3,0\nC,3,20,0,2,2,-10,3,0\nC,4,40,0,2,2,-10,3,0\n"

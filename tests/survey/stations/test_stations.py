@@ -1,20 +1,15 @@
-import re
-import shutil
-
 import numpy as np
 import pytest
 import shapely
 
 from pipeline.errors import InputError
-from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.remarks import collect_remarks
-from pipeline.survey.detect import detect_here, detect_survey
+from pipeline.survey.detect import detect_here
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
-from tests.project import ROOT, TINY_STATIONS, shared_file
+from tests.project import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
 
@@ -341,7 +336,7 @@ def test_columns_in_feet_are_read_as_metres_and_listed(tmp_path, capsys):
     metres = read_table(tmp_path, f"{HEADER}A,a,0,0,3.048,3.048\nA,b,30.48,0,3.048,3.048\n").workings
     feet = f"{HEADER.replace('_m', '_ft')}A,a,0,0,10,10\nA,b,100,0,10,10\n"
     assert read_table(tmp_path, feet).workings.symmetric_difference(metres).area < 1e-9
-    assert "4 columns are in feet of 0.3048 m (easting_ft, northing_ft, left_ft, right_ft)" in capsys.readouterr().err
+    assert "4 columns are in units of 0.3048 m (easting_ft, northing_ft, left_ft, right_ft)" in capsys.readouterr().err
     with pytest.raises(InputError, match=r":2: left_m = 'ten' is not a number"):
         read_table(tmp_path, feet.replace("10,10\nA,b", "ten,10\nA,b"))
 
@@ -378,71 +373,3 @@ def test_what_only_python_reads_as_a_number_or_nobody_as_a_name_is_refused(tmp_p
     path.write_bytes(f"{HEADER}A,a,0,0,2,2\n{row}\n".encode())
     with pytest.raises(InputError, match=message):
         read_stations(path)
-
-
-def with_legs(text, separator):
-    """A table with a column leg before the others, as the refusal of a list of points says."""
-    head, *rows = text.splitlines()
-    return "\n".join([f"leg{separator}{head}", *(f"A{separator}{row}" for row in rows)]) + "\n"
-
-
-TOTAL_STATION = """Punkt;Hochwert;Rechtswert;Hoehe;Code
-1;5712345,12;3456789,10;412,30;SOHLE
-2;5712345,90;3456829,05;412,10;SOHLE
-3;5712385,40;3456830,00;411,95;SOHLE
-"""
-ENGLISH = """Point ID,Northing (m),Easting (m),Elev. (m),Description
-1,5712345.12,3456789.10,412.30,FLOOR
-2,5712345.90,3456829.05,412.10,FLOOR
-3,5712385.40,3456830.00,411.95,FLOOR
-"""
-
-
-@pytest.mark.parametrize(("text", "separator"), [(TOTAL_STATION, ";"), (ENGLISH, ",")])
-def test_a_list_of_points_is_refused_and_read_with_the_legs_that_the_refusal_asks_for(tmp_path, text, separator):
-    path = tmp_path / "s.csv"
-    path.write_text(text)
-    with pytest.raises(InputError, match=r"s\.csv: a list of points \(P.* is station, .* add a column leg"):
-        detect_survey(path)
-    path.write_text(with_legs(text, separator))
-    with collect_remarks() as said:
-        (leg,) = read_station_legs(path)
-    assert leg.stations == ["1", "2", "3"]
-    steps = np.diff(leg.positions_m, axis=0)
-    assert steps == pytest.approx(np.array([[39.95, 0.78], [0.95, 39.5]]))
-    assert leg.heights_m[:, 0] == pytest.approx([412.3, 412.1, 411.95])
-    assert any("as easting_m" in remark.what and "as northing_m" in remark.what for remark in said)
-    found = detect_survey(path, StatedOptions(half_width_m=2.0))
-    assert found.values["origin"][:2] == [3456780.0, 5712340.0]
-
-
-def test_a_list_of_points_that_another_made_is_refused_with_its_columns_and_the_way_to_ours():
-    with pytest.raises(
-        InputError,
-        match="Punkt is station, Rechtswert is easting_m, Hochwert is northing_m, Hoehe is elevation_m",
-    ):
-        detect_survey(shared_file("total-station.csv"))
-
-
-def test_columns_of_others_in_feet_are_read_in_feet_and_our_own_names_come_first(tmp_path):
-    path = tmp_path / "s.csv"
-    path.write_text("leg,name,station,East (ft),North [ft],left_ft,right_ft\nA,x,a,0,0,6,6\nA,y,b,100,0,6,6\n")
-    (leg,) = read_stations(path)
-    assert leg.stations == ["a", "b"]
-    assert leg.positions_m == pytest.approx(np.array([[0, 0], [30.48, 0]]))
-
-
-@pytest.mark.parametrize("above", ["", "# 2024.05.01 created by TopoDroid v 6.2.1\n\n# mine\n# "])
-def test_a_table_of_shots_is_refused_with_the_program_that_reads_it(tmp_path, above):
-    path = tmp_path / "s.csv"
-    path.write_text(f"{above}from,to,tape,compass,clino\na,b,10.0,90.0,0.0\nb,c,10.0,0.0,0.0\n")
-    with pytest.raises(InputError, match="a table of shots") as caught:
-        detect_survey(path)
-    if above:
-        assert "TopoDroid exports the same survey for Survex or Therion: give the .svx or .th" in str(caught.value)
-        return
-    line = re.search(r"'(\*data [a-z ]+)'", str(caught.value))[1]
-    rows = path.read_text().splitlines()[1:]
-    (tmp_path / "s.svx").write_text("\n".join([line, *(row.replace(",", " ") for row in rows)]) + "\n")
-    if shutil.which("cavern"):  # as the refusal says
-        assert detect_survey(tmp_path / "s.svx", StatedOptions(half_width_m=2.0)).values["file"] == "s.svx"

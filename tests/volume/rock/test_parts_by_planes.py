@@ -9,7 +9,8 @@ import pytest
 import shapely
 
 from benchmarks.comparisons.volume.cases import GateCase
-from pipeline.volume.crossings import crossing_facets
+from pipeline.geometry.facets.crossings import crossing_facets
+from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
@@ -22,7 +23,6 @@ from pipeline.volume.rock.shapes import shaped
 from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tile
-from pipeline.volume.separation import Facets
 from pipeline.volume.shell import build_shell
 from tests.heights import HEADER
 
@@ -236,8 +236,8 @@ def test_no_part_repeats_its_last_corner(tmp_path):
 
 
 def test_figures_are_the_same_on_any_number_of_cores(beside, monkeypatch):
-    for module in ("separation", "rock.faces", "rock.cleared", "rock.rays"):
-        monkeypatch.setattr(f"pipeline.volume.{module}._LEAST_SHARE", 5)
+    for module in ("geometry.facets.separation", "volume.rock.faces", "volume.rock.cleared", "volume.rock.rays"):
+        monkeypatch.setattr(f"pipeline.{module}._LEAST_SHARE", 5)
     found, twice = {}, np.concatenate([beside.vertices, beside.vertices + 0.5])
     for cores in (1, 2, 3):
         monkeypatch.setattr(os, "sched_getaffinity", lambda _, cores=cores: set(range(cores)))

@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.faults.judge_fields import CLAIM, judge_fields, prove_volume
-from benchmarks.faults.random_mutants import CAUGHT
+from benchmarks.faults.judge import CAUGHT, CLAIM, judge_fields, prove_volume
 from minexplore.bundle import MESHES, MODEL, RECORD, TOPOLOGY, BundleError, TriangleMesh, decode_msh, encode_msh
 from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.sealed.files import read_folder

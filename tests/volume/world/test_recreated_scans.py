@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.params.survey import SolidSurveyParams
+from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
-from pipeline.volume.crossings import CROSSING_M, crossing_facets
-from pipeline.volume.rock.uncrossed import arrays_of, manifold_of
 from pipeline.volume.world.solid import volume_of_solid
 
 EDGE_M = 0.12
@@ -92,6 +92,7 @@ def test_a_scan_with_a_fault_of_its_program_is_a_volume_that_does_not_cross_itse
     trimesh.Trimesh(vertices, faces, process=False).export(path)
     params = SolidSurveyParams.model_construct(**PARAMS, file=path.as_posix())
     read = read_solid(params, is_stated=False).solid
+    assert len(crossing_facets(read.vertices, read.faces.astype(int), CROSSING_M)) == 0  # what stages and judges see
     found = volume_of_solid(read, STEEPEST)
     assert len(crossing_facets(found.vertices, found.faces, CROSSING_M)) == 0
     solid = manifold_of(found.vertices, found.faces)

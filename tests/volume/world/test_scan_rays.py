@@ -14,7 +14,7 @@ SIZE_M = np.array([20.0, 4.0, 3.0])
 @pytest.fixture(scope="module")
 def volume():
     box = trimesh.creation.box(SIZE_M, trimesh.transformations.translation_matrix(SIZE_M / 2))
-    return volume_of_solid(ClosedMesh(np.asarray(box.vertices), box.faces.astype(np.int32), 0.0, 0.001), 0.36)
+    return volume_of_solid(ClosedMesh(np.asarray(box.vertices), box.faces.astype(np.int32), 0.0), 0.36)
 
 
 @pytest.fixture(scope="module")

@@ -27,10 +27,10 @@ from tests.volume_worlds import VolumeWorld, validated
 DRIFT_M = 40.0
 
 
-def mesh_of(solid, simplify_m=0.001):
-    mesh = solid.to_mesh64()
+def mesh_of(solid):
+    mesh = solid.simplify(0.001).to_mesh64()
     vertices, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
-    return ClosedMesh(vertices, faces, 100.0, simplify_m)
+    return ClosedMesh(vertices, faces, 100.0)
 
 
 def crossing():
@@ -102,9 +102,23 @@ def test_floors_over_each_other_have_legs_of_their_own_that_a_ramp_joins(tmp_pat
     assert heights.max() > 6.5
 
 
-def test_a_shaft_without_a_floor_for_robots_is_refused_by_what_overrules_it(tmp_path):
-    with pytest.raises(GeometryError, match=r"no floor of 1 m2 is flat and high enough .* compile3d.volume"):
-        compiled(manifold3d.Manifold.cube([0.7, 0.7, 30]), tmp_path)
+def test_a_shaft_without_a_floor_for_robots_is_refused_by_the_area_of_its_floors(tmp_path):
+    with pytest.raises(GeometryError, match=r"largest floor, however low and steep, has 0\.6 m2, .*--unit"):
+        compiled(manifold3d.Manifold.cube([0.75, 0.75, 30]), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("solid", "option", "value"),
+    [
+        (manifold3d.Manifold.cube([20, 2, 0.5]), "robot_height_m", 0.4),
+        (manifold3d.Manifold.cube([20, 2, 3]).rotate([0, -25, 0]), "steepest", 0.6),
+    ],
+)
+def test_a_solid_too_low_or_steep_is_refused_and_built_by_the_parameter_that_the_refusal_names(solid, option, value):
+    with pytest.raises(GeometryError, match=f"compile3d.volume.{option}="):
+        compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh_of(solid))
+    params = compose(["preset=light", f"compile3d.volume.{option}={value}"]).compile3d
+    assert len(json.loads(compile_volume(params, NO_LEGS, mesh_of(solid))[TOPOLOGY])["legs"]) >= 1
 
 
 def test_rock_between_drifts_that_is_thinner_than_a_body_sinks_in_is_thickened(tmp_path):

@@ -69,4 +69,4 @@ def stated_legs(network: LegNetwork) -> SurveyedLegs:
 
 
 def _own_mesh(world: VolumeBundle) -> ClosedMesh:
-    return ClosedMesh(world.mine.vertices, world.mine.faces, world.record.volume.datum_m, 0.0)
+    return ClosedMesh(world.mine.vertices, world.mine.faces, world.record.volume.datum_m)

@@ -28,7 +28,6 @@ from pipeline.volume.world.proof.again.remodelled import require_same_model
 from pipeline.volume.world.proof.again.seen import require_plan
 from pipeline.volume.world.proof.again.textured import require_textured
 from pipeline.volume.world.proof.certificate import VolumeBundle
-from pipeline.volume.world.reach import neighbours_of
 from pipeline.volume.world.record import OpenEnd
 from pipeline.volume.world.solid import legs_on_floors
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, start_of
@@ -122,8 +121,7 @@ def _network_of(surveyed: SurveyedLegs, params: VolumeProofParams) -> LegNetwork
 
 
 def _along_floors(world: VolumeBundle, params: VolumeProofParams) -> SurveyedLegs:
-    pairs = neighbours_of(world.cells, robot_size(params.volume))
-    return legs_on_floors(world.cells, pairs, world.record.volume.datum_m)
+    return legs_on_floors(world.cells, robot_size(params.volume), world.record.volume.datum_m)
 
 
 def _require_cells(folder: Path, world: VolumeBundle, params: VolumeProofParams) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from pipeline.geometry.facets.separation import Facets
 from pipeline.surface.mesh.mesh_checks import find_crossings
-from pipeline.volume.separation import Facets
 
 _CORNERS = 12  # of the rock, about a place where it crosses itself
 _ON_FACETS_M = 1e-4  # of the volume's facets: rock without relief

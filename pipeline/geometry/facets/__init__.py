@@ -1,0 +1,1 @@
+"""Facets and convex bodies that reach into each other."""

@@ -1,0 +1,73 @@
+"""The wheel by itself: examples in an empty environment, and the checkers of training libraries."""
+
+import os
+import re
+import runpy
+import subprocess
+import sys
+
+import pytest
+
+from tests.project import ROOT, Project
+
+COMMAND = runpy.run_path(str(ROOT / "packaging" / "check_clients.py"))
+CLIENTS, InstallError, check, install = (COMMAND[name] for name in ("CLIENTS", "InstallError", "check", "install"))
+WORDS = {
+    "drive.py": ["--steps", "3"],
+    "map_from_lidar.py": ["--steps", "11"],
+    "place_robot.py": ["--seconds", "0.5"],
+    "train_sb3.py": ["--steps", "64", "--robots", "2"],
+}
+
+
+@pytest.fixture(scope="module")
+def wheel(repro: Project, tmp_path_factory):
+    project = repro.copy(tmp_path_factory.mktemp("wheel") / "mine")
+    done = project.run("env", "PYTHONPATH=.", sys.executable, "packaging/build_wheel.py")
+    assert done.returncode == 0, done.stderr
+    return next((project.folder / "dist").glob("minexplore-*.whl"))
+
+
+def extra_of(example: str) -> str:
+    """Return the extra that an example's first lines name, with brackets."""
+    found = re.search(r"the wheel and its extra `(\w+)`", (ROOT / "examples" / example).read_text())
+    return f"[{found[1]}]" if found else ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("example", sorted(WORDS))
+def test_an_example_runs_from_the_wheel_with_the_extra_that_it_names(wheel, example, tmp_path):
+    try:
+        python = install(f"{wheel}{extra_of(example)}", ("torch==2.13.0",) if "sb3" in example else (), tmp_path)
+    except InstallError as error:
+        pytest.skip(f"the packages of the wheel cannot be installed here: {error}")
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = [python, str(ROOT / "examples" / example), *WORDS[example]]
+    done = subprocess.run(
+        command, cwd=tmp_path, env={**variables, "MUJOCO_GL": "osmesa"}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_the_wheel_alone_loads_its_world_and_bundles_are_read_without_it(wheel, tmp_path):
+    try:
+        python = install(str(wheel), (), tmp_path)
+    except InstallError as error:
+        pytest.skip(f"the packages of the wheel cannot be installed here: {error}")
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    code = "import minexplore; print(minexplore.load('chilean_mine').folder); minexplore.place; minexplore.Pose"
+    done = subprocess.run([python, "-c", code], cwd=tmp_path, env=variables, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    command = [python, str(ROOT / "examples" / "read_bundle.py"), done.stdout.strip()]
+    done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
+    assert "m north of the start" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("client", CLIENTS, ids=lambda client: client.name)
+def test_a_client_s_own_checker_passes_with_the_wheel(wheel, client, tmp_path):
+    try:
+        assert check(client, wheel, tmp_path)
+    except InstallError as error:
+        pytest.skip(f"{client.name} cannot be installed here: {error}")
