@@ -107,14 +107,14 @@ def _view(
     np.maximum.at(aside, row, _ways_m(network.ends_m[near], place + corners)[faces, row[:, None]].max(axis=1))
     grades = network.grades
     under = [
-        _ground(network, shot, wide)
+        (shot, ground)
         for shot, wide in zip(near.tolist(), aside.tolist(), strict=True)
         if grades[shot] <= _STEEPEST
+        for ground in _grounds(network.floors_m[shot], wide)
     ]
     ends = np.argwhere(network.shots == station)
     shot, end = max(ends.tolist(), key=lambda one: float(network.floors_m[*one, 2]))
-    about = place[:2] + length.max() * np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
-    under.append((shot, _block(about, np.full(4, network.floors_m[shot, end, 2] + SILL_M))))
+    under.append((shot, _square(network.floors_m[shot, end], float(length.max()))))
     for shot in others.tolist():
         middle = sections[shot].mean(axis=(0, 1))
         under.append((shot, middle + _ROCK * (sections[shot].reshape(-1, 3) - middle)))
@@ -171,13 +171,21 @@ def _of_legs(corners: np.ndarray, faces: np.ndarray, legs: np.ndarray, numbers: 
     return manifold3d.Manifold(mesh)
 
 
-def _ground(network: SurveyNetwork, shot: int, aside_m: float) -> tuple[int, np.ndarray]:
-    """Return a leg, and the corners (8, 3) m of the ground under it and beside it, up to the sill over its floor."""
-    floors = network.floors_m[shot]
+def _grounds(floors: np.ndarray, aside_m: float) -> list[np.ndarray]:
+    """Return the corners (8, 3) m of the ground under a leg, beside it and about its ends, up to the sill.
+
+    `floors` (2, 3) m are the floor at its ends.
+    """
     step = floors[1, :2] - floors[0, :2]
     left = np.array([-step[1], step[0]]) / np.linalg.norm(step) * aside_m
     corners = np.concatenate([floors[:, :2] + left, floors[::-1, :2] - left])
-    return shot, _block(corners, floors[[0, 1, 1, 0], 2] + SILL_M)
+    return [_block(corners, floors[[0, 1, 1, 0], 2] + SILL_M), *(_square(floor, aside_m) for floor in floors)]
+
+
+def _square(floor: np.ndarray, aside_m: float) -> np.ndarray:
+    """Return the corners (8, 3) m of the ground about a place (3,) m of a floor, up to the sill."""
+    corners = floor[:2] + aside_m * np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
+    return _block(corners, np.full(4, floor[2] + SILL_M))
 
 
 def _block(corners: np.ndarray, high_m: np.ndarray) -> np.ndarray:

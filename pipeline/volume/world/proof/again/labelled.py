@@ -36,7 +36,7 @@ def require_labelled(
     """Compare labels and legs of facets with what the builder gives them, and the parts' zones with their places.
 
     Of a solid both follow from slope and place. Of surveyed legs a floor is on a leg to drive on and faces down, what
-    faces up on no floor is roof and the rest is wall, also ledges over and beside floors, but for slivers; nearly all
+    faces up on no floor is roof and the rest is wall, also ledges over floors, but for slivers; nearly all
     facets must be about their legs.
 
     Raises
@@ -83,17 +83,14 @@ def _of_legs(world: VolumeBundle, size: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _on_ledge(world: VolumeBundle) -> np.ndarray:
-    """Return which facets (f,) are over the floor of their leg, or not on it in plan: splays widen walls there."""
+    """Return which facets (f,) are well over the floor of their leg: splays widen walls there."""
     mine, legs = world.mine, world.legs.legs
     ends = np.array([[world.legs.stations_m[name] for name in (leg.start, leg.end)] for leg in legs])
-    lrud = np.array([leg.lrud_m for leg in legs])
-    start, end = np.moveaxis((ends - lrud[:, :, 3:] * [0, 0, 1.0])[mine.leg], 1, 0)
+    down = np.array([leg.lrud_m for leg in legs])[:, :, 3:]
+    start, end = np.moveaxis((ends - down * [0, 0, 1.0])[mine.leg], 1, 0)
     way, apart = end - start, mine.vertices[mine.faces].mean(axis=1) - start
     along = (apart * way)[:, :2].sum(axis=1) / np.maximum((way[:, :2] ** 2).sum(axis=1), _EQUALLY_M**2)
-    share = np.clip(along, 0, 1)
-    apart -= share[:, None] * way
-    aside = np.linalg.norm(apart[:, :2], axis=1) > lrud[:, :, :2].max(axis=(1, 2))[mine.leg]
-    found: np.ndarray = aside | (share != along) | (apart[:, 2] > _LEDGE_M)
+    found: np.ndarray = apart[:, 2] - np.clip(along, 0, 1) * way[:, 2] > _LEDGE_M
     return found
 
 
