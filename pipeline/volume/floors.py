@@ -12,6 +12,7 @@ from pipeline.volume.height_field.leg_lines import along_legs, way_samples
 from pipeline.volume.height_field.slabs import PassageFloors, slabs_of
 from pipeline.volume.keyed import simplified
 from pipeline.volume.network import NEAR_M, SurveyNetwork
+from pipeline.volume.passages.views import with_views
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Solid, Volume, mesh_of, pieces_of, solids_of, without_crumbs
@@ -56,5 +57,8 @@ def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     # Slabs first: once a passage has cut one of two walls that are the same, rounding leaves a membrane between them.
     slabs = manifold3d.Manifold.batch_boolean(slabs_of(field, pieces, keys), manifold3d.OpType.Add)
     union = without_crumbs(manifold3d.Manifold.batch_boolean([slabs, *cut], manifold3d.OpType.Add))
+    seen = dict[int, int]()
+    union = with_views(union, network, [piece.sections for piece in pieces], seen)
+    keys |= {number: len(FacetLabel) * piece + FacetLabel.WALL for number, piece in seen.items()}
     vertices, faces, key = mesh_of(union, keys)
     return Volume(vertices, faces, key // len(FacetLabel), key % len(FacetLabel), pieces)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import heappop, heappush
 from itertools import pairwise
@@ -64,6 +64,8 @@ class SurveyNetwork:
         Shots without a length.
     repairs : tuple of str
         What was left out or widened, a line each, by the names of the stations.
+    splays_m : (k, 2, 3) float64, m
+        Start, at a station, and end of each splay.
     """
 
     places_m: np.ndarray
@@ -76,6 +78,7 @@ class SurveyNetwork:
     names: tuple[str, ...]
     skipped: int = 0
     repairs: tuple[str, ...] = ()
+    splays_m: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
     @property
     def roof_assumed(self) -> np.ndarray:
@@ -232,13 +235,10 @@ class _Chain:
 
     def followed_by(self, other: _Chain) -> _Chain:
         """Return the chain and one that begins where it ends; the higher of their roofs counts there."""
-        shared = np.maximum(self.lrud_m[-1:], other.lrud_m[:1])
-        return _Chain(
-            self.stations + other.stations[1:],
-            np.concatenate([self.places_m, other.places_m[1:]]),
-            np.concatenate([self.lrud_m[:-1], shared, other.lrud_m[1:]]),
-            np.concatenate([self.known, other.known[1:]]),
-        )
+        lrud = np.concatenate([self.lrud_m[:-1], np.maximum(self.lrud_m[-1:], other.lrud_m[:1]), other.lrud_m[1:]])
+        places = np.concatenate([self.places_m, other.places_m[1:]])
+        known = np.concatenate([self.known, other.known[1:]])
+        return _Chain(self.stations + other.stations[1:], places, lrud, known)
 
 
 def _continued(chains: list[_Chain]) -> list[_Chain]:

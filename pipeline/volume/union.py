@@ -16,6 +16,7 @@ from pipeline.errors import GeometryError
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.passages.joints import LOW, joints_at, roof_reach
 from pipeline.volume.passages.tubes import Tube, sections_along, sections_between, solids_through
+from pipeline.volume.passages.views import with_views
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _LOW_MOST = 0.95  # of the height, at the most: where the station is higher, walls are as wide as measured up to it
@@ -87,6 +88,7 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     numbers: dict[int, int] = {}
     solids = solids_of(network, pieces, numbers)
     union = without_crumbs(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add))
+    union = with_views(union, network, [piece.sections for piece in pieces], numbers)
     return label_facets(union, pieces, numbers)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import networkx as nx
 import numpy as np
@@ -61,7 +61,8 @@ def mine_network(surveyed: SurveyedLegs, height_m: float, params: VolumeParams) 
     What nobody measured is as `network_with_roofs` says.
     """
     network = network_with_roofs(legs_of(surveyed), height_m, params.half_width_m, params.roof_m)
-    return network, (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
+    offset = (surveyed.positions_m[0] - network.places_m[0]).round(_DIGITS + 2)
+    return replace(network, splays_m=surveyed.splays_m - offset), offset
 
 
 def require_flat_leg(network: SurveyNetwork) -> None:
