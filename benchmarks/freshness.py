@@ -91,7 +91,10 @@ def world_of(root: Path) -> str:
 
 
 def pages(root: Path) -> Iterator[EvidencePage]:
-    """Yield each page of evidence with what it states; the world counts for those that are measured in it."""
+    """Yield each page of evidence with its day, and why it is stale.
+
+    A page that is measured in the default world is stale when the world's hash has changed.
+    """
     world = world_of(root)
     for benchmark in BENCHMARKS:
         for name in benchmark.pages:

@@ -1,4 +1,4 @@
-"""The table of the measurements: what each needs, runs and writes, and what it costs."""
+"""The table of the measurements: for each its make target, its command, the files that it writes, and its minutes."""
 
 from __future__ import annotations
 

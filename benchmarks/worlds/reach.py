@@ -3,8 +3,8 @@
 `python -m benchmarks reach` builds Wheal Pell, Sakany, a tee with heights and ten narrow mines, or takes the bundles
 that are named.
 A flood of 10 cm takes places where MuJoCo finds no contact of the robot's chassis with rock and its castors are over
-floor, whichever way it is turned. The environment's robot is
-driven to every cell, and from the last places on over floors that it should not reach.
+floor, whichever way it is turned. The environment's robot is driven to every cell, and from the last places on over
+floors that it should not reach.
 """
 
 from __future__ import annotations

