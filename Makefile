@@ -9,7 +9,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data evidence corpus parity-gpu bench-gpu train-gpu docs wheel lock dag
+.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data evidence corpus findings parity-gpu bench-gpu train-gpu docs wheel lock dag
 
 # Measurements, comparisons, pictures and training are `python -m benchmarks NAME`.
 help:  # show the targets, those that have a remark of two hashes
@@ -69,6 +69,13 @@ parity-gpu bench-gpu train-gpu: setup-gpu  ## on a GPU: the same as the CPU does
 
 
 ##@ Project
+
+# Each installs what it needs into a folder of its own; three need Debian's survex, therion or libsdformat-dev.
+findings:  ## run the scripts of findings/ and list those whose behaviour has changed
+	@changed=0; for script in findings/*.sh; do \
+	  if out=$$(sh $$script 2>&1); then state=holds; else state=CHANGED; changed=1; fi; \
+	  echo "$$(basename $$script .sh): $$state ($$(echo "$$out" | sed -n 's/^version: //p' | paste -sd, -))"; \
+	done; exit $$changed
 
 docs: setup  ## build the documentation into artifacts/site
 	@$(PY) -m benchmarks.pictures.gallery styles

@@ -209,7 +209,8 @@ def physics_spec(task: TaskParams) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.option.timestep = task.physics_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # MuJoCo 3.17's several contacts of a cylinder at a prism's edge lie along the prism's face: the edge sinks in.
+    # MuJoCo's several contacts of a cylinder at a prism's edge lie along the prism's face, and the edge sinks in:
+    # findings/mujoco-cylinder-passes-a-sharp-edge.sh.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
     return spec
 

@@ -49,7 +49,8 @@ def build_spec(scene: MineScene) -> mujoco.MjSpec:
     """
     spec = mujoco.MjSpec()
     spec.modelname = scene.name
-    spec.compiler.savecompiled = False  # the text has the given values with all digits; compiled values have six
+    # The given values have all digits; compiled values have six: findings/mujoco-to-xml-keeps-six-digits.sh.
+    spec.compiler.savecompiled = False
     _set_view(spec, scene)
     mine = spec.worldbody.add_body(name=MINE_BODY)
     tilt = math.atan2(scene.T_world_mine[0, 2], scene.T_world_mine[0, 0])

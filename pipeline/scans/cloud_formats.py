@@ -98,7 +98,7 @@ def _whole_file(path: Path, suffix: str, points_per_unit2: float, wanted: Wanted
 
 
 def _ply_points(path: Path, wanted: Wanted) -> PointBlock:
-    vertices, _, fields = _load(path, "PLY", wanted)  # Open3D fills a truncated PLY with zeros
+    vertices, _, fields = _load(path, "PLY", wanted)
     return block_of(vertices, fields)
 
 
@@ -109,7 +109,8 @@ def read_ply_header(path: Path) -> dict[str, int]:
     ------
     InputError
         If the header has no end, an element or a property stands twice or is not whole, vertices lack x, y or z, or an
-        ASCII file has another number of rows. trimesh reads such a file in part, or takes one column for another.
+        ASCII file has another number of rows. trimesh reads such a file in part, or takes one column for
+        another: findings/trimesh-ply-fewer-points-than-stated.sh.
 
     References
     ----------
@@ -150,8 +151,9 @@ def _load(
 ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Load vertices (n, 3), faces (m, 3), none for a cloud, and what is wanted of a PLY's vertices (n,), by trimesh.
 
-    These fields are as the file has them; of colours with 16 bits trimesh itself keeps 8. The open file keeps it from
-    following names of materials and textures in it.
+    These fields are as the file has them; of colours with 16 bits trimesh itself keeps 8
+    (findings/trimesh-ply-colours-of-16-bits-wrap.sh). The open file keeps it from following names of materials and
+    textures in it.
     """
     import trimesh
 

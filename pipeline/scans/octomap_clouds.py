@@ -1,4 +1,7 @@
-"""Points of OctoMap trees (.bt, .ot) by pyoctomap: the middles of occupied voxels."""
+"""Points of OctoMap trees (.bt, .ot) by pyoctomap: the middles of occupied voxels.
+
+They come from its nodes: `extractPointCloud` is half a voxel off (findings/octomap-points-half-a-voxel-off.sh).
+"""
 
 from __future__ import annotations
 

@@ -55,7 +55,8 @@ def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
 
     A line of names above the rows says which columns are x, y and z, and red, green, blue and the time; without one the
     first three are x, y and z. In `.dat` files rows are `time x y z intensity` below a header line. The first line of
-    `.pts` files is their number, and may stand above each of several scans; rows of seven columns there are `x y z
+    `.pts` files is their number, and may stand above each of several scans, of which Open3D
+    reads the first (findings/open3d-pts-first-scan-only.sh); rows of seven columns there are `x y z
     intensity red green blue`.
 
     Raises

@@ -41,7 +41,10 @@ def take_ties(spec: mujoco.MjSpec, name: str) -> list[dict[str, Any]]:
 
 
 def add_ties(spec: mujoco.MjSpec, ties: list[dict[str, Any]], T_world_robot: np.ndarray, prefix: str) -> None:
-    """Give a spec the ties of a robot that stands in it at a transform of its file's frame."""
+    """Give a spec the ties of a robot that stands in it at a transform of its file's frame.
+
+    `attach` would leave some out: findings/mujoco-attach-drops-world-equalities.sh.
+    """
     for tie in ties:
         fields = dict(tie)
         first, second = fields.pop("ends")

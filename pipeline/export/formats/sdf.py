@@ -16,7 +16,8 @@ from pipeline.export.formats.obj import ObjText
 from pipeline.export.frames import apply
 from pipeline.export.scene import ConvexPart, ExportScene, Files, Light, Material, Surface, hull_of
 
-WORLD_FILE = "world.sdf"
+# By `world.sdf` alone libsdformat reads its own description of that element: findings/sdformat-world-by-name.sh.
+WORLD_FILE = "mine.sdf"
 MODEL_NAME, NAMESPACE, PREFIX = "mine", "urn:minexplore", "minexplore"
 _TOUCHED, _SEEN = "collision", "visual"  # folders of meshes
 _GRAVITY = "0 0 -9.81"
@@ -24,7 +25,7 @@ _LAMP_RANGE_M = 40.0  # beyond it a lamp lights nothing; by eye
 
 
 def write_sdf(scene: ExportScene) -> Files:
-    """Return `world.sdf` with its meshes and texture."""
+    """Return `mine.sdf` with its meshes and texture."""
     files: Files = {} if scene.texture is None else {ROCK_TEXTURE: scene.texture}
     T = np.array(scene.facts.T_world_mine)
     root = ElementTree.Element("sdf", {"version": "1.9", f"xmlns:{PREFIX}": NAMESPACE})

@@ -17,7 +17,7 @@ from pipeline.export.scene import ConvexPart, ReadScene, Surface, WorldFacts, bo
 
 
 def read_sdf(folder: Path, facts: WorldFacts) -> ReadScene:
-    """Return what a folder's `world.sdf` holds, in the mine frame that `facts` places in the world."""
+    """Return what a folder's `mine.sdf` holds, in the mine frame that `facts` places in the world."""
     world = _child(ElementTree.parse(folder / WORLD_FILE).getroot(), "world")
     stated = json.loads(_value(world, f"{{{NAMESPACE}}}world"))
     if stated != facts.to_json():

@@ -23,7 +23,8 @@ _AS_STORED = ((1.0, 0.0), (0.0, 1.0))
 _POLAR = ("north", "south")  # both axes of a polar system point away from the pole, or to it
 _EQUAL = 1e-9
 _EARTH_M = (6_350_000.0, 6_380_000.0)  # semi-axes of the Earth's ellipsoids; the Moon's and Mars's are far smaller
-# As programs write units that PROJ's database names otherwise. Its own decimetre is 0.01 m, so it is here.
+# As programs write units that PROJ's database names otherwise. Its own decimetre is 0.01 m, so it is here:
+# findings/pyproj-decimetre-is-a-centimetre.sh.
 _SPELLINGS = {
     **dict.fromkeys(("meter", "meters", "metres"), "metre"),
     **dict.fromkeys(("feet", "international foot", "international feet"), "foot"),
@@ -115,7 +116,8 @@ def axes_of(system: pyproj.CRS) -> MapAxes:
     """Return the axes of coordinates in a system, as geographic information systems store them.
 
     These store easting or longitude first where the system defines northing or latitude first. In all other systems,
-    such as those whose axes point south and west, they keep the system's own order.
+    such as those whose axes point south and west, they keep the system's own order:
+    findings/pyproj-krovak-south-first.sh.
 
     References
     ----------

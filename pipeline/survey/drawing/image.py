@@ -113,7 +113,10 @@ def _decode(path: Path, header: PictureHeader) -> np.ndarray:
 
 
 def _of_16_bits(picture: np.ndarray, white: int) -> np.ndarray:
-    """Return the pixels of a PNM file whose white OpenCV does not know, with the white of 16 bits."""
+    """Return the pixels of a PNM file whose white OpenCV does not know, with the white of 16 bits.
+
+    OpenCV applies it to a text file alone: findings/opencv-pgm-maximum-by-encoding.sh.
+    """
     result = np.empty(picture.shape, np.uint16)
     for row in range(0, len(picture), _STRIP_ROWS):
         strip = picture[row : row + _STRIP_ROWS].astype(np.uint32)

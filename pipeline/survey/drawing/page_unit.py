@@ -22,8 +22,9 @@ _LARGEST = 75_000.0  # ISO 32000-2, annex C: the largest UserUnit that Acrobat r
 def points_per_unit(path: Path, document: pypdfium2.PdfDocument, page: int) -> float:
     """Return how many points, 1/72 inch, a unit of a page has: its UserUnit, or 1.
 
-    PDFium does not give a page's UserUnit. So it copies the page into a document of its own, which it writes without
-    encryption and packed objects, and Pillow's reader of PDF takes the page's entries from there.
+    PDFium does not give a page's UserUnit (findings/pdfium-user-unit-not-applied.sh). So it copies
+    the page into a document of its own, which it writes without encryption and packed objects, and Pillow's reader of
+    PDF takes the page's entries from there.
 
     Parameters
     ----------

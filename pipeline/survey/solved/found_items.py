@@ -110,8 +110,8 @@ class FoundItems:
     def _begin_at_stations(self) -> None:
         """Let traverses from a fix with deviations begin at its station.
 
-        `cavern` writes their first leg from the place that was stated, where no station is. The station is the nearest
-        one with a fix.
+        `cavern` writes their first leg from the place that was stated, where no station is
+        (findings/survex-leg-ends-at-no-station.sh). The station is the nearest one with a fix.
         """
         fixed = [
             place for place, flags in zip(self.places, self.station_flags, strict=True) if flags & StationFlag.FIXED

@@ -1,6 +1,7 @@
 """Two readings of one leg in a row, of which the first is flagged duplicate and the second is not.
 
-Survex averages readings in a row, and the leg has the flags of the first. So the passage would be lost.
+Survex averages readings in a row, and the leg has the flags of the first, so the passage would be lost:
+findings/survex-repeated-leg-takes-first-flags.sh.
 """
 
 from __future__ import annotations

@@ -33,7 +33,8 @@ SMALL = {
     "cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetre": 0.01, "centimetres": 0.01,
     "in": 0.0254, "inch": 0.0254, "inches": 0.0254,
 }  # fmt: skip
-DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60, "mils": 0.9}  # mils are grads in Therion and Survex
+# mils are grads: findings/therion-mils-are-grads.sh
+DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60, "mils": 0.9}
 FLAGS = ("surface", "duplicate", "splay")
 
 

@@ -43,7 +43,10 @@ def _drop_frame_points(polyline: Polyline) -> None:
 
 
 def mesh_of_polygon_mesh(entity: Polymesh) -> MeshBuilder:
-    """Return the faces between the rows and columns of a polygon mesh, and those that close it along M and N."""
+    """Return the faces between the rows and columns of a polygon mesh, and those that close it along M and N.
+
+    ezdxf leaves out the latter: findings/ezdxf-closed-polygon-mesh-left-open.sh.
+    """
     rows, columns = entity.dxf.m_count, entity.dxf.n_count
     mesh = MeshBuilder()
     mesh.vertices = [vertex.dxf.location for vertex in entity.vertices]

@@ -65,7 +65,7 @@ def read_kml(path: Path, layers: list[str] | None, level_by: str | None = None) 
 
 
 def _kml_files(path: Path) -> list[bytes]:
-    """Return the KML files in a KMZ file, which may link to each other."""
+    """Return the KML files in a KMZ file, which may link to each other: findings/kmz-document-without-shapes.sh."""
     most, found, size = reader_limits().text_bytes, [], 0
     try:
         with zipfile.ZipFile(path) as archive:

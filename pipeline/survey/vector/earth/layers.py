@@ -54,7 +54,8 @@ class MemoryLayers:
 
         found: list[Shape] = []
         most = reader_limits().shapes + 1
-        options = {"ELE_AS_25D": "YES"} if self.path.suffix.lower() == ".gpx" else {}  # else GDAL drops elevations
+        # GDAL drops elevations of GPX else: findings/gpx-tracks-without-elevations.sh.
+        options = {"ELE_AS_25D": "YES"} if self.path.suffix.lower() == ".gpx" else {}
         try:
             for layer, source, number in self.layers:
                 meta, _, wkb, columns = read(source, layer=number, max_features=most, **options)
