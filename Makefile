@@ -9,7 +9,7 @@ LOCK := --universal --python-version 3.11 --generate-hashes --no-emit-index-url 
 STAGES := survey contours compile3d surface realism validation
 
 .DEFAULT_GOAL := help
-.PHONY: help $(STAGES) setup setup-baselines setup-gpu all test test-slow check clean report data evidence corpus findings parity-gpu bench-gpu train-gpu docs wheel lock dag
+.PHONY: help $(STAGES) setup setup-baselines setup-gpu setup-witness all test test-slow check clean report data evidence corpus findings parity-gpu bench-gpu train-gpu docs wheel lock dag
 
 # Measurements, comparisons, pictures and training are `python -m benchmarks NAME`.
 help:  # show the targets, those that have a remark of two hashes
@@ -25,6 +25,9 @@ setup-baselines:  ## the same with Ray and torch, for training
 
 setup-gpu:  ## the same with MuJoCo Warp, torch and rsl-rl, for the environment on a GPU
 	@sh requirements/setup.sh gpu
+
+setup-witness:  ## the same with programs of others that tests compare with: Therion, libsdformat, Khronos' validator
+	@sh requirements/setup.sh witness
 
 all: setup  ## run the whole pipeline (dvc repro)
 	@$(PY) -m pipeline set-overrides

@@ -1,5 +1,6 @@
 #!/bin/sh
 # Make .venv from the lock dev, with that of an extra, baselines or gpu, and install missing system packages.
+# `witness` adds the programs of others that tests compare with; its lock is that of dev.
 # An environment keeps the extras that it has. It prints nothing if there is nothing to do.
 set -eu
 stamp=.venv/.installed
@@ -44,6 +45,20 @@ EOF
 command -v git >/dev/null 2>&1 || missing="$missing git ca-certificates"
 command -v cavern >/dev/null 2>&1 || missing="$missing survex" # solves surveys; it needs no display
 command -v bwrap >/dev/null 2>&1 || missing="$missing bubblewrap" # runs policies of others
+if [ "${1:-dev}" = witness ]; then
+    while read -r program package; do
+        command -v "$program" >/dev/null 2>&1 || missing="$missing $package"
+    done <<EOF
+therion therion
+pkg-config pkg-config
+g++ g++
+Xvfb xvfb
+chromium-headless-shell chromium-headless-shell
+node nodejs
+npm npm
+EOF
+    pkg-config --list-package-names 2>/dev/null | grep -q '^sdformat[0-9]' || missing="$missing libsdformat-dev"
+fi
 pythons="${PYTHON:-} python3 python3.13 python3.12 python3.11"
 any_python() { for python in $pythons; do command -v "$python" >/dev/null 2>&1 && return 0; done; return 1; }
 any_python || missing="$missing python3 python3-venv"
@@ -59,8 +74,14 @@ put_on_path() {
     done
 }
 
+packages_of_npm() {
+    [ "${1:-dev}" = witness ] && ! cmp -s requirements/witness/package-lock.json .venv/package-lock.json || return 0
+    cp requirements/witness/package.json requirements/witness/package-lock.json .venv/
+    npm ci --silent --no-audit --no-fund --prefix .venv || rm -f .venv/package-lock.json
+}
+
 # shellcheck disable=SC2086
-cat $locks | cmp -s - "$stamp" && put_on_path && exit 0
+cat $locks | cmp -s - "$stamp" && put_on_path && packages_of_npm "$@" && exit 0
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
@@ -87,5 +108,6 @@ if [ -n "$extras" ]; then # torch's wheels differ by platform, so it is pinned w
     for extra in $extras; do touch ".venv/.$extra"; done
 fi
 put_on_path
+packages_of_npm "$@"
 # shellcheck disable=SC2086
 cat $locks >"$stamp"

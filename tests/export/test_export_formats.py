@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -19,6 +20,7 @@ from pipeline.export.formats.known import FORMATS
 from pipeline.export.formats.sdf import WORLD_FILE
 from pipeline.export.frames import turn_to
 from pipeline.export.scene import Files
+from tests.project import ROOT
 
 NEAR_M = 2e-5  # float32 over the length of a mine
 
@@ -117,13 +119,15 @@ def test_a_light_points_where_the_world_lets_it_even_half_a_turn_away():
 
 
 def test_the_khronos_validator_finds_nothing_in_a_gltf(world, tmp_path):
-    node = shutil.which("node")
-    if node is None or subprocess.run([node, "-e", "require('gltf-validator')"], capture_output=True).returncode:
-        pytest.skip("node or its package gltf-validator is not installed")
+    node, paths = shutil.which("node"), {**os.environ, "NODE_PATH": str(ROOT / ".venv" / "node_modules")}
+    asked = [node, "-e", "require('gltf-validator')"]
+    if node is None or subprocess.run(asked, env=paths, capture_output=True).returncode:
+        pytest.skip("node or its package gltf-validator is not installed (make setup-witness)")
     files = FORMATS["gltf"].write(world.scene)
     put(tmp_path, files)
     for name in files:
-        done = subprocess.run([node, "-e", CHECK_GLTF, tmp_path / name], capture_output=True, text=True, check=True)
+        command = [node, "-e", CHECK_GLTF, tmp_path / name]
+        done = subprocess.run(command, env=paths, capture_output=True, text=True, check=True)
         issues = json.loads(done.stdout)
         assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
 
@@ -133,7 +137,7 @@ def test_libsdformat_reads_an_sdf_without_errors(world, tmp_path):
     tool = shutil.which("pkg-config")
     found = [name for name in packages if tool and not subprocess.run([tool, "--exists", name]).returncode]
     if not found or shutil.which("g++") is None:
-        pytest.skip("libsdformat-dev, pkg-config or g++ is not installed")
+        pytest.skip("libsdformat-dev, pkg-config or g++ is not installed (make setup-witness)")
     (tmp_path / "check.cc").write_text(CHECK_SDF)
     flags = subprocess.run([tool, "--cflags", "--libs", found[-1]], capture_output=True, text=True, check=True)
     command = ["g++", "-std=c++17", "check.cc", *flags.stdout.split(), "-o", "check"]
