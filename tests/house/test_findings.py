@@ -1,4 +1,4 @@
-"""The scripts of `findings/`: short, listed, and named where the code lives with what they show."""
+"""Facts of others: the scripts of `findings/`, and the programs that tests compare with."""
 
 import re
 import subprocess
@@ -42,3 +42,10 @@ def test_make_findings_lists_what_changed_and_fails(tmp_path):
     done = subprocess.run(recipe, cwd=tmp_path, capture_output=True, text=True)
     assert done.stdout.splitlines() == ["holds: holds (holds 1)", "other: CHANGED (other 1)"]
     assert done.returncode != 0
+
+
+def test_the_tests_that_compare_with_programs_of_others_exist():
+    page = (ROOT / "CONTRIBUTING.md").read_text().split("## Programs of others")[1].split("\n## ")[0]
+    named = re.findall(r"`((?:tests|benchmarks)/[a-z0-9_/]+\.py)`", page)
+    assert len(named) > 15
+    assert [name for name in named if not (ROOT / name).is_file()] == []
