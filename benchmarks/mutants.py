@@ -28,6 +28,7 @@ from pipeline.params.validation import CertificateParams, Limit, ValidationParam
 from pipeline.proof.validator import Validator
 from pipeline.store.codecs import decode
 from pipeline.store.files import write_atomically
+from pipeline.store.mine_survey import open_survey
 from pipeline.store.verify import verify_chain
 from pipeline.types import Mask, Survey
 
@@ -139,7 +140,7 @@ def main() -> int:
     plan = (
         decode(ARTIFACTS / "contours/cleaned.png", Mask),
         decode(ARTIFACTS / "contours/raw.png", Mask),
-        decode(ARTIFACTS / "survey/survey.json", Survey),
+        open_survey(ARTIFACTS / "survey/mine").survey,
     )
     params = composed_section("validation")
     params = params.model_copy(update={"certificate": _without_stress(params.certificate)})

@@ -140,11 +140,11 @@ def main() -> int:
     """Run the pipeline on the plan if necessary, and write `evidence-figures.md` and `docs/replay.jpg`."""
     proof = proof_tables()
     run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
-    report = read(PLAN / "artifacts/validation/replay.json", "figures")
+    report = read(PLAN / "artifacts/validation/evidence/replay.json", "figures")
     plan = read(PLAN / "artifacts/validation/certificate.json", "figures")
     lines = [*replay_table(report), "", *certificate_table("the published plan", plan), *proof]
     write_table(DOCS / "evidence/parts/evidence-figures.md", "\n".join(lines))
-    write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/replay.png"))
+    write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/evidence/replay.png"))
     print(f"{DOCS / 'evidence/parts/evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
     return 0
 

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from pipeline.commands.options import add_options, stated_options
 from pipeline.errors import MineError
 from pipeline.remarks import collect_remarks
 from pipeline.store.files import write_atomically
+from pipeline.types import DrawnFloors, SurveyedLegs
 
 TABLE = Path("artifacts/bench/stated-files.md")
 _NAME = "stated"
@@ -30,21 +32,23 @@ _SHOWN = 110  # characters of a refusal
 def _area(found: DryRun) -> str:
     if found.workings is None:
         return _size(found)
-    return f"{np.count_nonzero(found.workings) / found.made['survey'].frame.px_per_m ** 2:.0f} m2"
+    return f"{np.count_nonzero(found.workings) / found.made.survey.frame.px_per_m**2:.0f} m2"
 
 
 def _size(found: DryRun) -> str:
     """Return how far the workings reach east and north; of one volume, its stations or its mesh, and up."""
-    solid, legs = found.made["solid"], found.made["network"]
+    shape: Any = found.made.shape
     if found.workings is None:
-        points, what = (solid.vertices, "") if len(solid) else (legs.positions_m, " of stations")
+        mesh = shape.mesh if isinstance(shape, DrawnFloors) else shape
+        of_legs = isinstance(shape, SurveyedLegs)
+        points, what = (shape.positions_m, " of stations") if of_legs else (mesh.vertices, "")
         return " x ".join(f"{span:.1f}" for span in np.ptp(points, axis=0)) + f" m{what}"
     spans = [np.ptp(at) + 1 for at in np.nonzero(found.workings)]
-    return " x ".join(f"{span / found.made['survey'].frame.px_per_m:.1f}" for span in reversed(spans)) + " m"
+    return " x ".join(f"{span / found.made.survey.frame.px_per_m:.1f}" for span in reversed(spans)) + " m"
 
 
 def _heights(found: DryRun) -> str:
-    heights = found.made["survey"].heights
+    heights: Any = found.made.survey.heights
     z = [place[2] for place in heights.spots] + [place[2] for line in heights.lines for place in line]
     return f"{min(z) + heights.datum_m:.1f} to {max(z) + heights.datum_m:.1f} m"
 

@@ -1,4 +1,4 @@
-"""The project's folder, and the files that the first stage reads and writes there."""
+"""The project's folder, and the names of files in it that one stage writes and another reads."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ WRITTEN_BY_NEW = "Written by `python -m pipeline new"  # in the survey sections 
 COMPOSED = Path("artifacts/params.json")
 CODE_HASHES = Path("artifacts/code.json")  # of each stage, as its manifest has it
 ROOT_PARAMS = Path("params.yaml")  # one line of overrides, DVC's only parameter
+
+COLLISION, EXTENT, SPAWN = "collision.npz", "extent.json", "spawn.json"  # of stage 3, beside what bundles copy
+SMOOTH, TEXTURE = "smooth.npz", "texture.png"  # of stage 4, beside the chunks of the rough surface
 
 
 def require_project(conf: Path = CONF) -> None:

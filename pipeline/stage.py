@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.manifest import UNLISTED, Manifest, code_sha256, new_manifest, read_manifest
+from pipeline.store.mine_survey import MineSurvey, Model, open_survey, survey_files
 from pipeline.store.registry import read_registry, verify_input
 from pipeline.store.written import Written
 
@@ -26,7 +28,10 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True)
 class Artifact:
-    """A file below `artifacts/` (for a `Bundle`, a folder), and the type that its codec decodes it to.
+    """A file below `artifacts/`, or a folder, and the type that its codec decodes it to.
+
+    A `Bundle` is a folder that holds what the mine has, perhaps nothing: a stage returns its values by the names of
+    their files, and gets its path. A `MineSurvey` is a folder, too.
 
     `in_git` marks a small result of the default world that git stores instead of DVC's cache. `volatile` marks timings,
     which differ from run to run; the manifest and `dvc.yaml` do not name them.
@@ -36,6 +41,11 @@ class Artifact:
     kind: Any
     in_git: bool = False
     volatile: bool = False
+
+    @property
+    def is_folder(self) -> bool:
+        """Return whether the artifact is a folder."""
+        return self.kind in (Bundle, MineSurvey)
 
     def at(self, root: Path) -> Path:
         """Return the path below a world's folder, `artifacts` or one of `artifacts/worlds`."""
@@ -58,6 +68,16 @@ class Stage:
     writes: dict[str, Artifact]
     sources: Callable[[Any], list[str]] = field(default=lambda params: [])
     check: Callable[[Any, Mapping[str, Any]], None] = field(default=lambda params, outputs: None)
+
+
+def by_model(level: Callable[..., Any], volume: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that calls the one of the model that a mine is built in; nothing else asks for the model."""
+    table = {Model.LEVEL: level, Model.VOLUME: volume}
+
+    def run(params: Any, mine: MineSurvey, **inputs: Any) -> Any:
+        return table[mine.model](params, mine, **inputs)
+
+    return run
 
 
 def run_stage(stage: Stage, overrides: list[str]) -> None:
@@ -104,7 +124,7 @@ def make_artifacts(stage: Stage, params: Any, root: Path) -> None:
         If the stage fails. The artifacts are unchanged, except after a breached limit: then the new ones are kept.
     """
     inputs = _input_hashes(stage, params, root)
-    values = {key: decode(artifact.at(root), artifact.kind) for key, artifact in stage.reads.items()}
+    values = {key: _decoded(artifact, root) for key, artifact in stage.reads.items()}
     with record_remarks() as remarks:
         outputs = stage.run(params, **values)
     if set(outputs) != set(stage.writes):
@@ -138,7 +158,8 @@ def written_by(stage: Stage, root: Path) -> Written:
     if manifest is not None and manifest.stage == stage.name:
         listed = {name.removeprefix(f"{folder.as_posix()}/"): digest for name, digest in manifest.outputs.items()}
         any_content.add(Path(MANIFEST))
-    return {**listed, **{name.as_posix(): None for name in any_content}}
+    folders = [artifact.at(Path()).relative_to(stage.name) for artifact in stage.writes.values() if artifact.is_folder]
+    return {**listed, **{name.as_posix(): None for name in any_content}, **{f"{name}/": None for name in folders}}
 
 
 def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
@@ -158,9 +179,9 @@ def is_fresh(stage: Stage, params: Any, root: Path) -> bool:
 
 
 def _names_all(manifest: Manifest, stage: Stage, root: Path) -> bool:
-    """Return whether a manifest names a file of each output."""
-    paths = [artifact.at(root).as_posix() for artifact in stage.writes.values() if not artifact.volatile]
-    return all(any(name == path or name.startswith(f"{path}/") for name in manifest.outputs) for path in paths)
+    """Return whether a manifest names each output that is a file, and each folder is there, which may be empty."""
+    locked = [artifact for artifact in stage.writes.values() if not artifact.volatile]
+    return all(a.at(root).is_dir() if a.is_folder else a.at(root).as_posix() in manifest.outputs for a in locked)
 
 
 def check_again(stage: Stage, params: Any, root: Path) -> None:
@@ -184,16 +205,24 @@ def _hashes(stage: Stage, root: Path, files: Mapping[str, bytes]) -> dict[str, s
     """Return the sha256 of files by name, without those that differ from run to run."""
     folder, volatile = root / stage.name, {a.at(root) for a in stage.writes.values() if a.volatile}
     return {
-        (folder / name).as_posix(): sha256_bytes(data) for name, data in files.items() if folder / name not in volatile
+        (folder / name).as_posix(): sha256_bytes(data)
+        for name, data in files.items()
+        if folder / name not in volatile and not name.endswith("/")
     }
 
 
 def _encoded(stage: Stage, artifact: Artifact, value: Any) -> dict[str, bytes]:
     """Return an output's files by their paths in the stage's folder."""
     path = Path(artifact.path).relative_to(stage.name)
-    if artifact.kind == Bundle:
-        return {(path / name).as_posix(): data for name, data in value.items()}
-    return {path.as_posix(): encode(path, value)}
+    if not artifact.is_folder:
+        return {path.as_posix(): encode(path, value)}
+    files = survey_files(value) if artifact.kind is MineSurvey else value
+    found = {(path / name).as_posix(): encode(path / name, part) for name, part in files.items()}
+    return found or {f"{path.as_posix()}/": b""}
+
+
+def _decoded(artifact: Artifact, root: Path) -> Any:
+    return (open_survey if artifact.kind is MineSurvey else partial(decode, kind=artifact.kind))(artifact.at(root))
 
 
 def main(stage: Stage) -> int:

@@ -5,19 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import partial
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 from shapely import MultiPolygon, Polygon
 
 Image = UInt8[np.ndarray, "rows cols *channels"]
-NO_PICTURE: Image = np.full((80, 560, 3), 255, np.uint8)  # in place of a picture of what a world does not have
-for _row, _line in enumerate(
-    ("Not drawn: this world has nothing to show here.", "See docs/reference/bundle.md, Pictures.")
-):
-    cv2.putText(NO_PICTURE, _line, (16, 32 + 28 * _row), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (60, 60, 60), 1, cv2.LINE_AA)
-NO_PICTURE.setflags(write=False)
 Mask = Bool[np.ndarray, "rows cols"]
 Points2 = Float64[np.ndarray, "n 2"]
 Points3 = Float64[np.ndarray, "n 3"]
@@ -97,7 +91,7 @@ METRIC = Georeference("m", 1.0)  # a local grid in metres, like the mine frame
 
 @dataclass(frozen=True)
 class Workings:
-    """The workings of a vector survey (m, mine frame); no polygons if the survey is a picture."""
+    """Workings seen from above (m, mine frame)."""
 
     polygons: MultiPolygon
 
@@ -122,7 +116,8 @@ class Heights:
 class Survey:
     """The plan's frame, scale, places and sources; `licences` holds the registered licence of each source.
 
-    `heights` is None for a flat mine.
+    Robots start at `entrance_m` in plan, at the height `entrance_z_m` over 0 if that is stated. `heights` are those of
+    the floor of a mine that is drawn as a plan; None if it is flat, or has its heights in itself.
     """
 
     name: str
@@ -136,16 +131,20 @@ class Survey:
     georeference: Georeference = METRIC
     licences: dict[str, str] = field(default_factory=dict)
     heights: Heights | None = None
+    entrance_z_m: float | None = None
+
+
+_TEXT = partial(np.zeros, 0, np.uint8)
+_OPTIONAL = {"optional": True}  # an empty array is not stored
 
 
 @dataclass(frozen=True)
 class SurveyedLegs:
-    """The legs of a survey that is built as one volume; none of a survey that is built otherwise.
+    """The legs of a survey, from station to station.
 
     Leg i has the stations `first[i]` to `first[i + 1]`: `positions_m` in the mine frame (z less `datum_m`), and
     `lrud_m`, the distances left, right, up and down, nan where stage 3 has to choose one. `names` is UTF-8 text, a line
-    for each station; `entrances` are those of the stations that are open to the surface. `start_m` is where robots are
-    to start, empty if nobody says.
+    for each station; `entrances` are those of the stations that are open to the surface.
 
     `sources` says of each of these distances whether it was measured (`Source`); empty if all that are no nan were.
     `between` is 1 for places between two stations, where splays hit a wall; empty if there is none. `splays_m` has the
@@ -159,19 +158,14 @@ class SurveyedLegs:
     lrud_m: Float64[np.ndarray, "n 4"]
     first: Int32[np.ndarray, " legs_plus_one"]
     names: UInt8[np.ndarray, " bytes"]
-    entrances: UInt8[np.ndarray, " entrance_bytes"]
-    start_m: Float64[np.ndarray, " coordinates"]
-    pieces: UInt8[np.ndarray, " piece_bytes"]
-    pieces_m: Float64[np.ndarray, " pieces"]
     surveyed_m: float
-    datum_m: float
-    sources: UInt8[np.ndarray, "n 4"] = field(
-        default_factory=lambda: np.zeros((0, 4), np.uint8), metadata={"optional": True}
-    )
-    between: UInt8[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0, np.uint8), metadata={"optional": True})
-    splays_m: Float64[np.ndarray, "s 2 3"] = field(
-        default_factory=lambda: np.zeros((0, 2, 3)), metadata={"optional": True}
-    )
+    datum_m: float = 0.0
+    entrances: UInt8[np.ndarray, " entrance_bytes"] = field(default_factory=_TEXT, metadata=_OPTIONAL)
+    pieces: UInt8[np.ndarray, " piece_bytes"] = field(default_factory=_TEXT, metadata=_OPTIONAL)
+    pieces_m: Float64[np.ndarray, " pieces"] = field(default_factory=partial(np.zeros, 0), metadata=_OPTIONAL)
+    sources: UInt8[np.ndarray, "n 4"] = field(default_factory=partial(np.zeros, (0, 4), np.uint8), metadata=_OPTIONAL)
+    between: UInt8[np.ndarray, " n"] = field(default_factory=_TEXT, metadata=_OPTIONAL)
+    splays_m: Float64[np.ndarray, "s 2 3"] = field(default_factory=partial(np.zeros, (0, 2, 3)), metadata=_OPTIONAL)
 
     def __len__(self) -> int:
         """Return the number of legs."""
@@ -196,24 +190,11 @@ def lines_of(text: np.ndarray) -> list[str]:
     return text.tobytes().decode().split("\n") if len(text) else []
 
 
-NO_LEGS = SurveyedLegs(
-    np.zeros((0, 3)),
-    np.zeros((0, 4)),
-    np.zeros(1, np.int32),
-    *(np.zeros(0, np.uint8),) * 2,
-    np.zeros(0),
-    np.zeros(0, np.uint8),
-    np.zeros(0),
-    0.0,
-    0.0,
-)
-
-
 @dataclass(frozen=True)
 class ClosedMesh:
     """The free space of a survey that is a solid: a closed mesh (m, mine frame) whose normals point out of it.
 
-    Its facets do not cross. `datum_m` is the survey's elevation of height 0. A survey that is no solid has no faces.
+    Its facets do not cross. `datum_m` is the survey's elevation of height 0.
     `scan_m` are the points of the scan that it was made from, `scan_rgb` their colours: red, green,
     blue, black of a point without one, none if the scan has none. `rays_m` are some of the points with the place of the
     scanner that saw each, before it. Other solids have none of these.
@@ -222,20 +203,13 @@ class ClosedMesh:
     vertices: Float64[np.ndarray, "n 3"]
     faces: Int32[np.ndarray, "f 3"]
     datum_m: float
-    scan_m: Float64[np.ndarray, "p 3"] = field(default_factory=lambda: np.zeros((0, 3)), metadata={"optional": True})
-    scan_rgb: UInt8[np.ndarray, "c 3"] = field(
-        default_factory=lambda: np.zeros((0, 3), np.uint8), metadata={"optional": True}
-    )
-    rays_m: Float64[np.ndarray, "r 2 3"] = field(
-        default_factory=lambda: np.zeros((0, 2, 3)), metadata={"optional": True}
-    )
+    scan_m: Float64[np.ndarray, "p 3"] = field(default_factory=partial(np.zeros, (0, 3)), metadata=_OPTIONAL)
+    scan_rgb: UInt8[np.ndarray, "c 3"] = field(default_factory=partial(np.zeros, (0, 3), np.uint8), metadata=_OPTIONAL)
+    rays_m: Float64[np.ndarray, "r 2 3"] = field(default_factory=partial(np.zeros, (0, 2, 3)), metadata=_OPTIONAL)
 
     def __len__(self) -> int:
         """Return the number of faces."""
         return len(self.faces)
-
-
-NO_SOLID = ClosedMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0)
 
 
 @dataclass(frozen=True)
@@ -243,7 +217,7 @@ class FloorMesh:
     """The floors of drawn areas with heights, which are built as one volume: triangles in space, m, mine frame.
 
     Faces are counter-clockwise seen from above. Areas that meet share vertices; floors over each other do not.
-    `datum_m` is the survey's elevation of height 0. A survey without such areas has no faces.
+    `datum_m` is the survey's elevation of height 0.
     """
 
     vertices: Float64[np.ndarray, "n 3"]
@@ -276,7 +250,27 @@ class FloorMesh:
         return float(np.linalg.norm(end - start, axis=1).sum())
 
 
-NO_FLOORS = FloorMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0)
+@dataclass(frozen=True)
+class DrawnPlan:
+    """A mine that is drawn as a plan, whose outline stage 2 finds; `legs` are those that it was drawn from."""
+
+    legs: SurveyedLegs | None = None
+
+
+@dataclass(frozen=True)
+class DrawnFloors:
+    """A mine as the floors of drawn areas, with the shafts between them as legs."""
+
+    mesh: FloorMesh
+    shafts: SurveyedLegs | None = None
+
+    @property
+    def datum_m(self) -> float:
+        """Return the survey's elevation of height 0."""
+        return self.mesh.datum_m
+
+
+VolumeShape = SurveyedLegs | ClosedMesh | DrawnFloors  # what a mine is that is built as one volume
 
 
 @dataclass(frozen=True)

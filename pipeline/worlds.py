@@ -7,18 +7,18 @@ import re
 from pathlib import Path
 from typing import Any
 
-from minexplore.bundle import RECORD, VOLUME
+from minexplore.bundle import RECORD
 from minexplore.unfinished import command_to_end
 from pipeline.errors import ArtifactError
 from pipeline.guard.reading_process import one_line
 from pipeline.metrics.limits import flatten, format_limit, is_time
-from pipeline.mjcf.bundle import read_record
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams
 from pipeline.proof.groups import applying_limits
 from pipeline.report.results import NO_FIGURE, read_metrics
 from pipeline.stage import ARTIFACTS
 from pipeline.store.manifest import read_manifest, read_params
+from pipeline.store.mine_survey import MineSurvey, open_survey
 from pipeline.store.verify import verify_world
 
 WORLDS = ARTIFACTS / "worlds"
@@ -73,21 +73,17 @@ def limits_of(name: str) -> dict[str, Limit]:
     return applying_limits(params, read_figures(name))
 
 
-def is_volume_world(folder: Path) -> bool:
-    """Return whether the world of a folder is one volume, by the files of its bundle."""
-    return (folder / "realism" / "world" / VOLUME).is_file()
+def survey_of(folder: Path) -> MineSurvey:
+    """Return the survey that the world of a folder was built of."""
+    return open_survey(folder / "survey" / "mine")
 
 
 def describe_start(folder: Path) -> str:
     """Return where robots start in the world of a folder, as `--start` takes it, and how to change it."""
     how = "`--start` of `new`, or survey.entrance_m, changes it"
-    bundle = folder / "realism" / "world"
-    if is_volume_world(folder):
-        stated = json.loads((bundle / RECORD).read_text())
-        x, y, z = stated["spawn"]["anchor_m"]
-        return f"{x:.1f},{y:.1f},{z + stated['volume']['datum_m']:.1f} m; {how}"
-    x, y = read_record(bundle).spawn.anchor_m
-    return f"{x:.1f},{y:.1f} m; {how}"
+    stated = json.loads((folder / "realism" / "world" / RECORD).read_text())
+    x, y, *z = stated["spawn"]["anchor_m"]
+    return f"{','.join(f'{m:.1f}' for m in (x, y, *(over + stated['volume']['datum_m'] for over in z)))} m; {how}"
 
 
 def list_worlds() -> str:

@@ -23,10 +23,10 @@ _HEADER = """\
 # does not follow imports; `persist` keeps earlier artifacts until a stage has written all new ones.
 """
 _PLOTS: list[dict[str, Any]] = [
-    {"artifacts/contours/contours.png": None},
-    {"artifacts/validation/agreement.png": None},
+    {"artifacts/contours/evidence/contours.png": None},
+    {"artifacts/validation/evidence/agreement.png": None},
     {
-        "artifacts/contours/widths.csv": {
+        "artifacts/contours/evidence/widths.csv": {
             "x": "easting_m",
             "y": "width_m",
             "template": "scatter",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +33,14 @@ from pipeline.params.contours import ContoursParams
 from pipeline.remarks import Remark, warn_user
 from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
-from pipeline.scans.correct import Correction, CorrectionReport, correct_by_sweeps, read_sweeps
-from pipeline.stage import Artifact, Stage, main
+from pipeline.scans.correct import Correction, correct_by_sweeps, read_sweeps
+from pipeline.stage import Artifact, Stage, by_model, main
+from pipeline.store.codecs import Bundle
+from pipeline.store.mine_survey import FLOORS, WORKINGS, MineSurvey
 from pipeline.types import (
-    NO_FLOORS,
-    NO_LEGS,
-    NO_PICTURE,
-    NO_SOLID,
     Areas,
-    ClosedMesh,
+    DrawnPlan,
     DriftNetwork,
-    FloorMesh,
     Frame,
     FreeSpace,
     Image,
@@ -58,133 +55,131 @@ _APART_PX = 2.0  # pixels so far apart do not touch, not even at a corner
 
 @dataclass(frozen=True)
 class _Traced:
-    """The workings (m, mine frame; empty if a drawing is not traced yet), as they are drawn, and cleaned."""
+    """The workings (m, mine frame), and the pixels that show them, as they are drawn and cleaned."""
 
     workings: Polygon | MultiPolygon
     raw: Mask
     cleaned: Mask
 
 
-def trace_free_space(
-    params: ContoursParams,
-    plan: Image,
-    survey: Survey,
-    workings: Workings,
-    network: SurveyedLegs = NO_LEGS,
-    solid: ClosedMesh = NO_SOLID,
-    floors: FloorMesh = NO_FLOORS,
-) -> dict[str, Any]:
-    """Return the binarised plan, the cleaned plan, the free space, its drift network, floors, a picture and tables.
+def _trace_volume(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]:
+    """Trace a plan with heights and find its floors; what is built as it was surveyed is seen from above."""
+    if not isinstance(mine.shape, DrawnPlan):
+        return _view_from_above(params, mine)
+    traced, heights = _trace_plan(params, mine), mine.survey.heights
+    assert heights is not None
+    floors = plan_floors(traced["free_space"].polygon, heights, traced["topology"], mine.survey.entrance_m)
+    return {**traced, "traced": {**traced["traced"], FLOORS: floors}}
 
-    A survey that is built as one volume passes through as it is seen from above; a plan with heights has floors.
-    """
-    if len(floors) or len(network) or len(solid):
-        return _view_from_above(params, survey, workings, NO_LEGS if len(floors) else network) | {"floors": floors}
-    frame = survey.frame
-    with _named(survey):
-        drawn = _trace(params, plan, survey, workings)
+
+def _trace_plan(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]:
+    frame = mine.survey.frame
+    with _named(mine):
+        drawn = _trace(params, mine)
         correction = _correct(params, drawn.workings)
     corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
     simplified = _simplify(params, corrected.workings)
-    drifts = simplified.network
-    floors = plan_floors(simplified.outline, survey, drifts)
-    outline = simplified.outline
+    drifts, outline = simplified.network, simplified.outline
     return {
         "raw": corrected.raw,
         "cleaned": corrected.cleaned,
-        "traced": Workings(MultiPolygon(shapely.get_parts(corrected.workings).tolist())),
+        "traced": {WORKINGS: Workings(MultiPolygon(shapely.get_parts(corrected.workings).tolist()))},
         "free_space": FreeSpace(outline, _measure_areas(outline, corrected, frame), simplified.moved_m, frame),
-        "floors": floors,
         "topology": drifts,
-        "topology_dot": network_dot(drifts),
-        "widths": width_table(drifts),
-        "picture": draw_contours(corrected.raw, outline, drifts, frame),
-        "correction": None if correction is None else correction.report,
-        "corrected": _picture(drawn.workings, correction, frame),
+        "evidence": {
+            **_evidence(corrected.raw, outline, drifts, frame),
+            **({} if correction is None else _evidence_of(drawn.workings, correction, frame)),
+        },
     }
 
 
-def find_workings(
-    params: ContoursParams,
-    plan: Image,
-    survey: Survey,
-    workings: Workings,
-    network: SurveyedLegs = NO_LEGS,
-    solid: ClosedMesh = NO_SOLID,
-    floors: FloorMesh = NO_FLOORS,
-) -> Mask | None:
+# Returns the binarised plan, the cleaned plan, the free space, its drift network, floors, a picture and tables.
+trace_free_space = by_model(level=_trace_plan, volume=_trace_volume)
+
+
+def find_workings(params: ContoursParams, mine: MineSurvey) -> Mask | None:
     """Find or refuse a plan's workings as `trace_free_space` does, and remark on what is left out; trace no walls.
 
-    Returns them as a mask of the plan's pixels; None of a survey that is built as one volume.
+    Returns them as a mask of the plan's pixels; None of a survey that is no plan.
     """
-    if len(floors) or len(network) or len(solid):
+    if not isinstance(mine.shape, DrawnPlan):
         return None
-    with _named(survey):
-        found = _find(params, plan, survey, workings)
-    unconnected_m2(found.raw, found.cleaned, survey.frame)
-    return found.cleaned
+    with _named(mine):
+        _, raw, cleaned = _find(params, mine)
+    unconnected_m2(raw, cleaned, mine.survey.frame)
+    return cleaned
 
 
 @contextmanager
-def _named(survey: Survey) -> Iterator[None]:
+def _named(mine: MineSurvey) -> Iterator[None]:
     """Name the survey's file in a refusal."""
     try:
         yield
     except GeometryError as error:
-        raise GeometryError(f"{(survey.sources or [survey.name])[0]}: {error}") from error
+        raise GeometryError(f"{mine.source}: {error}") from error
 
 
-def _view_from_above(params: ContoursParams, survey: Survey, workings: Workings, legs: SurveyedLegs) -> dict[str, Any]:
+def _view_from_above(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]:
     """Return the plan view of a volume, which pictures and the report have; nothing is traced."""
+    workings, frame = mine.workings, mine.survey.frame
+    assert workings is not None
     seen: BaseGeometry = shapely.union_all(shapely.get_parts(workings.polygons))
     outline = seen if isinstance(seen, Polygon | MultiPolygon) else workings.polygons
-    drawn = _drawn_again(outline, survey.frame)
-    network = plan_network(legs, params.network.cell_m) if len(legs) else seen_network(outline, **dict(params.network))
+    drawn = _drawn_again(outline, frame)
+    if isinstance(mine.shape, SurveyedLegs):
+        network = plan_network(mine.shape, params.network.cell_m)
+    else:
+        network = seen_network(outline, **dict(params.network))
     return {
         "raw": drawn.raw,
         "cleaned": drawn.cleaned,
-        "traced": workings,
-        "free_space": FreeSpace(outline, _measure_areas(outline, drawn, survey.frame), 0.0, survey.frame),
+        "traced": {WORKINGS: workings},
+        "free_space": FreeSpace(outline, _measure_areas(outline, drawn, frame), 0.0, frame),
         "topology": network,
-        "topology_dot": network_dot(network),
-        "widths": width_table(network),
-        "picture": draw_contours(drawn.raw, outline, network, survey.frame),
-        "correction": None,
-        "corrected": NO_PICTURE,
+        "evidence": _evidence(drawn.raw, outline, network, frame),
     }
 
 
-def _picture(drawn: Polygon | MultiPolygon, correction: Correction | None, frame: Frame) -> Image:
-    """Return the picture of corrected walls; Matplotlib takes 0.4 s to load, and most plans have no sweeps."""
-    if correction is None:
-        return NO_PICTURE
+def _evidence(raw: Mask, outline: Polygon | MultiPolygon, drifts: DriftNetwork, frame: Frame) -> dict[str, Any]:
+    """Return what no other stage reads."""
+    return {
+        "topology.dot": network_dot(drifts),
+        "widths.csv": width_table(drifts),
+        "contours.png": draw_contours(raw, outline, drifts, frame),
+    }
+
+
+def _evidence_of(drawn: Polygon | MultiPolygon, correction: Correction, frame: Frame) -> dict[str, Any]:
+    """Return the figures and the picture of corrected walls; Matplotlib takes 0.4 s to load, and few have sweeps."""
     from pipeline.report.figures.corrected import draw_corrected
 
-    return draw_corrected(drawn, correction, frame)
+    return {"correction.json": correction.report, "corrected.png": draw_corrected(drawn, correction, frame)}
 
 
-def _find(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
-    """Return the workings: a vector survey's own, or as the plan's picture shows them."""
-    frame, places = survey.frame, chosen_places(params, survey)
-    if workings.polygons.is_empty:
-        raw, cleaned = _read_mask(params, plan, survey, places)
+def _find(params: ContoursParams, mine: MineSurvey) -> tuple[Polygon | None, Mask, Mask]:
+    """Return a vector survey's workings, None of a picture, and the pixels that show them, as drawn and cleaned."""
+    survey, frame = mine.survey, mine.survey.frame
+    places = chosen_places(params, survey)
+    if mine.workings is None:
+        raw, cleaned = _read_mask(params, mine.plan, survey, places)
         require_workings(raw, cleaned, frame.px_per_m, params.min_tunnel_m2, params.max_workings_share)
-        return _Traced(Polygon(), raw, cleaned)
-    components = mend(workings.polygons, params.bridge_m, params.min_island_m2)
+        return None, raw, cleaned
+    workings = mine.workings.polygons
+    components = mend(workings, params.bridge_m, params.min_island_m2)
     chosen = choose_component(components, places)
-    warn_of_islands(islands_of(workings.polygons, chosen, params.min_island_m2), params.min_island_m2)
-    raw = fill_polygon(workings.polygons, frame) & ~_touching(components, chosen, frame)
-    return _Traced(chosen, raw, fill_polygon(chosen, frame))
+    warn_of_islands(islands_of(workings, chosen, params.min_island_m2), params.min_island_m2)
+    raw = fill_polygon(workings, frame) & ~_touching(components, chosen, frame)
+    return chosen, raw, fill_polygon(chosen, frame)
 
 
-def _trace(params: ContoursParams, plan: Image, survey: Survey, workings: Workings) -> _Traced:
+def _trace(params: ContoursParams, mine: MineSurvey) -> _Traced:
     """Return the workings, traced where they are drawn."""
-    found = _find(params, plan, survey, workings)
-    if not found.workings.is_empty:
-        return found
-    cover = None if params.trace == "pixels" else cover_of(plan, found.raw, found.cleaned)
-    cleaned, frame = found.cleaned, survey.frame
-    return replace(found, workings=trace_outline(cleaned, frame) if cover is None else trace_half_level(cover, frame))
+    (found, raw, cleaned), frame = _find(params, mine), mine.survey.frame
+    if found is not None:
+        return _Traced(found, raw, cleaned)
+    cover = None if params.trace == "pixels" else cover_of(mine.plan, raw, cleaned)
+    traced = trace_outline(cleaned, frame) if cover is None else trace_half_level(cover, frame)
+    return _Traced(traced, raw, cleaned)
 
 
 def _touching(components: MultiPolygon, chosen: Polygon, frame: Frame) -> Mask:
@@ -268,26 +263,14 @@ STAGE = Stage(
     name="contours",
     run=trace_free_space,
     sources=sweep_files,
-    reads={
-        "plan": Artifact("survey/plan.png", Image),
-        "survey": Artifact("survey/survey.json", Survey),
-        "workings": Artifact("survey/workings.geojson", Workings),
-        "network": Artifact("survey/network.npz", SurveyedLegs),
-        "solid": Artifact("survey/solid.npz", ClosedMesh),
-        "floors": Artifact("survey/floors.npz", FloorMesh),
-    },
+    reads={"mine": Artifact("survey/mine", MineSurvey)},
     writes={
         "raw": Artifact("contours/raw.png", Mask),
         "cleaned": Artifact("contours/cleaned.png", Mask),
-        "traced": Artifact("contours/traced.geojson", Workings),
+        "traced": Artifact("contours/traced", Bundle),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
-        "floors": Artifact("contours/floors.npz", FloorMesh),
         "topology": Artifact("contours/topology.json", DriftNetwork),
-        "topology_dot": Artifact("contours/topology.dot", str),
-        "widths": Artifact("contours/widths.csv", str),
-        "picture": Artifact("contours/contours.png", Image),
-        "correction": Artifact("contours/correction.json", CorrectionReport | None),
-        "corrected": Artifact("contours/corrected.png", Image),
+        "evidence": Artifact("contours/evidence", Bundle),
     },
 )
 

@@ -10,12 +10,13 @@ import numpy as np
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import VOLUME
 from pipeline.params.surface import SurfaceParams, TextureParams
-from pipeline.stage import Artifact, Stage, main
-from pipeline.store.codecs import Bundle, Meshes
+from pipeline.places import EXTENT, SMOOTH, TEXTURE
+from pipeline.stage import Artifact, Stage, by_model, main
+from pipeline.store.codecs import Bundle, Meshes, decode
+from pipeline.store.mine_survey import MineSurvey
 from pipeline.surface.build import build_rough_surface, chunk_files, lay_rough_lattice, widen_spacing
-from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, join_meshes
+from pipeline.surface.mesh.mesh_checks import check_mesh, join_meshes
 from pipeline.surface.mesh.rough import RoughSurface, check_rough, closed_mesh
 from pipeline.surface.mesh.smooth import smooth_surface
 from pipeline.surface.reference import measure_sources, reference_files
@@ -24,8 +25,6 @@ from pipeline.surface.roughness_report import RoughnessReport, amplitude_table, 
 from pipeline.surface.texture.layers import Layers, make_rock_texture
 from pipeline.surface.texture.picture import make_texture
 from pipeline.types import (
-    NO_PICTURE,
-    NO_SOLID,
     ClosedMesh,
     DriftNetwork,
     FreeSpace,
@@ -34,32 +33,37 @@ from pipeline.types import (
 )
 
 
-def model_surface(
-    params: SurfaceParams,
-    free_space: FreeSpace,
-    topology: DriftNetwork,
-    extent: SolidExtent,
-    volume: Path | None = None,
-    solid: ClosedMesh = NO_SOLID,
-) -> dict[str, Any]:
-    """Return both surfaces, the texture, and reports on roughness and meshes; with `overlay=none` all are empty.
+def model_surface(params: SurfaceParams, mine: MineSurvey, **inputs: Any) -> dict[str, Any]:
+    """Return the visible rock with its texture, and reports on it; nothing with `overlay=none`.
 
-    A survey that is built as one volume has a rough surface alone, which is that of the volume's walls and roofs: of
-    a scan the volume's own, where its points are.
+    A level mine has a smooth surface under a rough one. A volume has a rough surface of its walls and roofs alone: of a
+    scan the volume's own, where its points are.
     """
-    if params.overlay == "none":
-        return _NO_ROCK
-    if volume is not None and (volume / VOLUME).is_file():
-        from pipeline.volume.world.surface.build import rock_of_volume  # open3d takes a second to load
+    return {"rock": {}, "evidence": {}} if params.overlay == "none" else _visible_rock(params, mine, **inputs)
 
-        rock = rock_of_volume(params, volume, _texture(params.texture), solid.scan_m, solid.scan_rgb)
-        return {**_NO_ROCK, "rough": rock.files, "texture": rock.texture, "mesh_checks": rock.report}
-    free, height_m = free_space.polygon, extent.height_m
+
+def _rock_of_level(
+    params: SurfaceParams, mine: MineSurvey, free_space: FreeSpace, topology: DriftNetwork, compiled: Path
+) -> dict[str, Any]:
+    free, height_m = free_space.polygon, decode(compiled / EXTENT, SolidExtent).height_m
     params = widen_spacing(params, free, height_m)
     rough, reported = _rough(params, free, topology, height_m)
     smooth, texture = _smooth(params, free, height_m), _texture(params.texture)
-    evidence = _evidence(rough, smooth, reported, height_m)
-    return {"smooth": smooth, "rough": chunk_files(rough, params), "texture": texture, **evidence}
+    rock = {**chunk_files(rough, params), SMOOTH: smooth, TEXTURE: texture}
+    return {"rock": rock, "evidence": _evidence(rough, smooth, reported, height_m)}
+
+
+def _rock_of_volume(
+    params: SurfaceParams, mine: MineSurvey, free_space: FreeSpace, topology: DriftNetwork, compiled: Path
+) -> dict[str, Any]:
+    from pipeline.volume.world.surface.build import rock_of_volume  # open3d takes a second to load
+
+    scan = (mine.shape.scan_m, mine.shape.scan_rgb) if isinstance(mine.shape, ClosedMesh) else ()
+    rock = rock_of_volume(params, compiled, _texture(params.texture), *scan)
+    return {"rock": {**rock.files, TEXTURE: rock.texture}, "evidence": {"mesh_checks.json": rock.report}}
+
+
+_visible_rock = by_model(level=_rock_of_level, volume=_rock_of_volume)
 
 
 def _rough(
@@ -78,24 +82,12 @@ def _evidence(rough: RoughSurface, smooth: Meshes, reported: RoughnessReport, he
     from pipeline.report.figures.roughness import draw_sections, draw_spectra  # Matplotlib takes 0.4 s to load
 
     return {
-        "sections": draw_sections(rough, smooth, height_m),
-        "amplitude": amplitude_table(rough),
-        "roughness": reported,
-        "spectra": draw_spectra(reported),
-        "mesh_checks": check_rough(rough, closed_mesh(rough)[1]),
+        "sections.png": draw_sections(rough, smooth, height_m),
+        "amplitude.csv": amplitude_table(rough),
+        "roughness.json": reported,
+        "roughness.png": draw_spectra(reported),
+        "mesh_checks.json": check_rough(rough, closed_mesh(rough)[1]),
     }
-
-
-_NO_ROCK: dict[str, Any] = {
-    "smooth": {},
-    "rough": {"none.txt": b"surface.overlay = none: no rough surface\n"},
-    "texture": NO_PICTURE,
-    "sections": NO_PICTURE,
-    "amplitude": "",
-    "roughness": None,
-    "spectra": NO_PICTURE,
-    "mesh_checks": None,
-}
 
 
 def _smooth(params: SurfaceParams, free: BaseGeometry, height_m: float) -> Meshes:
@@ -118,22 +110,12 @@ STAGE = Stage(
     run=model_surface,
     sources=reference_files,
     reads={
+        "mine": Artifact("survey/mine", MineSurvey),
         "free_space": Artifact("contours/free_space.geojson", FreeSpace),
         "topology": Artifact("contours/topology.json", DriftNetwork),
-        "extent": Artifact("compile3d/extent.json", SolidExtent),
-        "volume": Artifact("compile3d/volume", Bundle),
-        "solid": Artifact("survey/solid.npz", ClosedMesh),
+        "compiled": Artifact("compile3d/compiled", Bundle),
     },
-    writes={
-        "smooth": Artifact("surface/smooth.npz", Meshes),
-        "rough": Artifact("surface/rough", Bundle),
-        "texture": Artifact("surface/texture.png", Image),
-        "mesh_checks": Artifact("surface/mesh_checks.json", MeshReport | None),
-        "roughness": Artifact("surface/roughness.json", RoughnessReport | None),
-        "spectra": Artifact("surface/roughness.png", Image),
-        "sections": Artifact("surface/sections.png", Image),
-        "amplitude": Artifact("surface/amplitude.csv", str),
-    },
+    writes={"rock": Artifact("surface/rock", Bundle), "evidence": Artifact("surface/evidence", Bundle)},
 )
 
 if __name__ == "__main__":

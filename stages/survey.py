@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import sys
 
+from pipeline.params.survey import SurveyParams
 from pipeline.stage import Artifact, Stage, main
+from pipeline.store.mine_survey import MineSurvey
 from pipeline.survey.load import read_survey, sources
-from pipeline.types import ClosedMesh, FloorMesh, Image, Survey, SurveyedLegs, Workings
+
+
+def read_mine(params: SurveyParams) -> dict[str, MineSurvey]:
+    """Return the mine as its survey has it."""
+    return {"mine": read_survey(params)}
+
 
 STAGE = Stage(
     name="survey",
-    run=read_survey,
+    run=read_mine,
     sources=sources,
     reads={},
-    writes={
-        "plan": Artifact("survey/plan.png", Image),
-        "survey": Artifact("survey/survey.json", Survey),
-        "workings": Artifact("survey/workings.geojson", Workings),
-        "network": Artifact("survey/network.npz", SurveyedLegs),
-        "solid": Artifact("survey/solid.npz", ClosedMesh),
-        "floors": Artifact("survey/floors.npz", FloorMesh),
-        "level_legs": Artifact("survey/level_legs.npz", SurveyedLegs),
-    },
+    writes={"mine": Artifact("survey/mine", MineSurvey)},
 )
 
 if __name__ == "__main__":

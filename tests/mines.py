@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import shapely
-from shapely import LineString, MultiPolygon, Polygon
+from shapely import LineString, Polygon
 
 from benchmarks.worlds.small_world import finish_world
 from minexplore.bundle import UNSEALED, world_sha256
@@ -21,7 +21,8 @@ from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.config import Config
 from pipeline.schema import check_tables
-from pipeline.types import DriftNetwork, Frame, FreeSpace, Scale, Survey, Workings
+from pipeline.store.mine_survey import MineSurvey
+from pipeline.types import DrawnPlan, DriftNetwork, Frame, FreeSpace, Scale, Survey
 from stages.contours import trace_free_space
 
 # Straight drift, ring drift with one island, T-junction: areas, loops and dead ends are known by hand.
@@ -49,9 +50,6 @@ def plan_of(polygon: Polygon, frame: Frame) -> np.ndarray:
     return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
 
 
-PICTURE = Workings(MultiPolygon())  # a survey that is a picture has no polygons
-
-
 class BuiltMine:
     """A mine built by stages 2 to 5 in memory; its bundle is written to a folder."""
 
@@ -60,7 +58,7 @@ class BuiltMine:
         self.frame = frame_for(polygon, px_per_m)
         inside = polygon.representative_point()
         self.survey = survey_of(self.frame, (inside.x, inside.y))
-        traced = trace_free_space(config.contours, plan_of(polygon, self.frame), self.survey, PICTURE)
+        traced = trace_free_space(config.contours, MineSurvey(self.survey, plan_of(polygon, self.frame), DrawnPlan()))
         self.raw, self.cleaned = traced["raw"], traced["cleaned"]
         self.free_space: FreeSpace = traced["free_space"]
         self.network: DriftNetwork = traced["topology"]

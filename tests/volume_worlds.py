@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -9,9 +10,11 @@ import numpy as np
 
 from pipeline.params.survey import PassageSurveyParams, SolidSurveyParams, VectorSurveyParams
 from pipeline.params.validation import VolumeProofParams
-from pipeline.store.codecs import Bundle, decode
-from pipeline.survey.load import _read
-from pipeline.types import NO_FLOORS, NO_LEGS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedLegs, Workings
+from pipeline.places import TEXTURE
+from pipeline.store.codecs import decode, encode
+from pipeline.store.mine_survey import MineSurvey, volume_of
+from pipeline.survey.load import read_unlimited
+from pipeline.types import SurveyedLegs, VolumeShape
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.proof.certificate import Validated, VolumeBundle, open_volume, validate_volume
 from pipeline.volume.world.surface.build import rock_of_volume
@@ -25,61 +28,50 @@ RAMP = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,30,0,0,2,2,3,0\nA,3,60,0,-6,2,2,3,0\n"
 
 
 def legs_of_table(text: str, folder: Path, **values: Any) -> SurveyedLegs:
-    """Return what stage 1 writes of a station table."""
-    return _stage_1(text, folder, values).legs
+    """Return the legs that stage 1 writes of a station table that is built as one volume."""
+    shape = survey_of_table(text, folder, **values).shape
+    assert isinstance(shape, SurveyedLegs)
+    return shape
 
 
-def _stage_1(source: str | Path, folder: Path, values: dict[str, Any]) -> Any:
+def survey_of_table(source: str | Path, folder: Path, **values: Any) -> MineSurvey:
+    """Return what stage 1 writes of a station table, or of the file of a station survey."""
     path = source if isinstance(source, Path) else folder / "survey.csv"
     if isinstance(source, str):
         path.write_text(source)
     section = {"kind": "passages", "name": "test", "file": "data/x", "flat_step_m": 0}  # level ones, too
     params = PassageSurveyParams.model_validate({**section, **values})
-    return _read(params.model_copy(update={"file": path.as_posix()}))
+    return read_unlimited(params.model_copy(update={"file": path.as_posix()}))
 
 
 class VolumeWorld:
     """A station table, or a file, built as one volume; its bundle is in `folder / "world"`."""
 
-    def __init__(self, source: str | Path, folder: Path, **values: Any) -> None:
+    def __init__(self, source: str | Path | MineSurvey, folder: Path, **values: Any) -> None:
         """Run the functions of stages 1, 2, 3 and 5; `values` are those of the survey's section."""
-        self._build(_stage_1(source, folder, values), folder)
+        mine = source if isinstance(source, MineSurvey) else survey_of_table(source, folder, **values)
+        self.survey = mine.survey
+        self.traced = trace_free_space(CONFIG.contours, mine)
+        write(folder / "traced", self.traced["traced"])
+        self.shape: Any = volume_of(mine, folder / "traced")
+        self.compiled, self.bundle = folder / "compiled", folder / "world"
+        seen = {"free_space": self.traced["free_space"], "topology": self.traced["topology"]}
+        write(self.compiled, compile_rock(CONFIG.compile3d, mine, **seen, traced=folder / "traced")["compiled"])
+        write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
 
     @classmethod
     def from_solid(cls, path: Path, **values: Any) -> Self:
         """Build a mesh of workings instead; the folders are beside it."""
         section = {"kind": "solid", "name": "test", "file": "data/x", "heights": None}
         params = SolidSurveyParams.model_validate(section | values)
-        world = cls.__new__(cls)
-        world._build(_read(params.model_copy(update={"file": path.as_posix()})), path.parent)
-        return world
+        return cls(read_unlimited(params.model_copy(update={"file": path.as_posix()})), path.parent)
 
     @classmethod
     def from_areas(cls, path: Path, heights: Path | None = None, **values: Any) -> Self:
         """Build the areas of a drawing with heights instead; `values` are those of the survey's section."""
         params = VectorSurveyParams.model_validate({"kind": "vector", "name": "test", "file": "data/x", **values})
         update = {"file": path.as_posix(), "heights": None if heights is None else heights.as_posix()}
-        world = cls.__new__(cls)
-        world._build(_read(params.model_copy(update=update)), path.parent)
-        return world
-
-    def _build(self, read: Any, folder: Path) -> None:
-        self.survey, self.legs, self.solid = read.survey, read.legs, read.solid
-        seen, whole = Workings(read.workings), (read.legs, read.solid, read.floors)
-        self.traced = trace_free_space(CONFIG.contours, read.plan, self.survey, seen, *whole)
-        self.floors = self.traced["floors"]
-        self.compiled, self.bundle = folder / "compiled", folder / "world"
-        compiled = compile_rock(
-            CONFIG.compile3d,
-            self.traced["free_space"],
-            self.traced["topology"],
-            self.survey,
-            network=self.legs,
-            solid=self.solid,
-            floors=self.floors,
-        )
-        write(self.compiled, compiled["volume"])
-        write(self.bundle, bundle_volume(CONFIG.realism, self.survey, self.traced["free_space"], self.compiled))
+        return cls(read_unlimited(params.model_copy(update=update)), path.parent)
 
     def opened(self) -> VolumeBundle:
         """Return the bundle, checked as stage 6 does."""
@@ -92,11 +84,11 @@ class VolumeWorld:
 
 def with_rock(source: str, folder: Path) -> Path:
     """Build a station table in a folder, and in `folder / "rocky"` its bundle with visible rock; return the folder."""
-    built, rough = VolumeWorld(source, folder), folder / "rough"
+    built, rock = VolumeWorld(source, folder), folder / "rock"
     texture = np.full((16, 16, 3), 90, np.uint8)
-    write(rough, rock_of_volume(WITH_ROCK.surface, folder / "compiled", texture).files)
+    write(rock, {**rock_of_volume(WITH_ROCK.surface, folder / "compiled", texture).files, TEXTURE: texture})
     plan = built.traced["free_space"]
-    write(folder / "rocky", bundle_volume(WITH_ROCK.realism, built.survey, plan, built.compiled, rough, texture))
+    write(folder / "rocky", bundle_volume(WITH_ROCK.realism, built.survey, plan, built.compiled, rock))
     return folder
 
 
@@ -106,19 +98,14 @@ def proof(**values: Any) -> VolumeProofParams:
     return CONFIG.validation.volume.model_copy(update=quiet | values)
 
 
-def validated(
-    world: VolumeBundle,
-    legs: SurveyedLegs = NO_LEGS,
-    solid: ClosedMesh = NO_SOLID,
-    floors: FloorMesh = NO_FLOORS,
-    **values: Any,
-) -> Validated:
+def validated(world: VolumeBundle, shape: VolumeShape, **values: Any) -> Validated:
     """Return what stage 6 measures of a bundle that was read."""
-    return validate_volume(proof(**values), world, legs, solid, floors)
+    return validate_volume(proof(**values), world, shape)
 
 
-def write(folder: Path, files: Bundle) -> None:
-    """Write files by name into a folder, which is made."""
-    for name, data in files.items():
+def write(folder: Path, files: Mapping[str, Any]) -> None:
+    """Write values by the names of their files into a folder, which is made."""
+    folder.mkdir(exist_ok=True, parents=True)
+    for name, value in files.items():
         (folder / name).parent.mkdir(exist_ok=True, parents=True)
-        (folder / name).write_bytes(data)
+        (folder / name).write_bytes(encode(folder / name, value))

@@ -23,6 +23,7 @@ from pipeline.scans.sweep_correction import cast_fan, caster_of
 from pipeline.stage import make_artifacts
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import write_atomically
+from pipeline.store.mine_survey import open_survey
 from pipeline.types import Survey, Workings
 from stages.__main__ import load_stages
 
@@ -42,8 +43,8 @@ def trace_plan() -> tuple[Polygon, Survey]:
     with tempfile.TemporaryDirectory() as folder:
         for stage in load_stages()[:2]:
             make_artifacts(stage, getattr(config, stage.name), Path(folder))
-        traced = decode(Path(folder) / "contours/traced.geojson", Workings)
-        return traced.polygons.geoms[0], decode(Path(folder) / "survey/survey.json", Survey)
+        traced = decode(Path(folder) / "contours/traced/workings.geojson", Workings)
+        return traced.polygons.geoms[0], open_survey(Path(folder) / "survey/mine").survey
 
 
 def median_error_m(free: Polygon, sweeps: Sweeps, name: str, pose: Pose) -> float:

@@ -30,17 +30,10 @@ _COLUMNS = ("count", "median", "p95", "within_10cm", "within_30cm", "nearer_30cm
 _ENDS_M = 0.01  # coordinates of solved surveys are centimetres
 
 
-@dataclasses.dataclass(frozen=True)
-class _Start:
-    """What stage 1 is asked for: no start of the robots."""
-
-    entrance_m: None = None
-
-
 def build(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> tuple[Volume, np.ndarray, np.ndarray]:
     """Return the volume of a survey in its own frame, its stations (n, 3) m, and its splays (k, 2, 3) m."""
     piece = built_piece(path, whole_of(path, survey, half_width_m), None)
-    found = whole_in_frame(piece, _Start(), (0.0, 0.0))  # type: ignore[arg-type]
+    found = whole_in_frame(piece, (0.0, 0.0))
     network, offset = mine_network(found, _HEIGHT_M, VolumeParams())
     up = offset + np.array([0, 0, found.datum_m])
     solved = solve_floors(network)

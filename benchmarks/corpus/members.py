@@ -169,6 +169,6 @@ def copy_evidence(built: Path, target: Path) -> None:
 def evidence_of(built: Path) -> Iterator[str]:
     """Yield the evidence that a world's folder has; a light world has no views of its rock."""
     yield from _EVIDENCE
-    for picture in ("validation/views.png", "contours/contours.png"):
-        if (built / picture).is_file() and (built / picture).stat().st_size > _EMPTY_BYTES:
+    for picture in ("validation/evidence/views.png", "contours/evidence/contours.png"):
+        if (built / picture).is_file():
             yield picture

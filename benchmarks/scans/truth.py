@@ -22,7 +22,7 @@ from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.survey.solids.read import KEPT_M
-from pipeline.types import NO_LEGS, ClosedMesh
+from pipeline.types import ClosedMesh
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.world.compile import compile_volume
 from tests.heights import table
@@ -78,7 +78,7 @@ def mesh_of(solid: manifold3d.Manifold) -> ClosedMesh:
 
 def network_of_floors(mesh: ClosedMesh) -> FloorNetwork:
     """Return the network along the floors of a volume, as stage 3 finds it."""
-    found = json.loads(compile_volume(_params(), NO_LEGS, mesh)[TOPOLOGY])
+    found = json.loads(compile_volume(_params(), mesh)[TOPOLOGY])
     stations = {name: np.array(place) for name, place in found["stations_m"].items()}
     floors, heading, half = {}, {}, {}
     for leg in found["legs"]:

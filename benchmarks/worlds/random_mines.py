@@ -16,7 +16,8 @@ from pipeline.compose import compose
 from pipeline.proof.validator import Validator
 from pipeline.stage import make_artifacts
 from pipeline.store.codecs import decode
-from pipeline.types import FreeSpace, Mask, Survey, Workings
+from pipeline.store.mine_survey import open_survey
+from pipeline.types import FreeSpace, Mask, Workings
 from stages.__main__ import load_stages
 
 _WALL_ERROR_M = 0.031  # the limit of conf/mine/own.yaml
@@ -61,8 +62,8 @@ def _checks(seed: int, style: str, drawn: str, root: Path) -> Row:
         make_artifacts(stage, getattr(config, stage.name), root)
     free = decode(root / "contours/free_space.geojson", FreeSpace)
     cleaned, raw = (decode(root / f"contours/{name}.png", Mask) for name in ("cleaned", "raw"))
-    survey = decode(root / "survey/survey.json", Survey)
-    traced = decode(root / "contours/traced.geojson", Workings).polygons.geoms[0]
+    survey = open_survey(root / "survey/mine").survey
+    traced = decode(root / "contours/traced/workings.geojson", Workings).polygons.geoms[0]
     validator = Validator(config.validation, root / "realism/world", cleaned, raw, survey, traced=traced)
     topology = validator.measure("topology")
     return {

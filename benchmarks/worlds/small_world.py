@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import shapely
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 
-from minexplore.bundle import CLEARANCE_GRID, NAV2_PICTURE
 from pipeline.compose import compose
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.mjcf.assemble import assemble_world
 from pipeline.params.config import Config
 from pipeline.store.codecs import encode
-from pipeline.types import Frame, Scale, Survey, Workings
+from pipeline.store.mine_survey import MineSurvey
+from pipeline.types import DrawnPlan, Frame, Scale, Survey
 from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
+from stages.realism import write_world
 from stages.surface import model_surface
 
 WORKINGS = shapely.box(0, 0, 26, 14).difference(shapely.box(5, 4.5, 21, 9.5)).union(shapely.box(26, 0, 40, 4))
@@ -45,40 +47,35 @@ def build_world(folder: Path, workings: Polygon, entrance_m: tuple[float, float]
     survey = Survey("small", "plan", frame, Scale(_PX_PER_M, "stated"), [], entrance_m, {}, ["plan.png"])
     grey = np.where(fill_polygon(workings, frame), 40, 255).astype(np.uint8)
     plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    traced = trace_free_space(config.contours, plan, survey, Workings(MultiPolygon()))
+    traced = trace_free_space(config.contours, MineSurvey(survey, plan, DrawnPlan()))
     finish_world(config, survey, traced, folder)
 
 
 def finish_world(
     config: Config, survey: Survey, traced: dict[str, Any], folder: Path
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Run stages 3 to 5 in memory on what stage 2 returned, and write the bundle to a folder.
+    """Run stages 3 to 5 in memory on what stage 2 returned for a level mine, and write the bundle to a folder.
 
     Returns
     -------
     dict, dict
-        What stages 3 and 4 returned.
+        The files of stages 3 and 4, and their values by name.
     """
-    free_space, network = traced["free_space"], traced["topology"]
-    rock = compile_rock(config.compile3d, free_space, network, survey)
-    surface = model_surface(config.surface, free_space, network, rock["extent"])
-    world = assemble_world(
-        config.realism,
-        survey,
-        free_space,
-        network,
-        rock["extent"],
-        rock["collision"],
-        rock["spawn"],
-        surface["smooth"],
-        surface["texture"],
-        surface["rough"],
-        occupancy=encode(Path(CLEARANCE_GRID), rock["occupancy"]),
-        free_space_bt=rock["octree"],
-        map_png=encode(Path(NAV2_PICTURE), rock["map"]),
-        map_yaml=rock["map_yaml"].encode(),
-    )["world"]
-    for name, data in world.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
+    # No stage after the second looks at the picture of a plan.
+    mine = MineSurvey(survey, np.zeros((1, 1, 3), np.uint8), DrawnPlan())
+    seen = {"free_space": traced["free_space"], "topology": traced["topology"]}
+    with tempfile.TemporaryDirectory() as scratch:
+        compiled, visible = Path(scratch) / "compiled", Path(scratch) / "rock"
+        rock = compile_rock(config.compile3d, mine, **seen, traced=Path(scratch))["compiled"]
+        _write(compiled, rock)
+        surface = model_surface(config.surface, mine, **seen, compiled=compiled)["rock"]
+        _write(visible, surface)
+        _write(folder, write_world(config.realism, mine, **seen, compiled=compiled, rock=visible)["world"])
     return rock, surface
+
+
+def _write(folder: Path, files: Mapping[str, Any]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, value in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(encode(folder / name, value))

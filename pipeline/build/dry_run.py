@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pipeline.compose import compose, floor_rules_of
 from pipeline.errors import GeometryError, MineError
@@ -19,13 +18,15 @@ from pipeline.params.config import Config
 from pipeline.params.floor_rules import reading_by
 from pipeline.params.stated import StatedOptions
 from pipeline.places import CONF
+from pipeline.store.mine_survey import MineSurvey
 from pipeline.store.registry import OWN_REGISTRY
+from pipeline.survey.load import read_survey
 from pipeline.types import Image, Mask, SurveyedLegs
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """What was read of a mine: the files, a picture (rows, cols, 3) uint8, stage 1's results, and the workings.
+    """What was read of a mine: the files, a picture (rows, cols, 3) uint8, the survey, and the workings.
 
     The picture shows what of a plan's picture was taken for workings, else the plan that was read. `workings` is a mask
     of the plan's pixels; None of a survey that is built as one volume.
@@ -33,7 +34,7 @@ class DryRun:
 
     files: list[Path]
     picture: Image
-    made: Mapping[str, Any]
+    made: MineSurvey
     workings: Mask | None
 
 
@@ -61,12 +62,12 @@ def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]
         draft = draft_import(name, source, stated, is_kept=False)
     if draft.section is None:
         made, workings = _read(compose([f"survey={name}", *overrides]))
-        return DryRun([], made["plan"], made, workings)
+        return DryRun([], made.plan, made, workings)
     copies = {file.absolute(): target for file, target in draft.copies.items()}
     with _scratch_project():
         import_mine(replace(draft, copies=copies), "not stated", "not stated")
         made, workings = _read(compose([f"survey={name}", *overrides]))
-    picture = made["plan"] if draft.picture is None else draft.picture
+    picture = made.plan if draft.picture is None else draft.picture
     return DryRun(list(draft.copies), picture, made, workings)
 
 
@@ -85,16 +86,14 @@ def _scratch_project() -> Iterator[None]:
             yield
 
 
-def _read(config: Config) -> tuple[Mapping[str, Any], Mask | None]:
+def _read(config: Config) -> tuple[MineSurvey, Mask | None]:
     """Run stage 1 and what stage 2 finds, in memory, and return both; refuse legs that are all too steep."""
     from stages.contours import find_workings
-    from stages.survey import STAGE
 
-    made = STAGE.run(config.survey)
-    taken = ("plan", "survey", "workings", "network", "solid", "floors")
-    workings = find_workings(config.contours, **{name: made[name] for name in taken})
-    if len(made["network"]) and not len(made["solid"]) and not len(made["floors"]):
-        _require_flat_leg(config.compile3d, made["network"], (made["survey"].sources or [made["survey"].name])[0])
+    made = read_survey(config.survey)
+    workings = find_workings(config.contours, made)
+    if isinstance(made.shape, SurveyedLegs):
+        _require_flat_leg(config.compile3d, made.shape, made.source)
     return made, workings
 
 

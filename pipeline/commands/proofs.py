@@ -27,7 +27,7 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically, write_report
 
-    world, free = _open_level(bundle, "replay")
+    world, free = _open_level(bundle)
     result = replay_sweeps(world, free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
     figures = encode(Path("replay.json"), result.report)
     print(figures.decode(), end="")
@@ -46,15 +46,12 @@ def _require_replay(out: Path) -> None:
         raise ArtifactError(f"{picture}: there is another file; move it away, or give another --out")
 
 
-def _open_level(bundle: Path, command: str) -> tuple[OpenedBundle, Polygon]:
-    """Return a level world and its free space (m, mine frame); a volume is refused for a command."""
-    from pipeline.errors import InputError
+def _open_level(bundle: Path) -> tuple[OpenedBundle, Polygon]:
+    """Return a level world and its free space (m, mine frame); a volume is refused."""
     from pipeline.mjcf.bundle import open_bundle
     from pipeline.store.codecs import decode
     from pipeline.types import FreeSpace
 
-    if (bundle / VOLUME).is_file():
-        raise InputError(f"{bundle}: a world with heights, one volume; {command} takes level worlds only")
     return open_bundle(bundle), decode(bundle / FREE_SPACE, FreeSpace).polygon
 
 
@@ -151,7 +148,7 @@ def parity(bundle: Path, rays: int, out: Path | None) -> None:
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_report
 
-    report = compare_backends(bundle, *_open_level(bundle, "parity"), rays, seed=0)
+    report = compare_backends(bundle, *_open_level(bundle), rays, seed=0)
     if out is not None:
         write_report(out, encode(out, report))
     for name, result in report.backends.items():

@@ -6,12 +6,16 @@ import os
 import shlex
 import sys
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 from pipeline.commands.arguments import natural, number, positive
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pipeline.params.config import Config
+    from pipeline.report.page import WorldView
+    from pipeline.store.mine_survey import MineSurvey
 
 
 def this_command() -> str:
@@ -56,8 +60,8 @@ def worlds(
     from pipeline.build.family import FAMILIES, generated, make_family, to_list, variants, without_rock
     from pipeline.build.splits import LIST, read_list, write_list
     from pipeline.errors import InputError
-    from pipeline.import_mine import import_workings
-    from pipeline.worlds import DEFAULT, is_volume_world, world_folder, world_params
+    from pipeline.stage import by_model
+    from pipeline.worlds import DEFAULT, survey_of, world_folder, world_params
 
     if (split == "variants") != (of == DEFAULT):
         raise InputError(f"--split {split} --of {of}: variants of the {DEFAULT} world have the split variants")
@@ -68,9 +72,7 @@ def worlds(
     if of is None:
         members = generated(split, count, overrides)
     else:
-        if is_volume_world(world_folder(of)):
-            raise InputError(f"--of {of}: variants are made of the plan of a level mine, and this world is one volume")
-        workings = import_workings(of, world_folder(of) / "contours/free_space.geojson")
+        workings = by_model(level=_import_plan, volume=_refuse_volume)(of, survey_of(world_folder(of)))
         members = variants(of, workings, split, count, height_sd_m, world_params(of), overrides)
     if light:
         members = without_rock(members, stress_tests)
@@ -83,6 +85,19 @@ def worlds(
     if write:
         write_list(to_list(outcomes))
     print(LIST if write else FAMILIES / "manifest.json")
+
+
+def _import_plan(of: str, mine: MineSurvey) -> Path:
+    from pipeline.import_mine import import_workings
+    from pipeline.worlds import world_folder
+
+    return import_workings(of, world_folder(of) / "contours/free_space.geojson")
+
+
+def _refuse_volume(of: str, mine: MineSurvey) -> NoReturn:
+    from pipeline.errors import InputError
+
+    raise InputError(f"--of {of}: variants are made of the plan of a level mine, and this world is one volume")
 
 
 def list_() -> None:
@@ -116,14 +131,18 @@ def report(name: str) -> None:
 def write_report(name: str, default: Config) -> None:
     """Write a world's report.html, which lists what of its parameters differs from the default."""
     from pipeline.report.page import write_page
-    from pipeline.worlds import changed_params, env_id, is_volume_world, world_folder
+    from pipeline.stage import by_model
+    from pipeline.worlds import changed_params, env_id, survey_of, world_folder
 
-    folder, view = world_folder(name), None
-    if is_volume_world(folder):
-        from pipeline.volume.world.page import volume_view
-
-        view = volume_view(folder)
+    folder = world_folder(name)
+    view = by_model(level=lambda folder, mine: None, volume=_view_of_volume)(folder, survey_of(folder))
     print(write_page(folder, env_id(name), changed_params(name, default), view))
+
+
+def _view_of_volume(folder: Path, mine: MineSurvey) -> WorldView:
+    from pipeline.volume.world.page import volume_view
+
+    return volume_view(folder, mine)
 
 
 def add_to(commands: Any) -> None:

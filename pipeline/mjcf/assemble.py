@@ -34,7 +34,8 @@ from pipeline.mjcf.render import render_camera
 from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.mjcf.visible import compile_visible, compile_with, in_sight
 from pipeline.params.realism import RealismParams
-from pipeline.store.codecs import Bundle, Meshes, encode
+from pipeline.places import COLLISION, EXTENT, SMOOTH, SPAWN, TEXTURE
+from pipeline.store.codecs import Bundle, Meshes, decode, encode
 from pipeline.store.palette_png import encode_texture
 from pipeline.types import (
     ConvexParts,
@@ -46,42 +47,47 @@ from pipeline.types import (
     Survey,
 )
 
+_COPIED = (CLEARANCE_GRID, NAV2_MAP, NAV2_PICTURE, OCTREE)
+
 
 def assemble_world(
     params: RealismParams,
     survey: Survey,
     free_space: FreeSpace,
     topology: DriftNetwork,
-    extent: SolidExtent,
-    collision: ConvexParts,
-    spawn: Spawn,
-    smooth: Meshes,
-    texture: Image,
-    rough: Path | Bundle,
-    occupancy: bytes,
-    free_space_bt: bytes,
-    map_png: bytes,
-    map_yaml: bytes,
-) -> dict[str, Bundle]:
-    """Return `world`: the files of the bundle by name.
+    compiled: Path,
+    rock: Path,
+) -> Bundle:
+    """Return the files of the bundle by name.
 
-    `rough` is the folder with the chunks of the rough surface, or these files by name. An empty `smooth` gives a world
-    without visible rock, which has no texture and no preview either. The last four files enter the bundle as they are.
+    Parameters
+    ----------
+    params : RealismParams
+    survey : Survey
+    free_space : FreeSpace
+    topology : DriftNetwork
+    compiled : Path
+        The folder of stage 3: collision parts, extent, spawn, and maps that enter the bundle as they are.
+    rock : Path
+        The folder of stage 4. An empty one gives a world without visible rock, which has no texture and no preview.
     """
-    chunks = _chunks(rough)
+    extent: SolidExtent = decode(compiled / EXTENT, SolidExtent)
+    spawn: Spawn = decode(compiled / SPAWN, Spawn)
+    smooth: Meshes = decode(rock / SMOOTH, Meshes) if (rock / SMOOTH).exists() else {}
+    chunks = {path.name: path.read_bytes() for path in sorted(rock.glob("*.msh"))}
     zones = tile_zones(params.zones, extent.world_m)
     wet = params.floor
     scene = MineScene(
         name=survey.name,
         extent=extent,
-        parts=collision,
+        parts=decode(compiled / COLLISION, ConvexParts),
         rock_friction=params.rock_friction,
         floor_thickness_m=params.floor_thickness_m,
         zones=zones,
         lights=_lights(params, topology),
         smooth=smooth,
         rough=chunks,
-        texture=encode_texture(texture) if smooth else b"",
+        texture=encode_texture(decode(rock / TEXTURE, Image)) if smooth else b"",
         anchor_m=spawn.anchor_m,
         heading_rad=heading_at(topology, spawn.anchor_m),
         T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
@@ -99,14 +105,8 @@ def assemble_world(
         files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
-    files |= {CLEARANCE_GRID: occupancy, OCTREE: free_space_bt, NAV2_PICTURE: map_png, NAV2_MAP: map_yaml}
-    return {"world": seal_bundle(files, _record(params, scene, free_space, topology, spawn), params.made_by)}
-
-
-def _chunks(rough: Path | Bundle) -> Bundle:
-    if isinstance(rough, Path):
-        rough = {path.name: path.read_bytes() for path in sorted(rough.glob("*.msh"))}
-    return {name: data for name, data in rough.items() if name.endswith(".msh")}
+    files |= {name: (compiled / name).read_bytes() for name in _COPIED}
+    return seal_bundle(files, _record(params, scene, free_space, topology, spawn), params.made_by)
 
 
 def _fittings(

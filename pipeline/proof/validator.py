@@ -38,7 +38,7 @@ from pipeline.proof.rebuilt.whole_bundle import require_rock, require_solid, tol
 from pipeline.proof.surface import SeenRock, WallBands, level_rock, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
-from pipeline.types import NO_LEGS, DriftNetwork, FreeSpace, Mask, Survey, SurveyedLegs, lines_of
+from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey, SurveyedLegs, lines_of
 
 _AREA_M2 = 1.1e-3  # areas have three decimals
 
@@ -55,7 +55,7 @@ class Validator:
         survey: Survey,
         checked: bool = True,
         traced: Polygon | None = None,
-        legs: SurveyedLegs = NO_LEGS,
+        legs: SurveyedLegs | None = None,
     ) -> None:
         """Open a bundle; without `checked` only the measures judge it, see `open_bundle`.
 
@@ -118,6 +118,7 @@ class Validator:
     @functools.cached_property
     def legs(self) -> LegFigures:
         """Return how the survey's legs are built."""
+        assert self._legs is not None  # the group is measured of surveys that have legs
         first, names = self._legs.first, lines_of(self._legs.names)
         shots = np.array([(k, k + 1) for begin, end in pairwise(first.tolist()) for k in range(begin, end - 1)], int)
         ends = [(names[a], names[b]) for a, b in shots.tolist()]

@@ -29,29 +29,36 @@ from pipeline.report.results import read_metrics
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import replace_folder
 from pipeline.store.manifest import REPORT_FILES, read_manifest
-from pipeline.types import NO_PICTURE, DriftNetwork, FreeSpace, Image, Survey
+from pipeline.store.mine_survey import open_survey
+from pipeline.types import DriftNetwork, FreeSpace, Image, Survey
 
 FOLDER, PAGE = "report", "report.html"
 _STAGES = ("survey", "contours", "compile3d", "surface", "realism", "validation")
 _WIDTH, _QUALITY = 1400, 82  # px and JPEG quality of the pictures in the page
 # file below the world's folder, caption
 _PLAN = [
-    ("survey/plan.png", "The plan as read."),
-    ("contours/contours.png", "Traced contours: outer walls green, islands red, the drift network amber."),
+    ("survey/mine/plan.png", "The plan as read."),
+    ("contours/evidence/contours.png", "Traced contours: outer walls green, islands red, the drift network amber."),
 ]
 _GLANCE = [
-    ("validation/agreement.png", "World from above against the survey: green where both are free, blue where one is."),
     (
-        "validation/deviation.png",
+        "validation/evidence/agreement.png",
+        "World from above against the survey: green where both are free, blue where one is.",
+    ),
+    (
+        "validation/evidence/deviation.png",
         "Points of the scan against the world: red in the rock, blue in the free space, yellow where nobody saw it.",
     ),
-    ("validation/views.png", "Views of a robot: along a drift, and at the junction where most drifts meet."),
+    ("validation/evidence/views.png", "Views of a robot: along a drift, and at the junction where most drifts meet."),
 ]
 _TEXTURE = [
-    ("validation/texture.png", "The six texture axes of the rock, world against real rock."),
-    ("surface/roughness.png", "Roughness over wavelength."),
-    ("surface/sections.png", "Cross-sections of drifts: the smooth surface, and the rough surface over it."),
-    ("validation/heat.png", "Roughness along the walls. Storeys of a mine with heights are drawn side by side."),
+    ("validation/evidence/texture.png", "The six texture axes of the rock, world against real rock."),
+    ("surface/evidence/roughness.png", "Roughness over wavelength."),
+    ("surface/evidence/sections.png", "Cross-sections of drifts: the smooth surface, and the rough surface over it."),
+    (
+        "validation/evidence/heat.png",
+        "Roughness along the walls. Storeys of a mine with heights are drawn side by side.",
+    ),
 ]
 
 
@@ -137,7 +144,7 @@ def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], vie
         decode(root / "contours/free_space.geojson", FreeSpace),
         _read(root, "contours/topology.json", DriftNetwork),
     )
-    survey = _read(root, "survey/survey.json", Survey)
+    survey = open_survey(root / "survey/mine").survey
     view = view or _view(root, survey, free_space, network)
     record, svg = view.record, to_svg(view.plan)
     metrics = read_metrics(root / "validation")
@@ -212,15 +219,12 @@ def _read(root: Path, file: str, kind: Any) -> Any:
 
 
 def _pictures(root: Path, pictures: list[tuple[str, str]]) -> list[tuple[str, str, str]]:
-    """Return (data URL, caption, full-size file) of each picture that was drawn."""
-    urls = ((_url(root / file), file, caption) for file, caption in pictures)
-    return [(url, caption, f"../{file}") for url, file, caption in urls if url]
-
-
-def _url(file: Path) -> str:
-    """Return the data URL of a picture, or nothing if none was drawn; of a large plan it takes 150 MB to read one."""
-    picture = decode(file, Image)
-    return "" if np.array_equal(picture, NO_PICTURE) else _embedded(picture)
+    """Return (data URL, caption, full-size file) of each picture that there is; not every mine has all of them."""
+    return [
+        (_embedded(decode(root / file, Image)), caption, f"../{file}")
+        for file, caption in pictures
+        if (root / file).exists()
+    ]
 
 
 def _embedded(picture: np.ndarray) -> str:
@@ -233,10 +237,13 @@ def _embedded(picture: np.ndarray) -> str:
 
 def _replay(root: Path) -> dict[str, Any] | None:
     """Return the replay of real sweeps with its picture, or None if the survey has no sweeps."""
-    report = json.loads((root / "validation/replay.json").read_text())
-    if not report.get("sweeps"):
+    folder = root / "validation/evidence"
+    if not (folder / "replay.json").exists():
         return None
-    return {**report, "picture": _embedded(_read(root, "validation/replay.png", Image))}
+    return {
+        **json.loads((folder / "replay.json").read_text()),
+        "picture": _embedded(_read(folder, "replay.png", Image)),
+    }
 
 
 def _width_of(network: DriftNetwork, survey: Survey) -> tuple[str, str]:

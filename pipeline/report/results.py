@@ -26,12 +26,12 @@ TIMINGS = "timings.json"  # in the folder of the metrics
 RESULTS, README, PICTURE_FOLDER = Path("docs/evidence/results.md"), Path("README.md"), Path("docs")
 PICTURES = {
     "world.jpg": Path("artifacts/realism/world/preview.png"),
-    "contours.jpg": Path("artifacts/contours/contours.png"),
-    "views.jpg": VALIDATION / "views.png",
-    "texture.jpg": VALIDATION / "texture.png",
-    "heat.jpg": VALIDATION / "heat.png",
-    "roughness.jpg": Path("artifacts/surface/roughness.png"),
-    "sections.jpg": Path("artifacts/surface/sections.png"),
+    "contours.jpg": Path("artifacts/contours/evidence/contours.png"),
+    "views.jpg": VALIDATION / "evidence/views.png",
+    "texture.jpg": VALIDATION / "evidence/texture.png",
+    "heat.jpg": VALIDATION / "evidence/heat.png",
+    "roughness.jpg": Path("artifacts/surface/evidence/roughness.png"),
+    "sections.jpg": Path("artifacts/surface/evidence/sections.png"),
 }
 _OPEN, _CLOSE = "<!-- results -->", "<!-- /results -->"
 _PICTURE_WIDTH = 1200

@@ -91,7 +91,7 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
     ----------
     folder : Path
     files : mapping
-        Content by name below the folder.
+        Content by name below the folder; a name that ends with a slash is that of an empty folder.
     ours : mapping
         What the old folder may hold: the files that its manifest states.
 
@@ -109,10 +109,11 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
         _begin(work, {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before})
         try:
             new.mkdir()
+            named = [name for name in files if not name.endswith("/")]
             for name in files:
-                (new / name).parent.mkdir(parents=True, exist_ok=True)
+                (new / name if name not in named else (new / name).parent).mkdir(parents=True, exist_ok=True)
             with ThreadPoolExecutor(_WRITERS) as pool:
-                for _ in pool.map(lambda name: _write(new / name, files[name]), files):
+                for _ in pool.map(lambda name: _write(new / name, files[name]), named):
                     pass  # an error of a file is raised here
             if folder.exists():
                 folder.rename(old)

@@ -134,7 +134,7 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
     given = [name for name in _OF_TABLES if options[name] is not None]
     values |= {name: options[name] for name in given}
     remarks |= {name: _OF_TABLES[name] for name in given}
-    return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=len(read.legs) > 0)
+    return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=read.has_heights)
 
 
 def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
@@ -210,8 +210,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
     files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
-    has_heights = read.heights is not None or len(read.floors) > 0
-    return Detection(values, remarks, files, read.width_m, has_heights=has_heights)
+    return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
 
 
 def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
@@ -273,7 +272,7 @@ def _detect_centrelines(path: Path, stated: StatedOptions) -> Detection:
         "origin": "of the mine frame, in the file's coordinates",
     }
     files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=len(read.legs) > 0)
+    return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
 
 
 def _projected(place: Georeference) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import shapely
 from pydantic import TypeAdapter
 from shapely import MultiPolygon
 
@@ -25,6 +24,7 @@ from pipeline.params.survey import (
 )
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
+from pipeline.store.mine_survey import MineSurvey, survey_arrays, survey_of_arrays
 from pipeline.store.registry import read_registry
 from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
 from pipeline.survey.drawing.georeference import placement_files, read_placement
@@ -47,17 +47,13 @@ from pipeline.survey.passages.relief import floor_of
 from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
-from pipeline.survey.start import start_in_plan, start_over
+from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations.table import read_stations, section_of
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import (
     METRIC,
-    NO_FLOORS,
-    NO_LEGS,
-    NO_SOLID,
-    ClosedMesh,
-    FloorMesh,
+    DrawnPlan,
     Frame,
     Georeference,
     Heights,
@@ -65,6 +61,7 @@ from pipeline.types import (
     Scale,
     Survey,
     SurveyedLegs,
+    VolumeShape,
     Workings,
 )
 
@@ -83,52 +80,28 @@ class Reading:
     map_px_per_m: float | None = None
     georeference: Georeference = METRIC
     heights: Heights | None = None
-    level_legs: SurveyedLegs = NO_LEGS
+    legs: SurveyedLegs | None = None
 
 
 @dataclass(frozen=True)
 class _Drawn:
     """A survey as a plan with its frame and scale, boxes of the plan (px) that show no workings, and its workings.
 
-    Workings are those of a survey in metres; else stage 2 reads them from the plan.
+    Workings are those of a survey in metres; None where stage 2 finds them in the plan.
     """
 
     plan: Image
     frame: Frame
     scale: Scale
     georeference: Georeference
+    shape: DrawnPlan | VolumeShape
     heights: Heights | None = None
     boxes: list[Box] = field(default_factory=list)
-    workings: MultiPolygon = field(default_factory=MultiPolygon)
-    legs: SurveyedLegs = NO_LEGS
-    solid: ClosedMesh = NO_SOLID
-    floors: FloorMesh = NO_FLOORS
-    level_legs: SurveyedLegs = NO_LEGS
+    workings: MultiPolygon | None = None
 
 
-@dataclass(frozen=True)
-class _SurveyContent:
-    """What stage 1 hands on of a survey."""
-
-    plan: Image
-    survey: Survey
-    workings: MultiPolygon
-    legs: SurveyedLegs
-    solid: ClosedMesh
-    floors: FloorMesh
-    level_legs: SurveyedLegs
-
-
-def read_survey(params: SurveyParams) -> dict[str, Any]:
+def read_survey(params: SurveyParams) -> MineSurvey:
     """Read a survey, in a process with the limits of `conf/reader_limits.yaml` if it comes from a file.
-
-    Returns
-    -------
-    dict
-        `plan`, the picture (rows, cols, 3) uint8 BGR; `workings`, polygons in m, mine frame, empty unless the survey is
-        a vector survey; `survey`, the frame, scale and origin of both; `network`, the legs of a survey that is built
-        as one volume, `solid`, its mesh where it is one, and `floors`, those of drawn areas; none of others.
-        `level_legs`, the legs of a station survey, or of lines, that is built as a plan.
 
     Raises
     ------
@@ -136,60 +109,18 @@ def read_survey(params: SurveyParams) -> dict[str, Any]:
         If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
     if params.kind in ("procedural", "cloud"):  # the points of a cloud are read in a process of their own
-        read = _read(params)
-        return _outputs(read)
+        return read_unlimited(params)
     # A fit to poses casts rays by a library whose threads do not survive a fork.
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
     fresh = params.poses is not None
     payload = run_limited("survey", arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
-    polygons = shapely.from_wkb(payload.arrays["workings"].tobytes())
-    survey = TypeAdapter(Survey).validate_python(payload.values)
-    whole = (_unpacked(kind, name, payload.arrays) for name, kind in _RECORDS.items())
-    return _outputs(_SurveyContent(payload.arrays["plan"], survey, polygons, *whole))
-
-
-def _outputs(read: _SurveyContent) -> dict[str, Any]:
-    return {
-        "plan": read.plan,
-        "survey": read.survey,
-        "workings": Workings(read.workings),
-        "network": read.legs,
-        "solid": read.solid,
-        "floors": read.floors,
-        "level_legs": read.level_legs,
-    }
-
-
-_RECORDS: dict[str, type[Any]] = {  # of arrays and numbers, by their names in `_SurveyContent`
-    "legs": SurveyedLegs,
-    "solid": ClosedMesh,
-    "floors": FloorMesh,
-    "level_legs": SurveyedLegs,
-}
-
-
-def _packed(read: _SurveyContent) -> dict[str, np.ndarray]:
-    """Return the records of arrays and numbers as arrays."""
-    return {
-        f"{name}/{f.name}": np.asarray(getattr(getattr(read, name), f.name))
-        for name, kind in _RECORDS.items()
-        for f in fields(kind)
-    }
-
-
-def _unpacked(kind: type[Any], name: str, arrays: dict[str, np.ndarray]) -> Any:
-    """Return a record that `_packed` took apart."""
-    found = {f: arrays[f"{name}/{f.name}"] for f in fields(kind)}
-    return kind(**{f.name: value.item() if f.type == "float" else value for f, value in found.items()})
+    return survey_of_arrays(payload.values, payload.arrays)
 
 
 def read_here(params: dict[str, Any]) -> Payload:
     """Read a survey in this process; `read_survey` has limits."""
-    read = _read(_section(params))
-    arrays = {"plan": read.plan, "workings": np.frombuffer(shapely.to_wkb(read.workings), np.uint8)}
-    arrays |= _packed(read)
-    return Payload(TypeAdapter(Survey).dump_python(read.survey, mode="json"), arrays)
+    return Payload(*survey_arrays(read_unlimited(_section(params))))
 
 
 def _section(params: dict[str, Any]) -> SurveyParams:
@@ -212,50 +143,51 @@ def _subject(params: SurveyParams) -> str:
     return params.file
 
 
-def _read(params: SurveyParams) -> _SurveyContent:
+def read_unlimited(params: SurveyParams) -> MineSurvey:
+    """Read a survey in this process, by its own rules of the floor."""
     with reading_by(params):
         return _read_by_kind(params)
 
 
-def _read_by_kind(params: SurveyParams) -> _SurveyContent:
+def _read_by_kind(params: SurveyParams) -> MineSurvey:
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
         case "grid":
             grid = read_grid(params)
             scale = Scale(grid.frame.px_per_m, "map")
-            read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, workings=grid.workings)
+            read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, DrawnPlan(), workings=grid.workings)
         case "solid" | "cloud":
             read = _read_solid(params)
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            read = _Drawn(
-                found.draw_plan(), found.frame, scale, found.georeference, found.heights, workings=found.workings
-            )
-            read = replace(read, legs=found.legs, floors=found.floors, level_legs=found.level_legs)
+            place, heights = found.georeference, found.heights
+            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, heights, [], found.workings)
     stated = _stated_heights(params, read)
-    if stated is not None and (len(read.legs) or len(read.solid) or len(read.floors)):
+    if stated is not None and not isinstance(read.shape, DrawnPlan):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
     registry, files = read_registry(), sources(params)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
     }
+    entrance_m, entrance_z_m = _entrance(params, read.shape, heights)
     survey = Survey(
         params.name,
         params.kind,
         read.frame,
         read.scale,
         read.boxes,
-        _entrance(params, read, heights),
+        entrance_m,
         dict(params.labels_m),
         files,
         read.georeference,
         licences,
         heights,
+        entrance_z_m,
     )
-    return _SurveyContent(read.plan, survey, read.workings, read.legs, read.solid, read.floors, read.level_legs)
+    return MineSurvey(survey, read.plan, read.shape, None if read.workings is None else Workings(read.workings))
 
 
 def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
@@ -270,15 +202,19 @@ def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
     if isinstance(found, ScanReading):
         plan = mark_left_out(plan, frame, found.volume)
     scale = Scale(frame.px_per_m, "drawn")
-    legs = replace(NO_LEGS, start_m=start_over(params.entrance_m, found.solid.datum_m))
-    return _Drawn(plan, frame, scale, found.georeference, workings=found.workings, legs=legs, solid=found.solid)
+    return _Drawn(plan, frame, scale, found.georeference, found.solid, workings=found.workings)
 
 
-def _entrance(params: SurveyParams, read: _Drawn, heights: Heights | None) -> tuple[float, float] | None:
-    """Return where robots start in the plan; the legs of a volume have the place with its elevation."""
-    if params.entrance_m is None or len(read.legs) or len(read.solid) or len(read.floors):
-        return None
-    return start_in_plan(params.entrance_m, heights)
+def _entrance(
+    params: SurveyParams, shape: DrawnPlan | VolumeShape, heights: Heights | None
+) -> tuple[tuple[float, float] | None, float | None]:
+    """Return where robots start in plan, and of a volume at which height, if these are stated."""
+    if params.entrance_m is None:
+        return None, None
+    if isinstance(shape, DrawnPlan):
+        return start_in_plan(params.entrance_m, heights), None
+    east, north, *elevation = params.entrance_m
+    return (east, north), elevation[0] - shape.datum_m if elevation else None
 
 
 def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:
@@ -326,7 +262,7 @@ def _read_scaled(params: Scaled) -> _Drawn:
             )
             for col0, row0, col1, row1 in boxes
         ]
-    return _Drawn(plan, frame, scale, reading.georeference, reading.heights, boxes, level_legs=reading.level_legs)
+    return _Drawn(plan, frame, scale, reading.georeference, DrawnPlan(reading.legs), reading.heights, boxes)
 
 
 def plan_of_stations(params: StationSurveyParams) -> Reading:
@@ -347,7 +283,7 @@ def plan_of_stations(params: StationSurveyParams) -> Reading:
     frame = frame_around(extent, params.px_per_m)
     plan, box = draw_plan(workings, frame, params.labels_m, params.scale.bar_length_m, params.drawing_grey)
     bar = measure_bar(plan[box[1] : box[3], box[0] : box[2]], params.scale.bar_length_m, "the drawn plan's scale bar")
-    return Reading(plan, frame, [box], bar, heights=heights, level_legs=level_legs(legs, (0.0, 0.0)))
+    return Reading(plan, frame, [box], bar, heights=heights, legs=level_legs(legs, (0.0, 0.0)))
 
 
 def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:

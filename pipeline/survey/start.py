@@ -35,10 +35,3 @@ def start_in_plan(start_m: tuple[float, ...], heights: Heights | None) -> tuple[
     if min(found, default=np.inf) > _NEAR_M:
         raise InputError(f"survey.entrance_m = {list(start_m)}: no drift within {_NEAR_M:g} m")
     return east, north
-
-
-def start_over(start_m: tuple[float, ...] | None, datum_m: float) -> np.ndarray:
-    """Return a start with its elevation over a datum, m, mine frame; nothing for none."""
-    if start_m is None:
-        return np.zeros(0)
-    return np.array([*start_m[:2], *(z - datum_m for z in start_m[2:])])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -55,14 +56,13 @@ from pipeline.survey.whole_survey import (
 )
 from pipeline.types import (
     METRIC,
-    NO_FLOORS,
-    NO_LEGS,
-    FloorMesh,
+    DrawnFloors,
+    DrawnPlan,
     Frame,
     Georeference,
     Heights,
     Image,
-    SurveyedLegs,
+    VolumeShape,
 )
 
 VectorSurvey = (
@@ -75,29 +75,35 @@ _MOST_LAYERS = 8  # that a message names
 class VectorReading:
     """A survey's workings (m, mine frame), their georeference and heights, and what draws their plan, with its frame.
 
-    `legs` are those of a survey that is built as one volume, `floors` those of drawn areas with heights, whose shafts
-    are the legs; the workings are their view from above. `level_legs` are those of a survey that is built as a plan. A
-    procedural mine with `as_picture` has no workings: stage 2 traces them from the plan.
+    Of a shape that is no plan the workings are the view from above. A procedural mine with `as_picture` has none: stage
+    2 traces them from the plan.
     """
 
-    workings: MultiPolygon
+    workings: MultiPolygon | None
     georeference: Georeference
     heights: Heights | None
     frame: Frame
     draw_plan: partial[Image]  # one of 6,000 px takes 2 s, and detection needs none
-    legs: SurveyedLegs = NO_LEGS
-    floors: FloorMesh = NO_FLOORS
-    level_legs: SurveyedLegs = NO_LEGS
+    shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
 
     @property
     def width_m(self) -> float:
         """Return the typical width of the drifts: that of one long drift of the same area and length of walls."""
-        return self.floors.width_m if len(self.floors) else 2 * self.workings.area / self.workings.length
+        if isinstance(self.shape, DrawnFloors):
+            return self.shape.mesh.width_m
+        return 2 * self.workings.area / self.workings.length if self.workings else math.nan
+
+    @property
+    def has_heights(self) -> bool:
+        """Return whether the survey states where its floors are."""
+        return self.heights is not None or not isinstance(self.shape, DrawnPlan)
 
     @property
     def walls_m(self) -> float:
         """Return the length of all walls seen from above, those over each other among them."""
-        return self.floors.walls_m if len(self.floors) else float(self.workings.length)
+        if isinstance(self.shape, DrawnFloors):
+            return self.shape.mesh.walls_m
+        return float(self.workings.length) if self.workings else 0.0
 
 
 @dataclass(frozen=True)
@@ -107,9 +113,7 @@ class _Workings:
     polygons: MultiPolygon
     georeference: Georeference
     heights: Heights | None = None
-    legs: SurveyedLegs = NO_LEGS
-    floors: FloorMesh = NO_FLOORS
-    level_legs: SurveyedLegs = NO_LEGS
+    shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -128,11 +132,9 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     frame = frame_of(name, workings, params)
     if params.kind != "procedural" or not params.as_picture:
         draw = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(
-            workings, read.georeference, read.heights, frame, draw, read.legs, read.floors, read.level_legs
-        )
+        return VectorReading(workings, read.georeference, read.heights, frame, draw, read.shape)
     draw = partial(draw_picture, workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
-    return VectorReading(MultiPolygon(), read.georeference, None, frame, draw)
+    return VectorReading(None, read.georeference, None, frame, draw)
 
 
 def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
@@ -158,8 +160,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     shapes, georeference = locate(path, content, params.unit, params.origin)
     found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
     if found.levels is not None:
-        levels = found.levels
-        return _Workings(levels.polygons, georeference, None, levels.legs, levels.floors)
+        return _Workings(found.levels.polygons, georeference, shape=found.levels.shape)
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
@@ -185,12 +186,12 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
         shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
         place = Georeference("m", 1.0, georeference.origin, whole.crs)
         workings, legs = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
-        return _Workings(workings, place, level_legs=legs)
+        return _Workings(workings, place, shape=DrawnPlan(legs))
     piece = built_piece(path, whole, params.piece)
     _, georeference = locate(path, Shapes([footprint(path, piece.legs)], "m"), "m", params.origin)
-    surveyed = whole_in_frame(piece, params, georeference.origin)
+    surveyed = whole_in_frame(piece, georeference.origin)
     place = Georeference("m", 1.0, georeference.origin, whole.crs)
-    return _Workings(seen_from_above(path, surveyed), place, legs=surveyed)
+    return _Workings(seen_from_above(path, surveyed), place, shape=surveyed)
 
 
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
@@ -206,10 +207,10 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     whole = WholeSurvey(legs, not has_relief(legs), is_named=False)
     if whole.is_level:
         built, driven = _level_workings(path, whole, params)
-        return _Workings(as_polygons(built), georeference, level_legs=level_legs(driven, (0.0, 0.0)))
+        return _Workings(as_polygons(built), georeference, shape=DrawnPlan(level_legs(driven, (0.0, 0.0))))
     piece = built_piece(path, whole, params.piece)
-    surveyed = whole_in_frame(piece, params, (0.0, 0.0))
-    return _Workings(seen_from_above(path, surveyed), georeference, legs=surveyed)
+    surveyed = whole_in_frame(piece, (0.0, 0.0))
+    return _Workings(seen_from_above(path, surveyed), georeference, shape=surveyed)
 
 
 def _level_workings(

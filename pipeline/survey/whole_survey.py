@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError, first_few
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
-from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams
+from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.passages.legs import SurveyLeg, legs_of, shots_of
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
@@ -24,7 +24,6 @@ from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
 from pipeline.survey.solved_surveys import entrances_of, names_of, solve_file, ties_of
-from pipeline.survey.start import start_over
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, Source, SurveyedLegs, text_array
 
@@ -152,28 +151,25 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
         )
 
 
-def whole_in_frame(
-    piece: BuiltPiece, params: PassageSurveyParams | CentrelineSurveyParams, origin: tuple[float, float]
-) -> SurveyedLegs:
+def whole_in_frame(piece: BuiltPiece, origin: tuple[float, float]) -> SurveyedLegs:
     """Return the legs in the mine frame, whose height 0 is their lowest floor, rounded down to metres."""
     places = [_places(leg) for leg in piece.legs]
     lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in piece.legs])
     floors = np.concatenate(places)[:, 2] - np.nan_to_num(lrud[:, 3])
     datum = float(np.floor(floors.min()))
     return SurveyedLegs(
-        np.concatenate(places) - np.array([*origin, datum]),
-        lrud,
-        np.concatenate([[0], np.cumsum([len(leg.stations) for leg in piece.legs])]).astype(np.int32),
-        text_array([name for leg in piece.legs for name in leg.stations]),
-        text_array(piece.entrances),
-        start_over(params.entrance_m, datum),
-        text_array([name for name, _ in piece.others]),
-        np.array([length for _, length in piece.others]),
-        piece.surveyed_m,
-        datum,
-        np.concatenate([leg.known for leg in piece.legs]).astype(np.uint8),
-        np.concatenate([~leg.surveyed for leg in piece.legs]).astype(np.uint8),
-        splays_from(piece.legs) - np.array([*origin, datum]),
+        positions_m=np.concatenate(places) - np.array([*origin, datum]),
+        lrud_m=lrud,
+        first=np.concatenate([[0], np.cumsum([len(leg.stations) for leg in piece.legs])]).astype(np.int32),
+        names=text_array([name for leg in piece.legs for name in leg.stations]),
+        surveyed_m=piece.surveyed_m,
+        datum_m=datum,
+        entrances=text_array(piece.entrances),
+        pieces=text_array([name for name, _ in piece.others]),
+        pieces_m=np.array([length for _, length in piece.others]),
+        sources=np.concatenate([leg.known for leg in piece.legs]).astype(np.uint8),
+        between=np.concatenate([~leg.surveyed for leg in piece.legs]).astype(np.uint8),
+        splays_m=splays_from(piece.legs) - np.array([*origin, datum]),
     )
 
 

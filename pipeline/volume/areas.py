@@ -12,7 +12,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.scans.meshes.uncrossed import arrays_of
 from pipeline.survey.passages.legs import legs_of
-from pipeline.types import ClosedMesh, FloorMesh, SurveyedLegs
+from pipeline.types import ClosedMesh, DrawnFloors, FloorMesh
 from pipeline.volume.network import network_of
 from pipeline.volume.union import pieces_of, unite
 
@@ -20,7 +20,7 @@ _LEAST_M2 = 1e-12  # of a face seen from above, twice
 _SIMPLE_M = 0.004  # of the mesh, as of surveyed legs: floors keep within 1 cm of the drawn heights
 
 
-def solid_of_floors(floors: FloorMesh, shafts: SurveyedLegs, height_m: float, half_m: float) -> ClosedMesh:
+def solid_of_floors(drawn: DrawnFloors, height_m: float, half_m: float) -> ClosedMesh:
     """Return the closed mesh of all free space: floors with plumb walls and a roof `height_m` over them, and shafts.
 
     Shafts that nobody measured are `half_m` wide to each side. Floors keep their triangles, so that they are as drawn.
@@ -30,10 +30,11 @@ def solid_of_floors(floors: FloorMesh, shafts: SurveyedLegs, height_m: float, ha
     GeometryError
         If a roof cuts through the floor over it; the message names the place and what states less height.
     """
+    floors, shafts = drawn.mesh, drawn.shafts
     vertices, faces = slab(floors, height_m)
     _require_apart(floors, vertices, faces, height_m)
     solids = [_solid(vertices, faces[part]) for part in _parts(len(vertices), faces)]
-    if len(shafts):
+    if shafts is not None:
         network = network_of(legs_of(shafts), height_m, half_m)
         middle = shafts.positions_m[0] - network.places_m[0]
         solids.append(unite(network, pieces_of(network)).solid.translate(middle.tolist()))

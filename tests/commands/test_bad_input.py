@@ -89,7 +89,7 @@ def test_a_scale_bar_in_a_box_is_measured_and_is_not_a_drift(project):
         project, drift_picture(), "survey.scale.bar_box_px=[30,130,260,156]", "survey.scale.bar_length_m=25"
     )
     assert done.returncode == 0, done.stderr
-    survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())
+    survey = json.loads((project.folder / "artifacts/survey/mine/survey.json").read_text())
     assert survey["frame"]["px_per_m"] == 8.0
     project.stage("contours").check_returncode()
     facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
@@ -285,8 +285,8 @@ def test_a_stage_that_fails_lists_the_overrides_that_params_yaml_has(copied):
 @pytest.mark.parametrize(
     ("name", "data"),
     [
-        ("survey/plan.png", b""),
-        ("survey/survey.json", b"{"),
+        ("survey/mine/plan.png", b""),
+        ("survey/mine/survey.json", b"{"),
         (
             "contours/free_space.geojson",
             b'{"features": [{"geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 0]]]}}]}',

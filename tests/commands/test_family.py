@@ -300,7 +300,7 @@ def test_rooms_that_are_more_than_half_of_the_plan_are_no_inverted_plan(monkeypa
     (member,) = (m for m in generated("test", 105, []) if m.seed == 2_000_104)
     config = compose(member.overrides)
     read = read_survey(config.survey)
-    traced = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])
+    traced = trace_free_space(config.contours, read)
     frame = traced["free_space"].frame
     assert traced["cleaned"].sum() > 0.5 * frame.width_px * frame.height_px
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.faults.injection import edit_record, seal
-from minexplore.bundle import VOLUME, BundleError
+from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
 from minexplore.pictures.cameras import CameraParams
 from minexplore.pictures.render import shown_groups
@@ -28,6 +28,7 @@ from pipeline.schema import check_world
 from tests.composed import compose
 from tests.mines import TEE, BuiltMine, require_allowed, sealed
 from tests.minexplore.sensing.test_lidar import nearest, rays
+from tests.volume_worlds import RAMP, VolumeWorld
 
 
 @pytest.fixture(scope="module")
@@ -222,10 +223,8 @@ def test_sweeps_are_not_replayed_in_a_light_world_which_is_named(light, tmp_path
         replay(light.bundle, tmp_path, tmp_path / "poses.csv", None, [])
 
 
-@pytest.mark.parametrize(
-    "command", [lambda path: replay(path, path, path, None, []), lambda path: parity(path, 10, None)]
-)
-def test_level_worlds_alone_are_replayed_and_compared(command, tmp_path):
-    (tmp_path / VOLUME).touch()
-    with pytest.raises(InputError, match=r"one volume; (replay|parity) takes level worlds only"):
-        command(tmp_path)
+def test_level_worlds_alone_are_replayed_and_compared(tmp_path):
+    bundle = VolumeWorld(RAMP, tmp_path).bundle
+    for command in (lambda: replay(bundle, bundle, bundle, None, []), lambda: parity(bundle, 10, None)):
+        with pytest.raises(ArtifactError, match=r"a world of one volume .*, which this command does not read"):
+            command()

@@ -62,7 +62,7 @@ def test_the_chain_of_an_own_mine_is_verified_and_a_changed_file_breaks_it(owned
     verified = project.module("pipeline", "verify", "my-tee")
     assert verified.returncode == 0, verified.stderr
     assert re.fullmatch(r"\d+ artifacts verified; world [0-9a-f]{64}\n", verified.stdout)
-    changed = "artifacts/worlds/my-tee/contours/widths.csv"
+    changed = "artifacts/worlds/my-tee/contours/evidence/widths.csv"
     with (project.folder / changed).open("a") as stream:
         stream.write("x")
     broken = project.module("pipeline", "verify", "my-tee")
@@ -224,7 +224,7 @@ def test_a_corrected_survey_section_rebuilds_the_world(owned, tmp_path):
     program = "from pipeline.compose import compose; print(compose(['survey=my-tee']).survey.scale.bar_length_m)"
     assert project.run(sys.executable, "-c", program).stdout.strip() == "24.0"
     project.run(sys.executable, "-m", "pipeline", "new", "my-tee", "--from", "plan.png")
-    survey = json.loads((project.folder / "artifacts/worlds/my-tee/survey/survey.json").read_text())
+    survey = json.loads((project.folder / "artifacts/worlds/my-tee/survey/mine/survey.json").read_text())
     assert survey["scale"]["px_per_m"] == pytest.approx(160 / 24)
 
 

@@ -56,7 +56,7 @@ def test_the_embedded_mine_with_a_grade_for_each_leg_holds_its_certificate(proje
         assert done.returncode == 0, done.stderr
     root = project.folder / "artifacts"
     assert json.loads((root / "validation/certificate.json").read_text())["holds"]
-    mesh = decode(root / "contours/floors.npz", FloorMesh)
+    mesh = decode(root / "contours/traced/floors.npz", FloorMesh)
     x, y, z = mesh.vertices.T
     height_at = LinearTriInterpolator(Triangulation(x, y, mesh.faces), z)
     stated = yaml.safe_load((ROOT / "conf/survey/graded.yaml").read_text())["survey"]["grade"]

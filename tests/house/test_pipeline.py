@@ -94,11 +94,11 @@ def test_verify_accepts_an_intact_chain_and_names_the_first_broken_link(built, t
     mine.write_text(text.replace('friction="0.25', '"friction="0.95'.replace('"f', "f", 1)))
     assert "artifacts/realism/world/mine.xml" in message_of(verify())
     mine.write_text(text)
-    plan = folder / "artifacts/survey/plan.png"
+    plan = folder / "artifacts/survey/mine/plan.png"
     plan.write_bytes(plan.read_bytes() + b"x")
-    assert message_of(verify()).startswith("verify: artifacts/survey/plan.png")
+    assert message_of(verify()).startswith("verify: artifacts/survey/mine/plan.png")
     plan.unlink()
-    assert "artifacts/survey/plan.png: missing" in message_of(verify())
+    assert "artifacts/survey/mine/plan.png: missing" in message_of(verify())
 
 
 def test_a_manifest_made_from_another_input_breaks_the_chain(traced_project, tmp_path):
@@ -108,7 +108,7 @@ def test_a_manifest_made_from_another_input_breaks_the_chain(traced_project, tmp
     text = (folder / "artifacts/params.json").read_text().replace('"drawing_grey": 40', '"drawing_grey": 60')
     (folder / "artifacts/params.json").write_text(text)
     done = project.module("pipeline", "verify")
-    assert "artifacts/survey/plan.png" in message_of(done)
+    assert "artifacts/survey/mine/plan.png" in message_of(done)
     assert "the inputs of contours" in done.stderr
 
 
@@ -116,7 +116,11 @@ def test_dvc_repro_runs_all_stages_once_then_none(repro, tmp_path):
     assert "Running stage 'validation'" in (repro.folder.parent / "stdout").read_text()
     project = repro.copy(tmp_path / "mine")
     read, _, _ = audit_repro(project)
-    assert {"artifacts/survey/plan.png", "artifacts/realism/world/mine.xml", "stages/survey.py"} <= read  # hashed once
+    assert {
+        "artifacts/survey/mine/plan.png",
+        "artifacts/realism/world/mine.xml",
+        "stages/survey.py",
+    } <= read  # hashed once
     read, processes, imported = audit_repro(project)
     # DVC compares the values in three files; its state has the hashes of all others.
     assert read == {"dvc.yaml", "dvc.lock", "params.yaml", "artifacts/params.json", "artifacts/code.json"}
@@ -198,6 +202,6 @@ def test_the_published_plan_meets_the_same_limits(shared_mine, tmp_path):
     # Pixel counts of the published plan, with more cleaning: about 9,420 m2 of tunnel and an island of 13,490 m2.
     assert m["areas"]["tunnel_m2"] == pytest.approx(9420, rel=0.025)
     assert m["areas"]["islands_m2"] == pytest.approx(13490, rel=0.01)
-    survey = json.loads((project.folder / "artifacts/survey/survey.json").read_text())
+    survey = json.loads((project.folder / "artifacts/survey/mine/survey.json").read_text())
     assert survey["scale"]["px_per_m"] == pytest.approx(7.82)
     assert abs(survey["scale"]["difference_percent"]["poses"]) < 3

@@ -442,7 +442,7 @@ def test_weld_mesh_under_a_level_roof_has_wires_at_the_aperture_and_hangs_just_b
 
 
 def test_weld_mesh_hangs_in_front_of_the_bumps_of_the_rock(fitted: BuiltMine, fitted_config: Config):
-    meshes = [decode_msh(data) for data in fitted.surface["rough"].values()]
+    meshes = [decode_msh(data) for name, data in fitted.surface.items() if name.endswith(".msh")]
     rock = RayCaster(np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes]).astype(np.float64))
     params = fitted_config.realism.furniture["meshed"].weld_mesh
     points = np.concatenate([part[1] for part in hang_weld_mesh(params, ways_of(fitted.network, 3.5), rock)])
@@ -488,7 +488,7 @@ def test_the_same_parameters_give_the_same_fittings(fitted: BuiltMine, fitted_co
     params, record = fitted_config.realism, open_bundle(fitted.bundle).record
     one, two = (cover_floor(params.floor, fitted.free_space.polygon, fitted.network, record.zones) for _ in range(2))
     assert all((one[name].vertices == two[name].vertices).all() for name in one)
-    rough = fitted.surface["rough"]
+    rough = {name: data for name, data in fitted.surface.items() if name.endswith(".msh")}
     ways, main_m = ways_of(fitted.network, 3.5), on_level(fitted.network.main_drift_m)
     hung = [hang_furniture(params.furniture["full"], ways, main_m, rough) for _ in range(2)]
     assert hung[0] == hung[1]

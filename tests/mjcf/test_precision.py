@@ -44,5 +44,5 @@ def test_a_mine_kilometres_from_its_origin_keeps_its_hundredths_of_a_millimetre(
     world = open_bundle(mine.bundle)
     assert frame_error_m(world) < 1e-9
     built = np.concatenate(part_vertices(world.model, GeomGroup.COLLISION))
-    asked = np.concatenate(list(mine.compiled["collision"]))
+    asked = np.concatenate(list(mine.compiled["collision.npz"]))
     assert np.abs(np.sort(built, axis=0) - np.sort(asked, axis=0)).max() < 1e-5

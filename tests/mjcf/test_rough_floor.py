@@ -1,6 +1,7 @@
 """A rough floor: it collides as it looks, robots drive and stand on it, and what it is not is refused."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import gymnasium
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import COVER_M, HFIELDS, VOLUME, BundleError, decode_msh, is_cover, is_rough_floor
+from minexplore.bundle import COVER_M, HFIELDS, BundleError, decode_msh, is_cover, is_rough_floor
 from minexplore.extra.placing.place import place
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
@@ -21,9 +22,11 @@ from pipeline.mjcf.bundle import obstacles, open_bundle, read_record
 from pipeline.mjcf.rough_floor import rough_tiles
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.whole_bundle import require_built
-from stages.realism import write_world
+from pipeline.store.mine_survey import MineSurvey
+from pipeline.types import DrawnPlan, Heights
+from stages.realism import STAGE, write_world
 from tests.composed import compose
-from tests.mines import BuiltMine, require_allowed, sealed
+from tests.mines import TEE, BuiltMine, frame_for, require_allowed, sealed, survey_of
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 ROUGH = [
@@ -195,9 +198,10 @@ def test_a_rough_floor_without_a_visible_one_is_refused():
         compose(["fittings=none", "realism.rough_floor=true"])
 
 
-def test_a_rough_floor_of_a_mine_that_is_one_volume_is_refused_in_one_line(tmp_path):
-    (tmp_path / VOLUME).write_bytes(b"")
+def test_a_rough_floor_of_a_mine_that_is_one_volume_is_refused_in_one_line():
+    survey = replace(survey_of(frame_for(TEE), (1.0, 1.0)), heights=Heights(grade=0.1))
+    mine = MineSurvey(survey, np.zeros((1, 1, 3), np.uint8), DrawnPlan())
     with pytest.raises(
         ParamsError, match=r"realism\.rough_floor = true: the mine is one volume, which has no visible fl"
     ):
-        write_world(compose(["realism.rough_floor=true"]).realism, None, None, tmp_path)
+        write_world(compose(["realism.rough_floor=true"]).realism, mine, **dict.fromkeys(STAGE.reads.keys() - {"mine"}))

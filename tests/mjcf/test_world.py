@@ -29,7 +29,7 @@ def test_a_bundle_loads_without_warnings_and_its_record_matches_the_plan(tee: Bu
     world = open_bundle(tee.bundle)
     assert world.warnings == 0
     assert world.record.loops == 0
-    assert world.record.collision_parts == len(tee.compiled["collision"])
+    assert world.record.collision_parts == len(tee.compiled["collision.npz"])
     assert world.record.areas.tunnel_m2 == pytest.approx(80 * 5 + 5 * 35, rel=0.001)
 
 

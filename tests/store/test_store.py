@@ -40,15 +40,15 @@ def test_every_kind_of_artifact_survives_writing_and_reading(tmp_path, tee: Buil
         tee.free_space.tolerance_m,
     )
     assert (round_trip(tmp_path, "d.png", tee.cleaned, Mask) == tee.cleaned).all()
-    parts = round_trip(tmp_path, "e.npz", tee.compiled["collision"], ConvexParts)
-    assert (parts.vertices == tee.compiled["collision"].vertices).all()
-    grid = round_trip(tmp_path, "f.npz", tee.compiled["occupancy"], Occupancy)
-    assert grid.cell_m == tee.compiled["occupancy"].cell_m
-    assert (grid.clearance_m == tee.compiled["occupancy"].clearance_m).all()
-    meshes = round_trip(tmp_path, "g.npz", tee.surface["smooth"], Meshes)
-    assert set(meshes) == set(tee.surface["smooth"])
+    parts = round_trip(tmp_path, "e.npz", tee.compiled["collision.npz"], ConvexParts)
+    assert (parts.vertices == tee.compiled["collision.npz"].vertices).all()
+    grid = round_trip(tmp_path, "f.npz", tee.compiled["occupancy.npz"], Occupancy)
+    assert grid.cell_m == tee.compiled["occupancy.npz"].cell_m
+    assert (grid.clearance_m == tee.compiled["occupancy.npz"].clearance_m).all()
+    meshes = round_trip(tmp_path, "g.npz", tee.surface["smooth.npz"], Meshes)
+    assert set(meshes) == set(tee.surface["smooth.npz"])
     assert isinstance(meshes["walls"], Mesh)
-    assert (meshes["walls"].faces == tee.surface["smooth"]["walls"].faces).all()
+    assert (meshes["walls"].faces == tee.surface["smooth.npz"]["walls"].faces).all()
 
 
 def test_a_broken_artifact_is_named_and_a_pickle_is_never_opened(tmp_path):

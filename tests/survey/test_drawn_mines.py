@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.metrics.wall_error import signed_distances
+from pipeline.store.mine_survey import WORKINGS
 from pipeline.survey.load import read_survey
 from stages.contours import trace_free_space
 from tests.composed import compose
@@ -20,25 +21,25 @@ def _in_the_project(monkeypatch):
 
 @pytest.mark.parametrize("drawn", [[], ["survey.anti_aliased=false"], ["survey.jpeg_quality=80"]], ids=len)
 def test_the_walls_of_a_drawn_rough_mine_are_built_within_the_wall_error_of_the_true_ones(drawn):
-    (truth,) = read_survey(compose(MINE).survey)["workings"].polygons.geoms
+    (truth,) = read_survey(compose(MINE).survey).workings.polygons.geoms
     config = compose([*MINE, "survey.as_picture=true", "survey.px_per_m=10", *drawn])
     read = read_survey(config.survey)
-    assert read["workings"].polygons.is_empty
-    built = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])
-    traced, polygon = built["traced"].polygons.geoms[0], built["free_space"].polygon
+    assert read.workings is None
+    built = trace_free_space(config.contours, read)
+    traced, polygon = built["traced"][WORKINGS].polygons.geoms[0], built["free_space"].polygon
     assert len(polygon.interiors) == len(truth.interiors)
     assert np.abs(signed_distances(traced, polygon)).mean() <= 0.031
     assert np.abs(signed_distances(truth, polygon)).mean() <= 0.045  # cleaning rounds notches too
 
 
 def test_a_pixel_outline_is_farther_from_the_true_walls_than_the_half_level():
-    (truth,) = read_survey(compose(MINE).survey)["workings"].polygons.geoms
+    (truth,) = read_survey(compose(MINE).survey).workings.polygons.geoms
     config = compose([*MINE, "survey.as_picture=true", "survey.px_per_m=10"])
     read = read_survey(config.survey)
     errors = []
     for trace in ("pixels", "half_level"):
         params = config.contours.model_copy(update={"trace": trace})
-        traced = trace_free_space(params, read["plan"], read["survey"], read["workings"])["traced"].polygons.geoms[0]
+        traced = trace_free_space(params, read)["traced"][WORKINGS].polygons.geoms[0]
         errors.append(np.abs(signed_distances(truth, traced)).mean())
     assert errors[1] < 0.7 * errors[0]
 
@@ -46,8 +47,8 @@ def test_a_pixel_outline_is_farther_from_the_true_walls_than_the_half_level():
 def test_a_wall_error_that_would_close_a_drift_is_halved():
     config = compose([*MINE, "contours.wall_error_m=0.5"])
     read = read_survey(config.survey)
-    built = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])
-    traced, polygon = built["traced"].polygons.geoms[0], built["free_space"].polygon
+    built = trace_free_space(config.contours, read)
+    traced, polygon = built["traced"][WORKINGS].polygons.geoms[0], built["free_space"].polygon
     assert len(polygon.interiors) == len(traced.interiors)
     assert np.abs(signed_distances(traced, polygon)).mean() <= 0.5
 
@@ -56,5 +57,5 @@ def test_a_wall_error_that_would_close_a_drift_is_halved():
 def test_no_wall_moves_by_more_than_eight_times_the_wall_error():
     config = compose(["survey=procedural", "survey.mine.style=drift_and_crosscut", "survey.seed=5"])
     read = read_survey(config.survey)
-    built = trace_free_space(config.contours, read["plan"], read["survey"], read["workings"])["free_space"]
+    built = trace_free_space(config.contours, read)["free_space"]
     assert built.tolerance_m <= 8 * config.contours.wall_error_m  # the first fit of this mine moves a wall by 0.26 m

@@ -21,7 +21,7 @@ from rasterio.transform import Affine
 from pipeline.errors import InputError
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.remarks import collect_remarks
-from pipeline.survey.load import _read
+from pipeline.survey.load import read_unlimited
 from pipeline.survey.surfaces import height_files
 from tests.project import ROOT
 
@@ -62,7 +62,8 @@ def dem(path, scale=1.0, offset=0.0, crs="EPSG:32633", unit=None, dtype="float32
 def spots_of(plan, heights):
     """Return the heights that stage 1 reads: places (k, 3), m, with elevations."""
     params = VectorSurveyParams(kind="vector", name="a", file="data/x")
-    found = _read(params.model_copy(update={"file": plan.as_posix(), "heights": heights.as_posix()})).survey.heights
+    update = {"file": plan.as_posix(), "heights": heights.as_posix()}
+    found = read_unlimited(params.model_copy(update=update)).survey.heights
     return np.add(found.spots, [0, 0, found.datum_m])
 
 

@@ -14,9 +14,10 @@ from shapely import LineString
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams
+from pipeline.store.mine_survey import FLOORS
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.load import _read
-from pipeline.types import DriftNetwork, Heights, Leg, Workings
+from pipeline.survey.load import read_unlimited
+from pipeline.types import DriftNetwork, Heights, Leg
 from stages.contours import trace_free_space
 from tests.composed import compose
 from tests.project import ROOT
@@ -70,14 +71,13 @@ def labels(tmp_path):
 def read(plan, heights):
     params = VectorSurveyParams(kind="vector", name="a", file="data/x")
     found = heights.as_posix() if heights else None
-    survey = _read(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
-    return survey.plan, survey.survey, survey.workings
+    return read_unlimited(params.model_copy(update={"file": plan.as_posix(), "heights": found}))
 
 
-def floor_of(plan, survey, workings, monkeypatch):
+def floor_of(mine, monkeypatch):
     monkeypatch.chdir(ROOT)
     config = compose(["preset=light"])
-    return trace_free_space(config.contours, plan, survey, Workings(workings))["floors"]
+    return trace_free_space(config.contours, mine)["traced"][FLOORS]
 
 
 def heights_of(floors, places):
@@ -88,8 +88,7 @@ def heights_of(floors, places):
 
 @pytest.mark.parametrize("source", [raster, contours, labels])
 def test_the_floor_follows_a_surface_within_a_centimetre_along_the_drifts(tmp_path, source, monkeypatch):
-    plan, survey, workings = read(plan_of(tmp_path), source(tmp_path))
-    floor = floor_of(plan, survey, workings, monkeypatch)
+    floor = floor_of(read(plan_of(tmp_path), source(tmp_path)), monkeypatch)
     known = PLACES if source is raster else PLACES[:4]  # beyond the last height the floor is level
     wanted = 100 + GRADE * known[:, 0]
     np.testing.assert_allclose(heights_of(floor, known), wanted, atol=0.012)
@@ -105,8 +104,7 @@ def test_between_the_rings_of_a_polygon_there_is_no_wall(tmp_path):
     high = {(40, 5): 3, (40, 20): 3, (40, 40): 3, (45, 5): 3, (45, 20): 3, (45, 40): 3}
     solid = [[(EAST + x, NORTH + y, 100 + high.get((x, y), 0)) for x, y in ring] for ring in rings]
     path = write(tmp_path / "walls.gpkg", [shapely.Polygon(solid[0], solid[1:])], "Polygon Z", 3)
-    _, survey, _ = read(path, None)
-    spots = np.array(survey.heights.spots)
+    spots = np.array(read(path, None).survey.heights.spots)
     inside = (spots[:, 0] > 40.5) & (spots[:, 0] < 44.5) & (spots[:, 1] > 6) & (spots[:, 1] < 39)
     assert not inside.any()
 
@@ -133,7 +131,7 @@ def test_a_landxml_surface_in_feet_gives_the_floor_of_a_plan_in_metres(tmp_path,
     plan = plan_of(tmp_path)
     with pytest.raises(InputError, match=r"floor\.xml: its surfaces are those of a floor or a terrain.*--heights"):
         detect_survey(landxml(tmp_path / "floor.xml", unit, metres))
-    found = floor_of(*read(plan, tmp_path / "floor.xml"), monkeypatch)
+    found = floor_of(read(plan, tmp_path / "floor.xml"), monkeypatch)
     np.testing.assert_allclose(heights_of(found, PLACES), 100 + GRADE * PLACES[:, 0], atol=0.02)
 
 

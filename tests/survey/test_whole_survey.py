@@ -6,12 +6,13 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
+from pipeline.store.mine_survey import Model
 from pipeline.survey.detect import detect_here, detect_survey
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.solved_surveys import entrances_of
 from pipeline.survey.whole_survey import read_whole
 from pipeline.types import lines_of
-from tests.volume_worlds import HEADER, RAMP, legs_of_table
+from tests.volume_worlds import HEADER, RAMP, legs_of_table, survey_of_table
 
 APART = RAMP + "X,8,200,0,5,2,2,3,0\nX,9,220,0,5,2,2,3,0\n"
 STEEP = RAMP + "B,2,30,0,0,1,1,3,0\nB,7,30,0,-40,1,1,2,0\nC,7,30,0,-40,0.3,0.3,0.5,0\nC,8,40,0,-40,0.3,0.3,0.5,0\n"
@@ -96,9 +97,13 @@ def test_a_piece_that_there_is_not_is_refused_with_what_is_near(piece, message, 
 
 
 def test_a_stated_start_is_kept_with_its_elevation(tmp_path):
-    assert legs_of_table(RAMP, tmp_path, entrance_m=(55.0, 0.0, -5.0)).start_m.tolist() == [55.0, 0.0, 1.0]
-    assert legs_of_table(RAMP, tmp_path, entrance_m=(55.0, 0.0)).start_m.tolist() == [55.0, 0.0]
-    assert legs_of_table(RAMP, tmp_path).start_m.tolist() == []
+    for stated, plan_m, z_m in (
+        ((55.0, 0.0, -5.0), (55.0, 0.0), 1.0),
+        ((55.0, 0.0), (55.0, 0.0), None),
+        (None, None, None),
+    ):
+        survey = survey_of_table(RAMP, tmp_path, entrance_m=stated).survey
+        assert (survey.entrance_m, survey.entrance_z_m) == (plan_m, z_m)
 
 
 @pytest.mark.parametrize("rise", ["", ",5", ",5.9"])
@@ -106,8 +111,8 @@ def test_a_survey_without_elevations_or_with_like_ones_stays_a_plan(tmp_path, ri
     head = "leg,station,easting_m,northing_m,left_m,right_m" + (",elevation_m" if rise else "")
     first = ",5" if rise else ""
     text = f"{head}\nA,1,0,0,2,2{first}\nA,2,9,0,2,2{rise}\n"
-    assert len(legs_of_table(text, tmp_path, flat_step_m=1.0)) == 0
-    assert len(legs_of_table(text, tmp_path, flat_step_m=0.0)) == (rise != "")
+    assert survey_of_table(text, tmp_path, flat_step_m=1.0).model is Model.LEVEL
+    assert survey_of_table(text, tmp_path, flat_step_m=0.0).model is (Model.VOLUME if rise else Model.LEVEL)
 
 
 @pytest.mark.parametrize("stated", [{"grade": 0.02}, {"heights": "data/spots.csv"}])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import GeometryError
-from pipeline.types import NO_LEGS, FloorMesh
+from pipeline.types import DrawnFloors, FloorMesh
 from pipeline.volume.areas import solid_of_floors
 
 SQUARE = np.array([[0, 0, 0], [10, 0, 1], [10, 8, 1], [0, 8, 0]], float)
@@ -25,18 +25,18 @@ def solid(mesh):
 
 
 def test_a_slab_has_the_drawn_floor_and_a_roof_so_high_over_it():
-    mesh = solid_of_floors(floors(0), NO_LEGS, 3.5, 1.0)
+    mesh = solid_of_floors(DrawnFloors(floors(0)), 3.5, 1.0)
     assert solid(mesh).volume() == pytest.approx(80 * 3.5)
     assert (solid(mesh).num_tri(), mesh.datum_m) == (12, 100.0)
     assert {tuple(place) for place in mesh.vertices.round(9).tolist()} >= {tuple(place) for place in SQUARE.tolist()}
 
 
 def test_floors_over_each_other_are_two_closed_parts_of_one_solid():
-    found = solid(solid_of_floors(floors(0, 6), NO_LEGS, 3.5, 1.0))
+    found = solid(solid_of_floors(DrawnFloors(floors(0, 6)), 3.5, 1.0))
     assert len(found.decompose()) == 2
     assert found.volume() == pytest.approx(2 * 80 * 3.5)
 
 
 def test_a_roof_that_cuts_the_floor_over_it_is_refused_with_its_place_and_what_states_less():
     with pytest.raises(GeometryError, match=r"less than their height of 3.5 m apart .* compile3d.height_m states less"):
-        solid_of_floors(floors(0, 3), NO_LEGS, 3.5, 1.0)
+        solid_of_floors(DrawnFloors(floors(0, 3)), 3.5, 1.0)

@@ -87,7 +87,7 @@ def test_stage_3_says_how_many_roofs_are_lower_than_assumed_and_where_the_lowest
 )
 def test_a_floor_that_an_assumed_roof_cuts_is_listed_with_the_option(tmp_path, capsys, up, why):
     world = VolumeWorld(crossing(1.4, up), tmp_path)
-    figures = floor_figures(CONFIG.validation.volume, world.legs, world.opened().mine)
+    figures = floor_figures(CONFIG.validation.volume, world.shape, world.opened().mine)
     (through,) = (line for line in figures["through"] if line.startswith("1 to 2 through 5 to 6"))
     assert ("whose roof is assumed" in through) == (not up)
     assert f"1 pairs of legs break through each other's floors, {why}: 1 to 2" in capsys.readouterr().err

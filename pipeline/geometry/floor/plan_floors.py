@@ -6,21 +6,20 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.network_heights import floor_lines
-from pipeline.types import NO_FLOORS, DriftNetwork, FloorMesh, Survey
+from pipeline.types import DriftNetwork, FloorMesh, Heights
 
 
-def plan_floors(outline: BaseGeometry, survey: Survey, network: DriftNetwork) -> FloorMesh:
+def plan_floors(
+    outline: BaseGeometry, heights: Heights, network: DriftNetwork, start_m: tuple[float, float] | None
+) -> FloorMesh:
     """Return the floor of a plan's outline (m, mine frame), whose heights are known in its drifts.
 
-    It has no faces if the plan has no heights.
+    A grade begins at `start_m`, or where the main drift does.
 
     Raises
     ------
     GeometryError
         If a height is far from every drift, or contradicts another; the message names the place.
     """
-    heights = survey.heights
-    if heights is None:
-        return NO_FLOORS
-    lines = floor_lines(heights, network, survey.entrance_m or network.main_drift_m[0])
+    lines = floor_lines(heights, network, start_m or network.main_drift_m[0])
     return build_floor(outline, lines, heights.datum_m)

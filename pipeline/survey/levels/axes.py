@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import shapely
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.levels.walls import Wall
-from pipeline.types import NO_LEGS, FloorMesh, SurveyedLegs, text_array
+from pipeline.types import FloorMesh, SurveyedLegs, text_array
 
 _HALF_M = 0.5  # of the height of a shaft's section at its ends
 _OVER_FLOOR_M = 0.1  # of that section, so that the floor stays whole under a shaft
@@ -19,8 +18,8 @@ _DRIFT_M = 3.5  # height of a drift: an end of a shaft so far over a floor is in
 _NAMED = 5
 
 
-def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs:
-    """Return a leg for each shaft; those that reach no floor are left out, with a warning.
+def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs | None:
+    """Return a leg for each shaft, None if there is none; those that reach no floor are left out, with a warning.
 
     Parameters
     ----------
@@ -49,16 +48,16 @@ def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs:
         named = "; ".join(left_out[:_NAMED])
         warn_user(f"{path.name}: {len(left_out)} shafts reach no floor and are left out: {named}")
     if not legs:
-        return replace(NO_LEGS, datum_m=floors.datum_m)
+        return None
     count = [len(leg) for leg in legs]
     names = [f"shaft {k + 1} at {n}" for k, leg in enumerate(legs) for n in range(len(leg))]
     walls = np.tile([np.nan, np.nan, _HALF_M, _HALF_M], (sum(count), 1))
-    return replace(
-        NO_LEGS,
+    return SurveyedLegs(
         positions_m=np.concatenate(legs),
         lrud_m=walls,
         first=np.cumsum([0, *count]).astype(np.int32),
         names=text_array(names),
+        surveyed_m=0.0,
         datum_m=floors.datum_m,
     )
 

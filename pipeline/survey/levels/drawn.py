@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import shapely
-from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import VectorSurveyParams
-from pipeline.survey.levels.areas import Area, areas_of
-from pipeline.survey.levels.floors import floors_of_areas
-from pipeline.survey.levels.walls import Wall, lie_over, split_steep, walls_in_space
-from pipeline.survey.start import start_over
+from pipeline.survey.levels.areas import areas_of
+from pipeline.survey.levels.floors import DrawnLevels, floors_of_areas
+from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.vector.shapes import Shapes
-from pipeline.types import FloorMesh, Georeference, SurveyedLegs
+from pipeline.types import Georeference
 
 _MOST_LAYERS = 8  # that a message names
-
-
-@dataclass(frozen=True)
-class DrawnLevels:
-    """Levels seen from above (m, mine frame), and the floors and shafts of their volume."""
-
-    polygons: MultiPolygon
-    legs: SurveyedLegs
-    floors: FloorMesh
 
 
 @dataclass(frozen=True)
@@ -80,7 +69,7 @@ def read_levels(
         raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
     try:
         areas = [] if params.seeds_m else areas_of(path, walls, params.snap_m)
-        levels = _whole_levels(path, areas, axes, params) if areas else None
+        levels = floors_of_areas(path, areas, axes, params.snap_m, params.piece) if areas else None
     except InputError:
         if elevations or lie_over(walls):
             raise
@@ -105,10 +94,3 @@ def read_levels(
     )
     steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
     return LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])
-
-
-def _whole_levels(path: Path, areas: list[Area], axes: list[Wall], params: VectorSurveyParams) -> DrawnLevels:
-    """Return the floors of areas that are built as one volume, and the shafts between them."""
-    found = floors_of_areas(path, areas, axes, params.snap_m, params.piece)
-    legs = replace(found.shafts, start_m=start_over(params.entrance_m, found.floors.datum_m))
-    return DrawnLevels(found.seen, legs, found.floors)

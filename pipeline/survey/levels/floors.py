@@ -22,7 +22,7 @@ from pipeline.survey.levels.axes import shaft_legs
 from pipeline.survey.levels.heights import even_floors
 from pipeline.survey.levels.joins import area_at, meetings_of, snap_together, warn_of_near_areas
 from pipeline.survey.levels.walls import Wall
-from pipeline.types import FloorMesh, Place, SurveyedLegs
+from pipeline.types import DrawnFloors, FloorMesh, Place
 
 _EDGE_M = 2.0  # of the points of a wall at which its height is given
 _STITCH_M = 2 * TOUCH_M  # corners of areas that meet are nearer
@@ -32,15 +32,14 @@ _NAMED = 10  # pieces that a message names
 
 
 @dataclass(frozen=True)
-class DrawnFloors:
-    """Floors and shafts (m, mine frame, over the datum of the floors), and their view from above."""
+class DrawnLevels:
+    """Levels seen from above (m, mine frame), and the floors and shafts of their volume."""
 
-    floors: FloorMesh
-    shafts: SurveyedLegs
-    seen: MultiPolygon
+    polygons: MultiPolygon
+    shape: DrawnFloors
 
 
-def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: float, piece: Place | None) -> DrawnFloors:
+def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: float, piece: Place | None) -> DrawnLevels:
     """Return the floors of all areas, those that meet stitched to each other, and the shafts from floor to floor.
 
     Floors have the heights of their walls, linear between these. What two areas cover at one height is of the larger.
@@ -82,7 +81,7 @@ def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: flo
     floors = FloorMesh((found.vertices - [0.0, 0.0, datum]).round(6), found.faces.astype(np.int32), datum)
     shafts = shaft_legs(path, axes, floors)
     _warn_of_pieces(path, evened, joined)
-    return DrawnFloors(floors, shafts, as_polygons(shapely.union_all([part for _, part in outlines])))
+    return DrawnLevels(as_polygons(shapely.union_all([part for _, part in outlines])), DrawnFloors(floors, shafts))
 
 
 def _cut_overlap(path: Path, areas: list[Area], shapes: dict[str, BaseGeometry], a: str, b: str) -> None:

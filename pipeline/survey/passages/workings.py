@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.survey.passages.bends import LegEnd, outer_sectors
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.sections import sections_of
-from pipeline.types import NO_LEGS, SurveyedLegs, text_array
+from pipeline.types import SurveyedLegs, text_array
 
 _STEP_RAD = 0.1  # an arc is 1 mm off at 1 m
 _OVERLAP_RAD = 1e-6
@@ -61,8 +60,7 @@ def level_legs(legs: list[SurveyLeg], origin: tuple[float, float]) -> SurveyedLe
     """Return legs that are built as a plan, m, mine frame, from their own frame, in which it has an origin."""
     places = np.concatenate([leg.positions_m for leg in legs]) - np.array(origin)
     walls = np.concatenate([leg.walls_m for leg in legs])
-    return replace(
-        NO_LEGS,
+    return SurveyedLegs(
         positions_m=np.column_stack([places, np.zeros(len(places))]),
         lrud_m=np.column_stack([walls, np.full((len(walls), 2), np.nan)]),
         first=np.cumsum([0, *(len(leg.stations) for leg in legs)]).astype(np.int32),

@@ -27,10 +27,11 @@ from minexplore.bundle import (
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
 from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
 from pipeline.params.realism import LightParams, RealismParams
+from pipeline.places import SPAWN
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.hashing import sha256_bytes
-from pipeline.types import NO_PICTURE, FreeSpace, Image, Survey
-from pipeline.volume.world.compile import BUILT, SPAWN
+from pipeline.types import FreeSpace, Survey
+from pipeline.volume.world.compile import BUILT
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_xml
 from pipeline.volume.world.parts import cut_floors
@@ -48,8 +49,7 @@ def bundle_volume(
     survey: Survey,
     free_space: FreeSpace,
     compiled: Path,
-    rough: Path | None = None,
-    texture: Image = NO_PICTURE,
+    rock: Path | None = None,
 ) -> Bundle:
     """Return the files of the bundle by name.
 
@@ -61,11 +61,10 @@ def bundle_volume(
         The plan view.
     compiled : Path
         The folder with the files of `compile_volume`.
-    rough : Path, optional
-        The folder with the chunks of the visible rock.
-    texture : Image
+    rock : Path, optional
+        The folder with the chunks of the visible rock and their texture; it may be empty.
     """
-    seen = rock_files(rough, texture) if rough else {}
+    seen = rock_files(rock) if rock else {}
     legs: LegNetwork = decode(compiled / TOPOLOGY, LegNetwork)
     cells: FloorSpans = decode(compiled / CELLS, FloorSpans)
     if seen and params.furnish != "off":

@@ -11,9 +11,10 @@ from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError, MineError, first_few
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
+from pipeline.places import SPAWN
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
-from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedLegs, lines_of
+from pipeline.types import ClosedMesh, SurveyedLegs, VolumeShape, lines_of
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M
@@ -32,7 +33,7 @@ from pipeline.volume.world.record import BuiltVolume, OpenEnd
 from pipeline.volume.world.solid import labels_of, legs_on_floors, mine_volume, nearest_leg, volume_of_solid
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network, require_flat_leg, start_of
 
-SPAWN, BUILT = "spawn.json", "built.json"  # of the stage's folder; a bundle has both in `world.json`
+BUILT = "built.json"  # with `spawn.json` of the stage's folder; a bundle has both in `world.json`
 _FLOATING_M3 = 1e-3  # of rock in the free space of a solid: a smaller piece is no piece of a file
 _NAMED = 5  # stations that a message names
 
@@ -44,15 +45,15 @@ def robot_size(params: VolumeParams) -> RobotSize:
 
 def compile_volume(
     params: Compile3dParams,
-    surveyed: SurveyedLegs,
-    solid: ClosedMesh = NO_SOLID,
+    shape: VolumeShape,
+    start_m: list[float] | None = None,
     subject: str = "survey",
-    floors: FloorMesh = NO_FLOORS,
 ) -> Bundle:
     """Return the files of a volume by name: what the bundle copies, `spawn.json` and `built.json`.
 
-    The volume is the solid if there is one, or the space over drawn floors, with the surveyed legs as its shafts; then
-    its legs follow the middles of its floors. Else it is the union of the surveyed legs.
+    The volume is the union of surveyed legs, or a solid, or the space over drawn floors with their shafts; of the last
+    two the legs follow the middles of its floors. Robots start at `start_m`, (x, y[, z]) m, mine frame, or where
+    `start_of` chooses.
 
     Raises
     ------
@@ -60,22 +61,26 @@ def compile_volume(
         If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
     try:
-        if len(floors):
-            solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
-        floating_m3 = np.inf if len(floors) else _FLOATING_M3
-        made = _of_solid(params, surveyed, solid, floating_m3) if len(solid) else _of_legs(params, surveyed)
-        return _files_of(params, made)
+        return _files_of(params, _made_of(params, shape), start_m)
     except (ValueError, MineError) as error:
         raise GeometryError(f"{subject}: {error}") from error
 
 
-def _files_of(params: Compile3dParams, made: _VolumeDraft) -> Bundle:
+def _made_of(params: Compile3dParams, shape: VolumeShape) -> _VolumeDraft:
+    match shape:
+        case SurveyedLegs():
+            return _of_legs(params, shape)
+        case ClosedMesh():
+            return _of_solid(params, shape, _FLOATING_M3)
+    return _of_solid(params, solid_of_floors(shape, params.height_m, params.volume.half_width_m), np.inf)
+
+
+def _files_of(params: Compile3dParams, made: _VolumeDraft, start_m: list[float] | None) -> Bundle:
     volume, cells, surveyed = made.volume, made.cells, made.surveyed
     robot = robot_size(params.volume)
     parts, refused = without_refused(build_shell(made.solved))
     legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
-    stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
-    start = start_of(cells, legs, stated, params.spawn, robot, surveyed.datum_m)
+    start = start_of(cells, legs, start_m, params.spawn, robot, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused)
     if not made.is_solid:
         _warn(built)
@@ -129,14 +134,14 @@ def _warn_of_lowered(network: SurveyNetwork) -> None:
         )
 
 
-def _of_solid(params: Compile3dParams, stated: SurveyedLegs, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
+def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
     robot = robot_size(params.volume)
     solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3)
     vertices = parted(solved.vertices, solved.faces)
     solved = replace(solved, vertices=vertices, label=labels_of(vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)
-    surveyed = replace(legs_on_floors(cells, robot, solid.datum_m), start_m=stated.start_m)
+    surveyed = legs_on_floors(cells, robot, solid.datum_m)
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     volume = mine_volume(solved, nearest_leg(solved, surveyed))
     surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))

@@ -24,7 +24,8 @@ from pipeline.report.page import LegRow, WorldView
 from pipeline.report.results import read_metrics
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
-from pipeline.types import ClosedMesh, FloorMesh, Source, Survey, SurveyedLegs, lines_of
+from pipeline.store.mine_survey import MineSurvey
+from pipeline.types import ClosedMesh, Source, SurveyedLegs, lines_of
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
@@ -33,7 +34,7 @@ from pipeline.volume.world.topology import LegNetwork, LegRecord, mine_network
 _NAMED = 10  # pieces that the page lists
 
 
-def volume_view(root: Path) -> WorldView:
+def volume_view(root: Path, mine: MineSurvey) -> WorldView:
     """Return what the report of a volume world shows.
 
     Raises
@@ -46,19 +47,17 @@ def volume_view(root: Path) -> WorldView:
     legs: LegNetwork = decode(bundle / TOPOLOGY, LegNetwork)
     cells: FloorSpans = decode(bundle / CELLS, FloorSpans)
     volume: VolumeFacets = decode(bundle / VOLUME, VolumeFacets)
-    surveyed: SurveyedLegs = decode(root / "survey/network.npz", SurveyedLegs)
     params = read_params(root / "validation/manifest.json", ValidationParams)
     datum_m = record.volume.datum_m
     ends = np.array([[legs.stations_m[leg.start], legs.stations_m[leg.end]] for leg in legs.legs])
-    survey: Survey = decode(root / "survey/survey.json", Survey)
-    place, grid = survey.georeference, ChartGrid.of(survey.georeference)
+    place, grid = mine.survey.georeference, ChartGrid.of(mine.survey.georeference)
     plan = draw_floors(cells.places_m, cells.cell_m, list(ends), record.spawn.anchor_m, datum_m, place)
-    solid: ClosedMesh = decode(root / "survey/solid.npz", ClosedMesh)
-    is_surveyed = not len(solid) and not len(decode(root / "contours/floors.npz", FloorMesh))
-    drawn = _drawn_legs(root, legs, surveyed if is_surveyed else None)
+    surveyed = mine.shape if isinstance(mine.shape, SurveyedLegs) else None
+    scanned = mine.shape if isinstance(mine.shape, ClosedMesh) and len(mine.shape.scan_m) else None
+    drawn = _drawn_legs(root, legs, surveyed)
     section, bearing = section_chart(drawn, datum_m, grid)
     middle = (volume.vertices.min(axis=0) + volume.vertices.max(axis=0)) / 2
-    scan = _deviation(volume, solid)
+    scan = None if scanned is None else _deviation(volume, scanned)
     way = longest_way(legs) - middle
     scene = walked_page(_scene(volume, scan, drawn), way)
     return WorldView(
@@ -67,16 +66,16 @@ def volume_view(root: Path) -> WorldView:
         scene=scene,
         limits=applying_limits(params, read_metrics(root / "validation")),
         chart=_map(cells, drawn, record, grid),
-        width=_width(drawn) if is_surveyed else None,
-        legs=[_leg_row(leg, known) for leg, known in zip(legs.legs, drawn.known, strict=True)] if is_surveyed else [],
+        width=None if surveyed is None else _width(drawn),
+        legs=[_leg_row(leg, known) for leg, known in zip(legs.legs, drawn.known, strict=True) if drawn.is_surveyed],
         loops=legs.loops,
         dead_ends=len(legs.dead_ends),
         volume=_built_of(record, surveyed)
         | {
             "section": section,
             "bearing": bearing,
-            "shares": drawn.shares() if is_surveyed else None,
-            "made_of": "scan" if len(solid.scan_m) else "solid" if len(solid) else "drawing",
+            "shares": drawn.shares() if drawn.is_surveyed else None,
+            "made_of": "scan" if scanned else "solid" if isinstance(mine.shape, ClosedMesh) else "drawing",
         },
     )
 
@@ -155,19 +154,18 @@ def _leg_row(leg: LegRecord, known: np.ndarray) -> LegRow:
     return LegRow(leg.start, leg.end, leg.length_m, width, height, words)
 
 
-def _deviation(volume: VolumeFacets, solid: ClosedMesh) -> tuple[np.ndarray, np.ndarray] | None:
+def _deviation(volume: VolumeFacets, solid: ClosedMesh) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 3) m of the scan that a volume was made from, and how far they are from it (n,) m."""
-    if not len(solid.scan_m):
-        return None
     from pipeline.volume.world.proof.scan import measure_scan  # open3d takes a second to load
 
     found = measure_scan(closed_volume(volume), solid.scan_m, np.random.default_rng(0))
     return found.points_m, found.off_m
 
 
-def _built_of(record: VolumeRecord, surveyed: SurveyedLegs) -> dict[str, Any]:
+def _built_of(record: VolumeRecord, surveyed: SurveyedLegs | None) -> dict[str, Any]:
     """Return what was built of the survey, as the page's table has it."""
     figures = record.volume
+    pieces = [] if surveyed is None else zip(lines_of(surveyed.pieces), surveyed.pieces_m, strict=True)
     return {
         "surveyed_m": figures.surveyed_m,
         "piece_m": figures.piece_m,
@@ -176,10 +174,7 @@ def _built_of(record: VolumeRecord, surveyed: SurveyedLegs) -> dict[str, Any]:
         "high_m": figures.high_m + figures.datum_m,
         "entrances": [end.station for end in figures.entrances],
         "closed_ends": [end.station for end in figures.closed_ends],
-        "others": first_few(
-            [f"{m:,.0f} m about {name}" for name, m in zip(lines_of(surveyed.pieces), surveyed.pieces_m, strict=True)],
-            _NAMED,
-        ),
+        "others": first_few([f"{m:,.0f} m about {name}" for name, m in pieces], _NAMED),
     }
 
 

@@ -102,16 +102,12 @@ def legs_on_floors(cells: FloorSpans, robot: RobotSize, datum_m: float) -> Surve
     down = np.minimum(_SIGHT_M, sides[:, 2] / 2)
     lrud = np.column_stack([sides[:, :2], sides[:, 2] - down, down])
     return SurveyedLegs(
-        floors + np.column_stack([np.zeros((len(rows), 2)), down]),
-        lrud,
-        np.array(breaks, np.int32),
-        text_array([names[row] for row in rows]),
-        text_array([]),
-        np.zeros(0),
-        text_array([]),
-        np.zeros(0),
-        0.0,
-        datum_m,
+        positions_m=floors + np.column_stack([np.zeros((len(rows), 2)), down]),
+        lrud_m=lrud,
+        first=np.array(breaks, np.int32),
+        names=text_array([names[row] for row in rows]),
+        surveyed_m=0.0,
+        datum_m=datum_m,
     )
 
 

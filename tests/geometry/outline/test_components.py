@@ -6,7 +6,8 @@ from shapely import MultiPolygon, Polygon
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.geometry.outline.components import mend
 from pipeline.metrics.wall_error import measure_wall_error
-from pipeline.types import Workings
+from pipeline.store.mine_survey import WORKINGS, MineSurvey
+from pipeline.types import DrawnPlan, Workings
 from stages.contours import trace_free_space
 from tests.composed import compose
 from tests.mines import frame_for, survey_of
@@ -43,8 +44,11 @@ def test_what_is_left_out_beside_the_workings_is_no_error_of_their_walls(working
     params = compose([f"contours.bridge_m={bridge_m}"]).contours
     frame = frame_for(workings)
     plan = np.full((frame.height_px, frame.width_px), 255, np.uint8)
-    read = trace_free_space(params, plan, survey_of(frame, (5, 3)), Workings(workings))
-    error = measure_wall_error(read["traced"].polygons.geoms[0], read["free_space"].polygon, read["raw"], frame)
+    mine = MineSurvey(survey_of(frame, (5, 3)), plan, DrawnPlan(), Workings(workings))
+    read = trace_free_space(params, mine)
+    error = measure_wall_error(
+        read["traced"][WORKINGS].polygons.geoms[0], read["free_space"].polygon, read["raw"], frame
+    )
     assert error.drawn_mean_m < 0.05  # the limit of conf/validation; bridges fill the wedges of the bow tie
 
 

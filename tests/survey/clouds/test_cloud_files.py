@@ -17,7 +17,7 @@ from pipeline.survey.clouds.points import ScanFile, read_points
 from pipeline.survey.clouds.read import read_scan
 from pipeline.survey.clouds.trajectory import read_trajectory
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.load import _read
+from pipeline.survey.load import read_unlimited
 from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
 
 PARAMS = CloudSurveyParams(kind="cloud", name="a", file="data/x", heights=None)
@@ -155,7 +155,7 @@ def test_points_behind_walls_are_listed_and_purple_on_the_plan(tmp_path, points)
     far = np.random.default_rng(3).uniform([3, 4.7, 0], [5, 5.2, 3], (300, 3))
     path = write(tmp_path / "a.las", np.concatenate([points, far]))
     with collect_remarks() as said:
-        read_of = _read(PARAMS.model_copy(update={"file": path.as_posix()}))
+        read_of = read_unlimited(PARAMS.model_copy(update={"file": path.as_posix()}))
     assert re.search(r"\d+ voxels with points lie behind the walls", " ".join(remark.what for remark in said))
     plan, frame = read_of.plan, read_of.survey.frame
     purple = np.argwhere((plan == (160, 60, 140)).all(axis=2))[:, ::-1]
@@ -300,7 +300,7 @@ def test_the_plan_shows_what_is_left_out_in_red_and_a_hole_in_blue(tmp_path, poi
     x, y = 4.0, 2.0
     person = noisy(sampled(manifold3d.Manifold.cube([0.5, 0.4, 1.7]).translate([x, y, 0]), 400))
     path = write(tmp_path / "a.las", np.concatenate([points[np.linalg.norm(points - [9, 2, 0], axis=1) > 1.0], person]))
-    read_of = _read(PARAMS.model_copy(update={"file": path.as_posix()}))
+    read_of = read_unlimited(PARAMS.model_copy(update={"file": path.as_posix()}))
     plan, frame = read_of.plan.astype(int), read_of.survey.frame
     row, col = (np.argwhere(plan[:, :, 2] - plan[:, :, 0] > 100).mean(axis=0)).tolist()
     assert frame.to_mine(np.array([[col, row]]))[0] == pytest.approx([x + 0.25, y + 0.2], abs=0.4)

@@ -37,8 +37,7 @@ def plan_params(image, px_per_m=8.0, source="stated", **more):
 
 def traced_from(params, tracing):
     reading = read_survey(params)
-    free = trace_free_space(tracing, reading["plan"], reading["survey"], reading["workings"])["free_space"]
-    return free.polygon, reading["survey"]
+    return trace_free_space(tracing, reading)["free_space"].polygon, reading.survey
 
 
 def overlap(one, other):
@@ -261,7 +260,7 @@ def test_points_choose_among_disconnected_workings(data, config):
 def test_licences_come_from_the_registry(data):
     write_png(data / "plan.png", plan_of(TEE, frame_for(TEE)))
     (data / "registry.txt").write_text(f"plan.png\t{'0' * 64}\t1\tour own survey\tCC-BY-4.0\n")
-    assert read_survey(plan_params("plan.png"))["survey"].licences == {"data/plan.png": "CC-BY-4.0"}
+    assert read_survey(plan_params("plan.png")).survey.licences == {"data/plan.png": "CC-BY-4.0"}
 
 
 def test_a_warning_states_which_page_of_a_pdf_is_read(data, capsys):
@@ -270,7 +269,7 @@ def test_a_warning_states_which_page_of_a_pdf_is_read(data, capsys):
             figure = Figure(figsize=(width, 3))
             figure.add_axes((0.2, 0.4, 0.6, 0.2)).set_facecolor("black")
             pages.savefig(figure)
-    assert read_survey(plan_params("plan.pdf", page=2))["plan"].shape[:2] == (600, 1000)
+    assert read_survey(plan_params("plan.pdf", page=2)).plan.shape[:2] == (600, 1000)
     assert "plan.pdf: page 2 of 2 is read; --page states another" in capsys.readouterr().err
 
 

@@ -6,10 +6,11 @@ import shapely
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, require_workings
 from pipeline.geometry.outline.components import choose_mask_component
+from pipeline.store.mine_survey import MineSurvey
 from pipeline.survey.draw import draw_plan, frame_around
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.scale import measure_bar
-from pipeline.types import Workings
+from pipeline.types import DrawnPlan, Workings
 from stages.contours import trace_free_space
 from tests.composed import compose
 from tests.mines import RING, STRAIGHT, frame_for, plan_of, survey_of
@@ -114,5 +115,6 @@ def test_an_image_that_cannot_be_a_plan_is_refused_with_its_name(tmp_path, data,
 def test_workings_of_a_vector_file_are_no_inverted_plan_however_large_or_small(room):
     frame = frame_for(room)
     outline, contours = Workings(shapely.MultiPolygon([room])), compose([]).contours
-    traced = trace_free_space(contours, plan_of(room, frame), survey_of(frame, (5.0, 0.8)), outline)
+    mine = MineSurvey(survey_of(frame, (5.0, 0.8)), plan_of(room, frame), DrawnPlan(), outline)
+    traced = trace_free_space(contours, mine)
     assert traced["free_space"].polygon.area == pytest.approx(room.area)

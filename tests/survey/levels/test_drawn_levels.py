@@ -111,7 +111,7 @@ def test_open_wall_strings_are_closed_where_a_drift_ends(tmp_path):
     """The ramp's walls are two open strings, and the wall of the upper level has a gap at its mouth."""
     gap = at([*UPPER[2:], *UPPER[:2]], 0)
     layers = {**MINE, "upper": [gap], "ramp": [down(RIGHT), down(LEFT)]}
-    found = drawn(write(tmp_path / "open.dxf", layers)).floors
+    found = drawn(write(tmp_path / "open.dxf", layers)).shape.mesh
     assert area_m2(found) == pytest.approx(1750, abs=0.01)
 
 
@@ -119,7 +119,7 @@ def test_layers_without_elevations_take_the_stated_ones(tmp_path, capsys):
     layers = {**MINE, "frame": [closed(at([(-50, -50), (200, -50), (200, 90), (-50, 90)], -DATUM_M))]}
     path = write(tmp_path / "mine.dxf", layers, flat=("upper", "lower", "frame"))
     stated = {"upper": DATUM_M, "lower": DATUM_M - DROP_M}
-    assert area_m2(drawn(path, elevations_m=stated).floors) == pytest.approx(1750, abs=0.01)
+    assert area_m2(drawn(path, elevations_m=stated).shape.mesh) == pytest.approx(1750, abs=0.01)
     assert "layers without an elevation are left out: frame" in capsys.readouterr().err
     assert detect_here(str(path), {"elevations_m": stated}).values["values"]["elevations_m"] == stated
     with pytest.raises(InputError, match=r"no layer cellar to be at an elevation; there are upper, lower, ramp"):
@@ -130,7 +130,7 @@ def test_a_pillar_stays_in_its_level_and_a_room_below_it_in_its_own(tmp_path):
     room = [(0, -30), (40, -30), (40, 0), (0, 0)]
     pillar = [(15, -20), (25, -20), (25, -10), (15, -10)]
     upper = [closed(at(UPPER, 0)), closed(at(room, 0)), closed(at(pillar, 0.2))]
-    found = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": upper})).floors
+    found = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": upper})).shape.mesh
     assert area_m2(found) == pytest.approx(1750 + 40 * 30 - 100, abs=0.01)
 
 
@@ -139,7 +139,7 @@ def test_pillars_of_a_dipping_room_far_from_its_outer_walls_are_pillars(tmp_path
     squares = [shapely.box(x, y, x + 12, y + 12) for x in range(8, 140, 20) for y in range(8, 140, 20)]
     rings = [shapely.box(0, 0, 148, 148).segmentize(4), *squares]
     room = [[(x - 148, y, -0.08 * x - 0.04 * y) for x, y in ring.exterior.coords] for ring in rings]
-    found = drawn(write(tmp_path / "mine.dxf", {"room": room})).floors
+    found = drawn(write(tmp_path / "mine.dxf", {"room": room})).shape.mesh
     assert area_m2(found) == pytest.approx(148**2 - 144 * len(squares))
 
 
@@ -149,7 +149,7 @@ def test_walls_that_are_drawn_twice_count_once(tmp_path):
     turned = closed(once[2:-1] + once[:2])
     layers = {**MINE, "upper": [gap, gap[::-1]], "ramp": [once, once[::-1], turned]}
     path = write(tmp_path / "twice.dxf", layers)
-    assert area_m2(drawn(path).floors) == pytest.approx(1750, abs=0.01)
+    assert area_m2(drawn(path).shape.mesh) == pytest.approx(1750, abs=0.01)
     assert detect_here(str(path), {}).values["has_heights"]
 
 
@@ -158,7 +158,7 @@ def test_scraps_that_enclose_nothing_do_no_harm(tmp_path):
         [(10, 1, 0), (20, 1, 0), (10, 1, 0)],
         [(30, 1, 0), (30.1, 1, 0), (30.1, 1.1, 0)],
     ]
-    found = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": [*MINE["upper"], *scraps]})).floors
+    found = drawn(write(tmp_path / "mine.dxf", {**MINE, "upper": [*MINE["upper"], *scraps]})).shape.mesh
     assert area_m2(found) == pytest.approx(1750, abs=0.01)
 
 
@@ -167,7 +167,7 @@ def test_a_ramp_in_short_pieces_is_kept_beside_stated_elevations(tmp_path, capsy
     walls = [shapely.segmentize(LineString(side), 2.0).coords for side in (RIGHT, LEFT)]
     ramp = [list(pair) for side in walls for pair in pairwise(down(side))]
     path = write(tmp_path / "mine.dxf", {**MINE, "ramp": ramp}, flat=("upper", "lower"))
-    found = drawn(path, elevations_m={"upper": DATUM_M, "lower": DATUM_M - DROP_M}).floors
+    found = drawn(path, elevations_m={"upper": DATUM_M, "lower": DATUM_M - DROP_M}).shape.mesh
     assert area_m2(found) == pytest.approx(1750, abs=0.01)
     assert "left out" not in capsys.readouterr().err
 

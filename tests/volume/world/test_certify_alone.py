@@ -62,9 +62,9 @@ def test_floors_that_are_not_those_of_the_stated_legs_break_their_clause(world):
 
 def test_the_stated_legs_are_the_chains_of_the_survey(world):
     legs = stated_legs(world.opened().legs)
-    assert legs.first.tolist() == world.legs.first.tolist()
-    assert legs.positions_m == pytest.approx(world.legs.positions_m)
-    assert legs.lrud_m == pytest.approx(world.legs.lrud_m)
+    assert legs.first.tolist() == world.shape.first.tolist()
+    assert legs.positions_m == pytest.approx(world.shape.positions_m)
+    assert legs.lrud_m == pytest.approx(world.shape.lrud_m)
 
 
 def test_four_rows_that_end_at_one_station_are_the_legs_that_the_bundle_states(tmp_path):

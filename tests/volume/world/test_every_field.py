@@ -17,6 +17,7 @@ from pipeline.errors import ArtifactError, MineError
 from pipeline.proof.claims import STATED
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.store.codecs import encode
+from pipeline.store.mine_survey import WORKINGS
 from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
 from pipeline.volume.world.proof.again.seen import require_surveyed_plan
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
@@ -205,7 +206,7 @@ def test_a_network_whose_lists_have_the_order_of_another_file_is_made_again(ligh
 
 def test_stage_6_compares_the_plan_with_that_of_the_survey(light, tmp_path_factory):
     built = VolumeWorld(BENT, tmp_path_factory.mktemp("plan"))
-    record, drawn = open_volume(light).record, built.traced["traced"].polygons
+    record, drawn = open_volume(light).record, built.traced["traced"][WORKINGS].polygons
     require_surveyed_plan(light, record, built.survey.frame, drawn)
     moved = dataclasses.replace(built.survey.frame, origin_col=3.25)
     with pytest.raises(ArtifactError, match=r"world\.json: plan_frame = .*, the survey has"):

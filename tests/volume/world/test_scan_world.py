@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from minexplore.bundle import TOPOLOGY
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.survey.load import _read
+from pipeline.survey.load import read_unlimited
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import validate_volume
 from pipeline.volume.world.proof.scan import measure_scan
@@ -33,14 +33,13 @@ def world(tmp_path_factory):
     path, way = write_timed(folder / "a.laz", points, times_along(points)), folder / "way.txt"
     way.write_text("".join(f"{k} {x} {y} 1.3\n" for k, (x, y) in enumerate(WAY)))
     params = CloudSurveyParams(kind="cloud", name="test", file="data/x", heights=None)
-    made = VolumeWorld.__new__(VolumeWorld)
-    made._build(_read(params.model_copy(update={"file": path.as_posix(), "trajectory": way.as_posix()})), folder)
-    return made
+    update = {"file": path.as_posix(), "trajectory": way.as_posix()}
+    return VolumeWorld(read_unlimited(params.model_copy(update=update)), folder)
 
 
 @pytest.fixture(scope="module")
 def found(world):
-    return validate_volume(proof(robot_contacts=300, ball_contacts=300), world.opened(), world.legs, world.solid)
+    return validate_volume(proof(robot_contacts=300, ball_contacts=300), world.opened(), world.shape)
 
 
 def test_the_world_of_a_scan_is_certified(found):
@@ -66,7 +65,7 @@ def test_the_world_has_the_ranges_of_the_scan_where_its_scanner_was(found):
 
 
 def test_the_sign_of_the_deviation_is_positive_in_the_rock(world):
-    under = world.solid.scan_m[world.solid.scan_m[:, 2] < world.solid.scan_m[:, 2].min() + 0.1] - [0, 0, 1.0]
+    under = world.shape.scan_m[world.shape.scan_m[:, 2] < world.shape.scan_m[:, 2].min() + 0.1] - [0, 0, 1.0]
     moved = measure_scan(closed_volume(world.opened().mine), under, np.random.default_rng(0))
     assert moved.figures["mean_mm"] == pytest.approx(1000, abs=100)
     assert moved.figures["seen_share"] == 0

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from dataclasses import replace
 from itertools import pairwise
 
 import manifold3d
@@ -16,7 +15,7 @@ from pipeline.errors import GeometryError
 from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
 from pipeline.survey.detect import detect_survey
-from pipeline.types import NO_LEGS, ClosedMesh
+from pipeline.types import ClosedMesh, SurveyedLegs
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.world.compile import BUILT, _built, compile_volume
 from pipeline.volume.world.content import closed_volume
@@ -39,7 +38,7 @@ def crossing():
 
 
 def compiled(solid, folder):
-    files = compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh_of(solid))
+    files = compile_volume(compose(["preset=light"]).compile3d, mesh_of(solid))
     for name, data in files.items():
         (folder / name).write_bytes(data)
     return files
@@ -116,9 +115,9 @@ def test_a_shaft_without_a_floor_for_robots_is_refused_by_the_area_of_its_floors
 )
 def test_a_solid_too_low_or_steep_is_refused_and_built_by_the_parameter_that_the_refusal_names(solid, option, value):
     with pytest.raises(GeometryError, match=f"compile3d.volume.{option}="):
-        compile_volume(compose(["preset=light"]).compile3d, NO_LEGS, mesh_of(solid))
+        compile_volume(compose(["preset=light"]).compile3d, mesh_of(solid))
     params = compose(["preset=light", f"compile3d.volume.{option}={value}"]).compile3d
-    assert len(json.loads(compile_volume(params, NO_LEGS, mesh_of(solid))[TOPOLOGY])["legs"]) >= 1
+    assert len(json.loads(compile_volume(params, mesh_of(solid))[TOPOLOGY])["legs"]) >= 1
 
 
 def test_rock_between_drifts_that_is_thinner_than_a_body_sinks_in_is_thickened(tmp_path):
@@ -135,7 +134,7 @@ def test_the_world_of_a_scanned_cave_that_crosses_itself_is_certified(shared_roc
     found = detect_survey(shared_rock)
     path = shutil.copy(shared_rock, tmp_path / "cave.stl")
     cave = VolumeWorld.from_solid(path, simplify_m=found.values["simplify_m"])
-    judged = validated(cave.opened(), solid=cave.solid, robot_contacts=300, ball_contacts=300)
+    judged = validated(cave.opened(), cave.shape, robot_contacts=300, ball_contacts=300)
     assert broken(judged) == set()
     assert judged.metrics["scan"]["within_10cm"] >= 0.95
 
@@ -157,7 +156,7 @@ def broken(found):
 
 
 def test_the_world_of_a_solid_is_certified_against_it(world):
-    found = validated(world.opened(), solid=world.solid, robot_contacts=300, ball_contacts=300)
+    found = validated(world.opened(), world.shape, robot_contacts=300, ball_contacts=300)
     assert broken(found) == set()
     assert (found.metrics["solid"]["iou"], found.metrics["solid"]["within_10cm"]) == (1, 1)
     assert found.certificate.contacts >= 300
@@ -165,7 +164,7 @@ def test_the_world_of_a_solid_is_certified_against_it(world):
 
 def test_the_world_of_another_solid_breaks_its_clauses(world):
     other = mesh_of(crossing().translate([0.5, 0, 0]))
-    assert broken(validated(world.opened(), solid=other)) == {"solid.iou", "solid.within_10cm", "solid.lump_m3"}
+    assert broken(validated(world.opened(), other)) == {"solid.iou", "solid.within_10cm", "solid.lump_m3"}
 
 
 def room_with(*pillars):
@@ -186,11 +185,11 @@ def room(tmp_path_factory):
 
 def test_a_pillar_that_a_world_lacks_is_a_lump_even_if_it_is_little_of_the_solid(room):
     pillar = mesh_of(room_with([[30, 30, 0], [30.5, 30.5, 3]]))
-    found = validated(room.opened(), solid=pillar)
+    found = validated(room.opened(), pillar)
     assert broken(found) == {"solid.lump_m3"}
     assert found.metrics["solid"]["lump_m3"] == pytest.approx(0.75)
     assert found.metrics["solid"]["lump_at"] == "free at 30.2, 30.2, 1.5"
-    assert broken(validated(room.opened(), solid=mesh_of(room_with()))) == set()
+    assert broken(validated(room.opened(), mesh_of(room_with()))) == set()
 
 
 @pytest.mark.parametrize(
@@ -212,5 +211,7 @@ def test_a_shaft_over_a_station_is_not_the_height_of_its_passage(tmp_path):
 
 def test_what_is_built_is_no_longer_than_the_survey_after_rounding():
     legs = LegNetwork({}, [], [], [], [], 0, 1, 9.1096)
-    built = _built(replace(NO_LEGS, surveyed_m=9.1084), legs, 9.10851, 0)
+    nothing = np.zeros(0, np.uint8)
+    surveyed = SurveyedLegs(np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(1, np.int32), nothing, surveyed_m=9.1084)
+    built = _built(surveyed, legs, 9.10851, 0)
     assert built.built_m <= built.piece_m <= built.surveyed_m

@@ -49,14 +49,14 @@ def test_robots_start_at_the_highest_end_or_where_the_user_states(world, tmp_pat
     record = json.loads((world.bundle / "world.json").read_text())
     assert record["spawn"]["anchor_m"][0] < 8
     assert record["spawn"]["anchor_m"][2] == pytest.approx(6, abs=0.01)
-    files = compile_volume(CONFIG.compile3d, legs_of_table(ADIT, tmp_path, entrance_m=(55.0, 0.0, 895.0)))
+    files = compile_volume(CONFIG.compile3d, legs_of_table(ADIT, tmp_path), [55.0, 0.0, 1.0])
     assert json.loads(files["spawn.json"])["anchor_m"][0] == pytest.approx(55, abs=8)
 
 
 def test_a_start_far_from_all_floors_is_refused_with_file_place_limit_and_option(tmp_path):
-    legs = legs_of_table(ADIT, tmp_path, entrance_m=(500.0, 0.0, 895.0))
+    legs = legs_of_table(ADIT, tmp_path)
     with pytest.raises(GeometryError, match=r"a\.csv: survey\.entrance_m = \[500\.0, 0\.0, 895\.0\]: within 15 m"):
-        compile_volume(CONFIG.compile3d, legs, subject="a.csv")
+        compile_volume(CONFIG.compile3d, legs, [500.0, 0.0, 1.0], "a.csv")
 
 
 def test_a_mine_that_is_a_crawl_throughout_is_refused_with_what_a_robot_needs(tmp_path):

@@ -54,7 +54,7 @@ def with_parts(world, change):
 
 
 def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_in_conf(ramp, opened):
-    found = validated(opened, ramp.legs, robot_contacts=300, ball_contacts=300)
+    found = validated(opened, ramp.shape, robot_contacts=300, ball_contacts=300)
     assert broken(found) == set()
     of_legs = {name for name in CONFIG.validation.volume.limits if not name.startswith(("solid.", "drawn."))}
     assert set(found.certificate.clauses) == of_legs
@@ -65,7 +65,7 @@ def test_the_certificate_of_what_was_built_holds_with_a_clause_for_every_limit_i
 
 def test_robots_drive_through_a_drift_that_is_little_wider_than_they_are(tmp_path):
     narrow = VolumeWorld(NARROW, tmp_path)
-    figures = validated(narrow.opened(), narrow.legs, robot_contacts=300).metrics
+    figures = validated(narrow.opened(), narrow.shape, robot_contacts=300).metrics
     assert figures["reach"]["share"] > 0.3
     assert figures["drives"] == {"ways": 24, "share": 1.0}
 
@@ -73,7 +73,7 @@ def test_robots_drive_through_a_drift_that_is_little_wider_than_they_are(tmp_pat
 def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_lacks_does_not_hold(ramp, opened):
     limits = proof().applying(["survey", "enclosure"])
     assert {name.partition(".")[0] for name in limits} == {"survey", "enclosure"}
-    quiet = validated(opened, ramp.legs)
+    quiet = validated(opened, ramp.shape)
     assert not {"robots.escapes", "balls.escapes", "standing.rest_mm"} & set(quiet.certificate.clauses)
     assert not certify("", {}, limits).holds
 
@@ -86,14 +86,14 @@ def test_a_certificate_for_which_no_ball_was_pushed_does_not_hold():
 
 def test_a_part_that_is_left_out_leaves_its_surface_bare(ramp, opened):
     mutant = with_parts(opened, lambda k, corners: None if k == 0 else corners)
-    found = validated(mutant, ramp.legs)
+    found = validated(mutant, ramp.shape)
     assert broken(found) >= {"enclosure.gap_mm", "enclosure.thin_mm", "enclosure.unlike"}
 
 
 def test_a_part_that_is_moved_into_the_free_space_intrudes(ramp, opened):
     floor = int(np.flatnonzero(opened.parts.label == FacetLabel.FLOOR)[0])
     mutant = with_parts(opened, lambda k, corners: corners + np.array([0, 0, 0.02]) if k == floor else corners)
-    assert broken(validated(mutant, ramp.legs)) >= {"enclosure.intrusion_mm", "enclosure.unlike"}
+    assert broken(validated(mutant, ramp.shape)) >= {"enclosure.intrusion_mm", "enclosure.unlike"}
 
 
 def with_box(world, low, high):
@@ -116,7 +116,7 @@ def with_box(world, low, high):
 )
 def test_a_small_part_anywhere_in_the_free_space_is_found_with_its_place(ramp, opened, low, high, deepest_mm):
     mutant = with_box(opened, low, high)
-    found = validated(mutant, ramp.legs)
+    found = validated(mutant, ramp.shape)
     assert broken(found) >= {"enclosure.intrusion_mm", "enclosure.unbacked"}
     figures = found.metrics["enclosure"]
     assert figures["intrusion_mm"] == pytest.approx(deepest_mm, rel=0.02)
@@ -126,7 +126,7 @@ def test_a_small_part_anywhere_in_the_free_space_is_found_with_its_place(ramp, o
 
 
 def test_a_part_deep_in_the_rock_lies_behind_no_facet(ramp, opened):
-    found = validated(with_box(opened, (10, 30, 6), (11, 31, 7)), ramp.legs)
+    found = validated(with_box(opened, (10, 30, 6), (11, 31, 7)), ramp.shape)
     assert {"enclosure.unbacked"} <= broken(found) <= {"enclosure.unbacked", "enclosure.unlike"}
 
 
@@ -149,7 +149,7 @@ def test_a_hole_of_some_centimetres_in_one_part_is_found(ramp, opened, size_m):
     parts = collect_labelled(
         [*(opened.parts[k] for k in kept), *pieces], [*opened.parts.label[kept].tolist(), 0, 0, 0, 0]
     )
-    found = validated(dataclasses.replace(opened, parts=parts), ramp.legs)
+    found = validated(dataclasses.replace(opened, parts=parts), ramp.shape)
     assert "enclosure.gap_mm" in broken(found)
     assert 1e3 * size_m - 0.2 <= found.metrics["enclosure"]["gap_mm"] <= 2e3 * size_m
 
@@ -162,7 +162,7 @@ def test_a_part_that_is_thinned_is_thinner_than_a_body_sinks_in(ramp, opened):
         return np.column_stack([corners[:, :2], level + 0.05 * (corners[:, 2] - level)]) if k == floor else corners
 
     assert np.ptp(opened.parts[floor][:, 2]) == pytest.approx(0.3, abs=0.01)  # the part is under the level drift
-    assert broken(validated(with_parts(opened, thinned), ramp.legs)) >= {"enclosure.thin_mm"}
+    assert broken(validated(with_parts(opened, thinned), ramp.shape)) >= {"enclosure.thin_mm"}
 
 
 def test_a_facet_that_is_turned_over_encloses_no_space(ramp, opened):
@@ -170,7 +170,7 @@ def test_a_facet_that_is_turned_over_encloses_no_space(ramp, opened):
     faces[0] = faces[0][::-1]
     mutant = dataclasses.replace(opened, mine=dataclasses.replace(opened.mine, faces=faces))
     with pytest.raises(GeometryError, match="its mesh encloses no space"):
-        validated(mutant, ramp.legs)
+        validated(mutant, ramp.shape)
 
 
 def test_a_leg_that_is_left_out_lowers_the_share_that_is_built(tmp_path, opened):
@@ -186,7 +186,7 @@ def test_a_floor_that_lies_over_the_survey_is_off_by_as_much(ramp, opened):
     vertices = opened.mine.vertices.copy()
     vertices[floor, 2] += 0.03
     mutant = dataclasses.replace(opened, mine=dataclasses.replace(opened.mine, vertices=vertices))
-    found = validated(mutant, ramp.legs)
+    found = validated(mutant, ramp.shape)
     assert found.metrics["floor"]["error_mm"] == pytest.approx(30, abs=0.1)
     assert "floor.error_mm" in broken(found)
     leg, place = found.metrics["floor"]["error_at"].split(" at ")
@@ -198,13 +198,13 @@ def test_a_floor_that_lies_over_the_survey_is_off_by_as_much(ramp, opened):
 
 def test_a_model_whose_corners_are_rounded_is_unlike_its_parts(ramp, opened):
     rounded = re.sub(rb"(-?\d+\.\d)\d+", rb"\1", opened.model)
-    found = validated(dataclasses.replace(opened, model=rounded), ramp.legs)
+    found = validated(dataclasses.replace(opened, model=rounded), ramp.shape)
     assert broken(found) >= {"enclosure.compiled_mm", "enclosure.unlike"}
 
 
 def test_a_model_without_a_part_or_with_a_geom_of_its_own_is_unlike_its_parts(ramp, opened):
     more = opened.model.replace(b"</body>", b'<geom name="more" type="box" size="1 1 1"/></body>', 1)
-    assert validated(dataclasses.replace(opened, model=more), ramp.legs).metrics["enclosure"]["unlike"] > 0
+    assert validated(dataclasses.replace(opened, model=more), ramp.shape).metrics["enclosure"]["unlike"] > 0
 
 
 def test_each_part_that_a_model_lacks_or_has_elsewhere_counts_once(ramp, opened):
@@ -222,21 +222,21 @@ def test_each_part_that_a_model_lacks_or_has_elsewhere_counts_once(ramp, opened)
 def test_a_robot_that_starts_in_a_pit_reaches_little_of_the_largest_floor(tmp_path):
     world = VolumeWorld(WINZE, tmp_path)
     opened = world.opened()
-    whole = validated(opened, world.legs).metrics["reach"]["share"]
+    whole = validated(opened, world.shape).metrics["reach"]["share"]
     foot = dataclasses.replace(opened.record.spawn, anchor_m=(30.0, 5.0, opened.record.volume.low_m))
-    pit = validated(dataclasses.replace(opened, record=dataclasses.replace(opened.record, spawn=foot)), world.legs)
+    pit = validated(dataclasses.replace(opened, record=dataclasses.replace(opened.record, spawn=foot)), world.shape)
     assert whole > 0.5 > pit.metrics["reach"]["share"]
-    found = validated(opened, world.legs).metrics["reach"]["of_largest"], pit.metrics["reach"]["of_largest"]
+    found = validated(opened, world.shape).metrics["reach"]["of_largest"], pit.metrics["reach"]["of_largest"]
     assert found[0] == 1 > found[1] > 0
 
 
 def test_robots_do_not_come_to_the_ends_of_ways_that_rock_stands_across(ramp, opened):
-    assert validated(opened, ramp.legs, robot_contacts=1).metrics["drives"] == {"ways": 24, "share": 1.0}
+    assert validated(opened, ramp.shape, robot_contacts=1).metrics["drives"] == {"ways": 24, "share": 1.0}
     ridges = [np.array([x, 0, -2.0]) + box_corners(np.array([0.05, 2.0, 6.0])) for x in np.arange(0.6, 60, 0.8)]
     parts = [opened.parts[k] for k in range(len(opened.parts))] + ridges
     label = [*opened.parts.label.tolist(), *[int(FacetLabel.WALL)] * len(ridges)]
     mutant = dataclasses.replace(opened, parts=collect_labelled(parts, label))
-    found = validated(mutant, ramp.legs, robot_contacts=1)
+    found = validated(mutant, ramp.shape, robot_contacts=1)
     assert "drives.share" in broken(found)
     assert found.metrics["drives"]["share"] < 0.8  # ways across the drift are free
 
@@ -245,7 +245,7 @@ def test_robots_and_balls_escape_where_the_largest_wall_is_left_out(ramp, opened
     walls = np.flatnonzero(opened.parts.label == FacetLabel.WALL)
     largest = max(walls.tolist(), key=lambda k: float(np.prod(np.sort(np.ptp(opened.parts[k], axis=0))[1:])))
     mutant = with_parts(opened, lambda k, corners: None if k == largest else corners)
-    found = validated(mutant, ramp.legs, robot_contacts=6000, ball_contacts=3000)
+    found = validated(mutant, ramp.shape, robot_contacts=6000, ball_contacts=3000)
     assert broken(found) >= {"robots.escapes", "balls.escapes"}
 
 

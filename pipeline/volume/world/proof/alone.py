@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate
-from pipeline.types import NO_LEGS, NO_SOLID, ClosedMesh, SurveyedLegs, text_array
+from pipeline.types import ClosedMesh, SurveyedLegs, text_array
 from pipeline.volume.world.proof.certificate import VolumeBundle, validate_volume
 from pipeline.volume.world.proof.remade import follows_floors
 from pipeline.volume.world.topology import LegNetwork
@@ -29,8 +29,7 @@ def certify_alone(world: VolumeBundle, params: VolumeProofParams) -> Certificate
         If its mesh is not closed.
     """
     stated = survey_alone(world, params)
-    legs, solid = (NO_LEGS, _own_mesh(world)) if stated is None else (stated, NO_SOLID)
-    found = validate_volume(params, world, legs, solid).certificate
+    found = validate_volume(params, world, _own_mesh(world) if stated is None else stated).certificate
     left_out = (_OF_SOLID,) if world.rock else (_OF_SOLID, _OF_ROCK)
     clauses = {name: clause for name, clause in found.clauses.items() if not name.startswith(left_out)}
     return dataclasses.replace(found, holds=all(clause.holds for clause in clauses.values()), clauses=clauses)
@@ -55,16 +54,12 @@ def stated_legs(network: LegNetwork) -> SurveyedLegs:
         names.append(leg.end)
         sections.append(leg.lrud_m[1])
     return SurveyedLegs(
-        np.array([network.stations_m[name] for name in names], np.float64).reshape(-1, 3),
-        np.array(sections, np.float64).reshape(-1, 4),
-        np.array([*first, len(names)], np.int32),
-        text_array(names),
-        text_array(network.entrances),
-        np.zeros(0),
-        text_array([]),
-        np.zeros(0),
-        network.total_length_m,
-        0.0,
+        positions_m=np.array([network.stations_m[name] for name in names], np.float64).reshape(-1, 3),
+        lrud_m=np.array(sections, np.float64).reshape(-1, 4),
+        first=np.array([*first, len(names)], np.int32),
+        names=text_array(names),
+        surveyed_m=network.total_length_m,
+        entrances=text_array(network.entrances),
     )
 
 

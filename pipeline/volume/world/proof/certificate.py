@@ -19,7 +19,7 @@ from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.files import describe_field
 from pipeline.store.verify import verify_world
-from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, Mesh, SurveyedLegs
+from pipeline.types import ClosedMesh, DrawnFloors, Mesh, SurveyedLegs, VolumeShape
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.shell import ShellPart
@@ -106,13 +106,7 @@ def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
     )
 
 
-def validate_volume(
-    params: VolumeProofParams,
-    world: VolumeBundle,
-    surveyed: SurveyedLegs,
-    solid: ClosedMesh = NO_SOLID,
-    floors: FloorMesh = NO_FLOORS,
-) -> Validated:
+def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: VolumeShape) -> Validated:
     """Measure a volume world against its survey: its legs, the solid where it is one, or drawn floors.
 
     Raises
@@ -120,13 +114,12 @@ def validate_volume(
     GeometryError
         If its mesh is not closed.
     """
-    if len(floors):
-        solid = solid_of_floors(floors, surveyed, params.height_m, params.volume.half_width_m)
     rng, volume = np.random.default_rng(params.seed), closed_volume(world.mine)
     fronts = fronts_of(volume, world.parts)
     compiled = compare_model(world.model, world.parts, world.record.zones, params.compiled, rng)
-    scan = measure_scan(volume, solid.scan_m, rng) if len(solid.scan_m) else None
-    rays = measure_rays(volume, world.rock, solid.rays_m) if len(solid.rays_m) else None
+    solid = shape if isinstance(shape, ClosedMesh) else None
+    scan = measure_scan(volume, solid.scan_m, rng) if solid is not None and len(solid.scan_m) else None
+    rays = measure_rays(volume, world.rock, solid.rays_m) if solid is not None and len(solid.rays_m) else None
     reach = reach_of(world.cells, robot_size(params.volume), world.record.spawn.anchor_m)
     metrics = {
         "volume": {
@@ -135,16 +128,7 @@ def validate_volume(
             "free_m3": round(float(volume.solid.volume()), 3),
             "storeys": world.record.volume.storeys,
         },
-        **({"drawn": _drawn(params, volume, floors, surveyed)} if len(floors) else {}),
-        **(
-            {"solid": measure_solid(volume, solid, rng)}
-            if len(solid)
-            else {
-                "survey": _survey(params, surveyed, world, volume),
-                "floor": floor_figures(params, surveyed, world.mine),
-                "walls": wall_figures(surveyed, volume),
-            }
-        ),
+        **_against(params, shape, world, volume, rng),
         **{name: found.figures for name, found in (("scan", scan), ("rays", rays)) if found is not None},
         "enclosure": {
             **measure_enclosure(volume, fronts.parts, fronts.faces).figures,
@@ -163,9 +147,26 @@ def validate_volume(
     return Validated(metrics | {"certificate": {"holds": int(certificate.holds)}}, certificate, scan, rays)
 
 
-def _drawn(params: VolumeProofParams, volume: Volume, floors: FloorMesh, shafts: SurveyedLegs) -> dict[str, Any]:
+def _against(
+    params: VolumeProofParams, shape: VolumeShape, world: VolumeBundle, volume: Volume, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Return how the volume follows what it was made of, by group."""
+    match shape:
+        case SurveyedLegs():
+            return {
+                "survey": _survey(params, shape, world, volume),
+                "floor": floor_figures(params, shape, world.mine),
+                "walls": wall_figures(shape, volume),
+            }
+        case ClosedMesh():
+            return {"solid": measure_solid(volume, shape, rng)}
+    solid = solid_of_floors(shape, params.height_m, params.volume.half_width_m)
+    return {"drawn": _drawn(params, volume, shape), "solid": measure_solid(volume, solid, rng)}
+
+
+def _drawn(params: VolumeProofParams, volume: Volume, floors: DrawnFloors) -> dict[str, Any]:
     """Return how the floors follow the drawn ones."""
-    found = measure_drawn(volume, floors, shafts, params.volume.half_width_m)
+    found = measure_drawn(volume, floors, params.volume.half_width_m)
     return {
         "floor_mm": round(_MM * found.error_m, 6),
         "median_mm": round(_MM * found.median_m, 6),

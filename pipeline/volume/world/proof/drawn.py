@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pipeline.types import FloorMesh, SurveyedLegs
+from pipeline.types import DrawnFloors, SurveyedLegs
 from pipeline.volume.height_field.leg_lines import drop
 from pipeline.volume.union import Volume
 
@@ -26,11 +26,12 @@ class DrawnError:
     step_m: float
 
 
-def measure_drawn(volume: Volume, floors: FloorMesh, shafts: SurveyedLegs, half_m: float) -> DrawnError:
+def measure_drawn(volume: Volume, drawn: DrawnFloors, half_m: float) -> DrawnError:
     """Measure floors beside the edges and in the middles of all drawn triangles, but over shafts.
 
     A step is the difference of what two places on either side of an edge are off.
     """
+    floors, shafts = drawn.mesh, drawn.shafts
     corners = floors.vertices[floors.faces]
     middle = corners.mean(axis=1)
     sides = (corners + np.roll(corners, -1, axis=1)) / 2
@@ -38,7 +39,8 @@ def measure_drawn(volume: Volume, floors: FloorMesh, shafts: SurveyedLegs, half_
     length = np.linalg.norm(inward[:, :, :2], axis=2, keepdims=True)
     beside = sides + inward * np.minimum(_ASIDE_M / np.maximum(length, 1e-9), 0.5)
     off = _off_m(volume, np.concatenate([middle, beside.reshape(-1, 3)]))
-    off[_over_shafts(np.concatenate([middle, beside.reshape(-1, 3)]), shafts, half_m)] = 0.0
+    if shafts is not None:
+        off[_over_shafts(np.concatenate([middle, beside.reshape(-1, 3)]), shafts, half_m)] = 0.0
     start, end = floors.faces.ravel().astype(np.int64), np.roll(floors.faces, -1, axis=1).ravel().astype(np.int64)
     n = len(floors.vertices)
     order = np.argsort(start * n + end)
@@ -67,8 +69,6 @@ def _off_m(volume: Volume, places: np.ndarray) -> np.ndarray:
 
 def _over_shafts(places: np.ndarray, shafts: SurveyedLegs, half_m: float) -> np.ndarray:
     """Return which places (n, 3) are in or beside a shaft, seen from above."""
-    if not len(shafts):
-        return np.zeros(len(places), bool)
     ways = [shafts.positions_m[a:b, :2] for a, b in zip(shafts.first[:-1], shafts.first[1:], strict=True)]
     tree = shapely.STRtree([shapely.linestrings(way) for way in ways])
     found = np.zeros(len(places), bool)

@@ -24,17 +24,18 @@ from minexplore.bundle import (
     surface_geom,
 )
 from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, FURNITURE_LOOKS, LOOKS, PLAIN, Look, cover_rgba
-from pipeline.store.codecs import Bundle
+from pipeline.places import TEXTURE
+from pipeline.store.codecs import Bundle, decode
 from pipeline.store.palette_png import encode_texture
 from pipeline.types import Image
 
 
-def rock_files(rough: Path, texture: Image) -> Bundle:
-    """Return the files of a bundle that show rock, of the chunks in a folder; none if there are none."""
-    chunks = {mesh_file(path.stem): path.read_bytes() for path in sorted(rough.glob("*.msh"))}
+def rock_files(rock: Path) -> Bundle:
+    """Return the files of a bundle that show rock, of the chunks in a folder of stage 4; none if there are none."""
+    chunks = {mesh_file(path.stem): path.read_bytes() for path in sorted(rock.glob("*.msh"))}
     if not chunks:
         return {}
-    return {**chunks, ROCK_TEXTURE: encode_texture(texture)}
+    return {**chunks, ROCK_TEXTURE: encode_texture(decode(rock / TEXTURE, Image))}
 
 
 def rock_names(files: Iterable[str]) -> list[str]:

@@ -12,15 +12,16 @@ from minexplore.bundle import MINE_BODY, MODEL, ROCK_TEXTURE, decode_msh
 from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.export.exporter import export_world
 from pipeline.params.survey import CloudSurveyParams
+from pipeline.places import TEXTURE
 from pipeline.schema import check_world
 from pipeline.store.codecs import decode
-from pipeline.survey.load import _read
+from pipeline.survey.load import read_unlimited
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.surface.build import rock_of_volume
 from stages.surface import _texture
 from tests.composed import compose
 from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
-from tests.volume_worlds import VolumeWorld
+from tests.volume_worlds import VolumeWorld, write
 from tests.volumes import BOX
 
 CONFIG = compose(["+mine=heights", "surface.rough.spacing_m=0.3", "surface.texture.scan_px=512"])
@@ -55,17 +56,10 @@ def colours_of(points):
     return rgb.astype(np.uint8)
 
 
-def write(folder, files):
-    for name, data in files.items():
-        (folder / name).parent.mkdir(exist_ok=True, parents=True)
-        (folder / name).write_bytes(data)
-
-
 def rocky(built, folder, rock):
-    write(folder / "rough", rock.files)
+    write(folder / "rock", {**rock.files, TEXTURE: rock.texture})
     plan = built.traced["free_space"]
-    files = bundle_volume(CONFIG.realism, built.survey, plan, built.compiled, folder / "rough", rock.texture)
-    write(folder / "rocky", files)
+    write(folder / "rocky", bundle_volume(CONFIG.realism, built.survey, plan, built.compiled, folder / "rock"))
     return folder / "rocky"
 
 
@@ -216,9 +210,8 @@ def test_a_scan_with_colours_becomes_a_world_with_them(tmp_path):
     path = tmp_path / "a.ply"
     trimesh.PointCloud(points, colors=rgb).export(path)
     params = CloudSurveyParams(kind="cloud", name="test", file="data/x", heights=None, voxel_m=0.2)
-    built = VolumeWorld.__new__(VolumeWorld)
-    built._build(_read(params.model_copy(update={"file": path.as_posix()})), tmp_path)
-    solid = built.solid
+    built = VolumeWorld(read_unlimited(params.model_copy(update={"file": path.as_posix()})), tmp_path)
+    solid = built.shape
     rock = rock_of_volume(SURFACE, built.compiled, texture(), solid.scan_m, solid.scan_rgb)
     model = mujoco.MjModel.from_xml_path(str(rocky(built, tmp_path, rock) / MODEL))
     data = mujoco.MjData(model)
