@@ -25,6 +25,8 @@ class Ways:
     ----------
     places_m : (n, 3) float64, m, mine frame
         On the floor; 0 up in a mine that is drawn in plan.
+    clearance_m : (n,) float64, m
+        To rock.
     keys : (n,) int64
         Of their cells, in order.
     beside : (n, 32) int32
@@ -35,6 +37,7 @@ class Ways:
     """
 
     places_m: np.ndarray
+    clearance_m: np.ndarray
     keys: np.ndarray
     beside: np.ndarray
     lengths_m: np.ndarray
@@ -129,7 +132,7 @@ def ways_in(world: World, robot: Robot) -> Ways:
         at = np.minimum(keys.searchsorted(wanted := _keys_of(column + east, row + north)), count - 1)
         beside[east, north] = np.append(np.where(keys[at] == wanted, at, count), count)
     places = np.column_stack([world.origin_m + (np.column_stack([column, row]) + 0.5) * world.cell_m, np.zeros(count)])
-    return _joined(places, keys, beside, world.origin_m, world.cell_m)
+    return _joined(places, world.clearance_m[row, column], keys, beside, world.origin_m, world.cell_m)
 
 
 def _ways_over_floors(world: World, robot: Robot, anchor_m: np.ndarray) -> Ways:
@@ -152,10 +155,18 @@ def _ways_over_floors(world: World, robot: Robot, anchor_m: np.ndarray) -> Ways:
             along = (spans.column[end] - spans.column[start] == east) & (spans.row[end] - spans.row[start] == north)
             beside[east, north][number[start[along]]] = number[end[along]]
     keys = _keys_of(spans.column[standing], spans.row[standing])
-    return _joined(spans.roomiest_m[standing], keys, beside, spans.origin_m, spans.cell_m)
+    places, clear_m = spans.roomiest_m[standing], spans.clearance_m[standing]
+    return _joined(places, clear_m, keys, beside, spans.origin_m, spans.cell_m)
 
 
-def _joined(places_m: np.ndarray, keys: np.ndarray, beside: dict, origin_m: np.ndarray, cell_m: float) -> Ways:
+def _joined(
+    places_m: np.ndarray,
+    clearance_m: np.ndarray,
+    keys: np.ndarray,
+    beside: dict[tuple[int, int], np.ndarray],
+    origin_m: np.ndarray,
+    cell_m: float,
+) -> Ways:
     """Return ways to neighbours (n + 1,) by their columns and rows, and the straight ones between these.
 
     Between two ways lies their sum, where both orders of them lead to the same place.
@@ -172,7 +183,7 @@ def _joined(places_m: np.ndarray, keys: np.ndarray, beside: dict, origin_m: np.n
     if np.ptp(places_m[:, 2]) > 0:
         up = np.append(places_m[:, 2], 0.0).astype(np.float32)
         lengths = np.hypot(lengths, up[table] - up[:-1, None])
-    return Ways(places_m, keys, table, lengths, origin_m, cell_m)
+    return Ways(places_m, clearance_m, keys, table, lengths, origin_m, cell_m)
 
 
 def _keys_of(column: np.ndarray, row: np.ndarray) -> np.ndarray:
