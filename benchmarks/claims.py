@@ -14,7 +14,7 @@ from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
 from benchmarks.proof_figures import read
 from benchmarks.resume import run_benchmark
-from minexplore.envs.outcome import CAP
+from minexplore.tasks.exploration import CAP
 from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.texture import AXES
 from pipeline.report.results import read_metrics

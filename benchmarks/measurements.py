@@ -112,6 +112,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("unseen", "setup", _UNSEEN, "baselines/results/Family-test"),
     _page("published-plan", "setup", "benchmarks.comparisons.published_plan", 15),
     _page("teams", "all", "baselines.team", 20, "team"),
+    _page("goals", "all", "baselines.goto", 5, "goto"),
     _page("sensing-loss", "all", "benchmarks.sensors.sensing_loss", 25),
     _python("train", "setup-baselines", "baselines.ppo.train", "artifacts/train"),
     _python("train-gpu", "setup-gpu", "baselines.ppo.train_gpu", "artifacts/train"),

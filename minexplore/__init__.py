@@ -21,12 +21,9 @@ __version__ = "0.2.0"
 __all__ = ["FAMILY", "ROBOT_TASKS", "WORLDS", "MineVecEnv", "Pose", "environments", "is_built_in", "load", "place"]
 
 FAMILY = "MineXplore/Family-v0"
-_EXTRA = {
-    "MineVecEnv": "sb3",
-    "Pose": "placing.place",
-    "place": "placing.place",
-}  # and the modules in `extra`
+_EXTRA = {"MineVecEnv": "sb3", "Pose": "placing.place", "place": "placing.place"}  # and the modules in `extra`
 _CORPUS = "corpus:"  # begins the name of a world of a corpus
+_GOAL = {"goal": {}, "task": {"max_steps": 3000}}  # what the task with a goal changes
 ENTRY_POINT, VECTOR_ENTRY_POINT = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
@@ -60,9 +57,8 @@ FAMILY_MINES: dict[str, dict[str, Any]] = {
 
 def is_built_in(env_id: str) -> bool:
     """Return whether an id is one of this package's, also those of the family's mines that are not built."""
-    return (
-        env_id in {**WORLDS, **ROBOT_TASKS} or env_id == FAMILY or env_id.startswith(f"{FAMILY.removesuffix('-v0')}-")
-    )
+    taken = (f"{FAMILY.removesuffix('-v0')}-", "MineXplore/GoTo-")
+    return env_id in {**WORLDS, **ROBOT_TASKS, FAMILY: {}} or env_id.startswith(taken)
 
 
 def environments() -> dict[str, dict[str, Any]]:
@@ -115,9 +111,12 @@ def __getattr__(name: str) -> Any:
 
 
 def register_env(env_id: str, kwargs: dict[str, Any], one: str = ENTRY_POINT, many: str = VECTOR_ENTRY_POINT) -> None:
-    """Register an environment, whose episodes end after the `max_steps` of its task."""
-    steps = kwargs.get("task", {}).get("max_steps", TaskParams.max_steps)
-    register(env_id, one, vector_entry_point=many, kwargs=kwargs, max_episode_steps=steps)
+    """Register an environment, whose episodes end after its task's `max_steps`, and the same with a goal."""
+    goal = {**_GOAL, **kwargs, "task": {**_GOAL["task"], **kwargs.get("task", {})}}
+    goal_id = env_id.replace("/", "/GoTo-").replace("GoTo-World-", "GoTo-")
+    for name, given in ((env_id, kwargs), (goal_id, goal)):
+        steps = given.get("task", {}).get("max_steps", TaskParams.max_steps)
+        register(name, one, vector_entry_point=many, kwargs=given, max_episode_steps=steps)
 
 
 for _id, _kwargs in {**environments(), **FAMILY_MINES}.items():

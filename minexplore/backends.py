@@ -23,6 +23,8 @@ def make_vector_env(num_envs: int = 1, backend: str = "mujoco", **kwargs: Any) -
         return MineVectorEnv(num_envs, **kwargs)
     if backend != "warp":
         raise ValueError(f"backend = {backend!r}: valid choices are mujoco, warp")
+    if kwargs.pop("goal", None) is not None:
+        raise ValueError("goal: backend = 'warp' has exploration alone; want backend='mujoco'")
     from minexplore.extra.warp import require_packages
 
     require_packages()

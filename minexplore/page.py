@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from typing import Any
 
 import mujoco
@@ -13,6 +14,7 @@ from minexplore.physics.local_models import ALONE, physics_spec
 from minexplore.physics.robot import FLOOR_BIT, ROCK_BIT, RobotParams, attach_robot
 from minexplore.sensors.page import sensors_section
 from minexplore.task import TaskParams
+from minexplore.tasks.goto import GoTo
 
 _ROBOT = "robot"
 _PHYSICS = """## Physics
@@ -88,6 +90,21 @@ its own. Which mine a seed draws does not depend on which mines are built; a dra
 Training refuses the mines of `validation` and `test`, and variants of the embedded mine.
 """
 
+_GOAL = """## A goal
+
+`MineXplore/GoTo-v0` (any world), `GoTo-ChileanMine-v0` and so on for every id above and every mine of your own, is the
+same environment with another task.
+
+{body}
+
+```python
+env = gymnasium.make("MineXplore/GoTo-ChileanMine-v0", goal={{"radius_m": 0.5}})
+observation, info = env.reset(seed=0, options={{"station": "J00", "goal": "J01"}})
+```
+
+[Baselines](../evidence/learning.md#to-a-goal) are a planner on the map and a driver without one.
+"""
+
 _VECTOR = """## Many robots
 
 `gymnasium.make_vec` steps many robots in one call, each alone in its own copy of the mine, with the trajectories of
@@ -160,7 +177,8 @@ def page() -> str:
     ids = f"## Environments\n\n| id | arguments |\n|---|---|\n{rows}\n"
     use = '```python\nimport gymnasium, minexplore\n\nenv = gymnasium.make("MineXplore/ChileanMine-v0")\n```\n'
     body, versions, history = rest.partition("## Version History")
-    more = f"{sensors_section()}\n{_VECTOR}\n{_FAMILY}\n{_TEAM}\n{_WARP}\n{physics()}"
+    goal = re.sub("^## ", "### ", inspect.cleandoc(GoTo.__doc__ or ""), flags=re.MULTILINE)
+    more = f"{_GOAL.format(body=goal)}\n{sensors_section()}\n{_VECTOR}\n{_FAMILY}\n{_TEAM}\n{_WARP}\n{physics()}"
     return f"# Explore a mine\n\n{title}\n\n{use}\n{ids}{body}{more}\n{versions}{history}\n"
 
 

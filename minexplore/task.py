@@ -75,7 +75,7 @@ class TaskParams:
         return round(self.control_s / self.physics_s)
 
 
-def coerce_params(kind: type[T], value: T | dict[str, Any] | None) -> T:
+def coerce_params(kind: type[T], value: T | Mapping[str, Any] | None) -> T:
     """Return parameters given as an instance, as a dict of some fields, or as None for the defaults.
 
     Raises

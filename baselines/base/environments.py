@@ -25,7 +25,7 @@ def known_ids() -> list[str]:
 
 
 def _is_task(spec: EnvSpec) -> bool:
-    return spec.vector_entry_point in _ENTRY_POINTS and "world" in spec.kwargs
+    return spec.vector_entry_point in _ENTRY_POINTS and "world" in spec.kwargs and "goal" not in spec.kwargs
 
 
 def find_id(name: str) -> str:

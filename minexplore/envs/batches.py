@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import gymnasium
 import numpy as np
 
@@ -25,37 +28,43 @@ def make_batch(
     whole: bool = False,
     pose: object = "true",
     conditions: SensorParams = IDEAL,
+    goal: Any = None,
 ) -> RobotBatch:
     """Return the batch that drives robots of a kind, by a true or a counted pose, with clear or degraded beams.
 
     Raises
     ------
     ValueError
-        If the pose is none, or a robot without wheels is to count them.
+        If the pose is none, a robot without wheels is to count them, or the `goal` is none for this world and robot.
     """
     check_pose(pose)
-    batch = (world, task, robot, count, threads, lidar, whole)
+    made: Callable[..., RobotBatch] = RobotBatch
+    if robot.FLIES or pose != "true" or not conditions.is_ideal:
+        from minexplore.envs.sensed.degraded_batch import kind_of_batch
+
+        made = kind_of_batch(robot, pose, conditions)
+    robots = made(world, task, robot, count, threads, lidar, whole)
+    if goal is not None:
+        from minexplore.tasks.goto import GoTo
+
+        robots.rules = GoTo(robots, goal)
+    return robots
+
+
+def observations_of(
+    task: TaskParams, robot: Robot, goal: Any = None, has_heights: bool = False
+) -> gymnasium.spaces.Box:
+    """Return the space of one robot's observation, in a world with or without heights where the task has a `goal`."""
+    own = observation_space(task)
     if robot.FLIES:
-        if pose != "true":
-            raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
-        from minexplore.envs.sensed.degraded_batch import flying_batch
+        from minexplore.envs.flyer_batch import flyer_space
 
-        return flying_batch(conditions, *batch)
-    if pose == "true" and conditions.is_ideal:
-        return RobotBatch(*batch)
-    from minexplore.envs.sensed.degraded_batch import driving_batch
+        own = flyer_space(task, robot)
+    if goal is None:
+        return own
+    from minexplore.tasks.goto import goal_space
 
-    return driving_batch(pose, conditions, *batch)
-
-
-def observations_of(task: TaskParams, robot: Robot) -> gymnasium.spaces.Box:
-    """Return the space of one robot's observation."""
-    if not robot.FLIES:
-        return observation_space(task)
-
-    from minexplore.envs.flyer_batch import flyer_space
-
-    return flyer_space(task, robot)
+    return goal_space(own, has_heights)
 
 
 def commands_of(robot: Robot) -> gymnasium.spaces.Box:

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-STARTS = ("pose", "cell", "station", "noise_seed")  # options of a reset, see `minexplore.envs.starts`
 POSES = ("true", "odometry")  # what infos hold as a robot's pose
-_DEFAULT_CAMERA = "chase"
+MODES, _DEFAULT_CAMERA = ("rgb_array", "human"), "chase"
 _DEEPEST = 4  # lists in lists; a list may hold itself
 
 _PLAIN = (np.dtype(np.float32), np.dtype(np.float64))
@@ -58,6 +57,12 @@ def check_pose(pose: object) -> None:
     """Refuse a pose that is not one of `POSES`: `ValueError` names them."""
     if not isinstance(pose, str) or pose not in POSES:
         raise ValueError(f"pose = {pose!r}: valid choices are {', '.join(POSES)}")
+
+
+def check_mode(mode: object) -> None:
+    """Refuse a render mode of one robot that is none: `ValueError` names those that there are."""
+    if mode is not None and (not isinstance(mode, str) or mode not in MODES):
+        raise ValueError(f"render_mode = {mode!r}: valid choices are None, 'rgb_array', 'human'")
 
 
 def check_camera(camera: object) -> None:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import STARTS, check_camera, check_options, check_pose, numbers_of, one_seed
+from minexplore.envs.call_checks import check_camera, check_mode, check_options, check_pose, numbers_of, one_seed
 from minexplore.envs.horizon import Timed
-from minexplore.envs.outcome import StepOutcome, info_of_robot
 from minexplore.limits import has_display
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.sensing.lidar import Backend
@@ -20,12 +19,12 @@ from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.sensors.suite import SensorSuite
 from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.task import TaskParams, coerce_params
+from minexplore.tasks.exploration import StepOutcome, info_of_robot
 from minexplore.world import find_world, load_world
 
 if TYPE_CHECKING:
     from minexplore.pictures.render import Renderer
-
-_DEFAULTS = {"render_mode": None, "camera": "chase", "lidar": "auto"}
+    from minexplore.tasks.goto import GoalParams
 
 
 class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
@@ -108,6 +107,7 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
     | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each; vectors: modes `"sync"`, `"async"` |
     | `conditions` | `"ideal"` | of all sensors, the beams too: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
+    | `goal` | None | explore; `GoalParams(...)` or a dict of its fields makes it [the task with a goal](#a-goal), as in the ids `GoTo-...` |
 
     ## Version History
     * v0: the paper's task.
@@ -127,12 +127,15 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         pose: str = "true",
         sensors: Sequence[str] = (),
         conditions: SensorParams | Mapping[str, Any] | str | None = None,
+        goal: GoalParams | Mapping[str, Any] | None = None,
     ) -> None:
         """Load the world and put the robot into it."""
         given: dict[str, Any] = dict(task=task, robot=robot, render_mode=render_mode, camera=camera, lidar=lidar)
-        given |= {"whole": whole, "pose": pose, "sensors": sensors, "conditions": conditions}
+        given |= {"whole": whole, "pose": pose, "sensors": sensors, "conditions": conditions, "goal": goal}
         gymnasium.utils.EzPickle.__init__(self, world, **given)
-        check_arguments(given)
+        check_mode(render_mode)
+        check_camera(camera)
+        check_pose(pose)
         if not has_display():  # what goes through all modes, as Gymnasium's checker does, finds those that work
             self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
         if render_mode is not None:
@@ -143,11 +146,12 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         self.render_mode, self.camera = render_mode, camera
         self.world = load_world(find_world(world))
         conditions = sensor_params(conditions)
-        self.robots = make_batch(self.world, self.task, self.robot, 1, 1, lidar, whole, pose, conditions)
+        self.robots = make_batch(self.world, self.task, self.robot, 1, 1, lidar, whole, pose, conditions, goal)
         self.grid = self.robots.grid
         self.sensors = check_sensors(sensors)
         self.suite = SensorSuite(self.robots, self._drawing, conditions, lidar)
-        self.observation_space = observed_space(observations_of(self.task, self.robot), self.sensors)
+        own = observations_of(self.task, self.robot, goal, self.world.has_heights)
+        self.observation_space = observed_space(own, self.sensors)
         self.action_space = commands_of(self.robot)
         self._renderer: Renderer | None = None
         self._viewer: Any = None
@@ -157,12 +161,8 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Place the robot near the entrance with a random yaw, or as options say, and cast the beams once."""
         self._require_open()
-        check_options(options, STARTS)
-        start = None
-        if options:
-            from minexplore.envs.starts import start_of
-
-            start = start_of(options, self.world, self.robot.radius_m)
+        check_options(options, self.robots.rules.OPTIONS)
+        start = self.robots.rules.start_of(options)
         super().reset(seed=one_seed(seed))
         self._begun, outcome = True, self.robots.reset(np.arange(1), [self.np_random], start)
         self.suite.begin((options or {}).get("noise_seed", seed))
@@ -186,8 +186,8 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         outcome: StepOutcome = self.robots.step(command[None], [self.np_random])
         self.suite.advance()
         self._show()
-        over, info = bool(outcome.truncated[0]), info_of_robot(outcome.info, 0)
-        return self._observed(outcome), float(outcome.reward[0]), False, over, info
+        ends, info = (bool(outcome.terminated[0]), bool(outcome.truncated[0])), info_of_robot(outcome.info, 0)
+        return self._observed(outcome), float(outcome.reward[0]), *ends, info
 
     def capture(self, sensor: str) -> Any:
         """Return what a sensor reads now, whether or not the observation holds it; see `minexplore.sensors.kind`.
@@ -271,30 +271,3 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
 
     def _set_task(self, task: TaskParams) -> None:
         self.task = self.robots.task = task
-
-
-def check_arguments(arguments: Mapping[str, Any]) -> None:
-    """Refuse arguments of `MineEnv` beside `world` that are unknown or have an impossible value.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, its value and what is accepted.
-    """
-    known = ("task", "robot", "render_mode", "camera", "lidar", "whole", "pose", "sensors", "conditions")
-    unknown = [name for name in arguments if name not in known]
-    if unknown:
-        raise ValueError(f"{unknown[0]}: unknown argument; there are {', '.join(known)}")
-    mode, camera, lidar = (arguments.get(name, default) for name, default in _DEFAULTS.items())
-    if mode is not None and (not isinstance(mode, str) or mode not in MineEnv.metadata["render_modes"]):
-        raise ValueError(f"render_mode = {mode!r}: valid choices are None, 'rgb_array', 'human'")
-    check_camera(camera)
-    if not isinstance(lidar, str) or lidar not in get_args(Backend):
-        raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
-    if not isinstance(arguments.get("whole", False), bool | np.bool_):
-        raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
-    check_pose(arguments.get("pose", "true"))
-    check_sensors(arguments.get("sensors", ()))
-    sensor_params(arguments.get("conditions"))
-    coerce_params(TaskParams, arguments.get("task"))
-    find_robot(arguments.get("robot"))

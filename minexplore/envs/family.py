@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import inspect
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from minexplore.envs.batches import commands_of, observations_of
-from minexplore.envs.call_checks import STARTS, check_options, numbers_of, one_seed, spread_seeds
-from minexplore.envs.env import MineEnv, check_arguments
+from minexplore.envs.call_checks import (
+    check_camera,
+    check_mode,
+    check_options,
+    check_pose,
+    numbers_of,
+    one_seed,
+    spread_seeds,
+)
+from minexplore.envs.env import MineEnv
 from minexplore.envs.horizon import Timed
 from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
 from minexplore.limits import has_display
 from minexplore.physics.robots import find_robot
+from minexplore.sensing.lidar import Backend
+from minexplore.sensing.params import sensor_params
 from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
 from minexplore.task import TaskParams, coerce_params
+from minexplore.tasks.exploration import STARTS
 
 _MOST = 4096  # robots of a vector: each has a world of its own in memory
 
@@ -72,7 +84,9 @@ class FamilyEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         self.metadata = {**MineEnv.metadata, "render_modes": modes}  # of its own: `SyncVectorEnv` writes its mode there
         self.task = coerce_params(TaskParams, arguments.get("task"))
         robot, sensors = find_robot(arguments.get("robot")), check_sensors(arguments.get("sensors", ()))
-        self.observation_space = observed_space(observations_of(self.task, robot), sensors)
+        goal = arguments.get("goal")
+        self._options = _options_of(goal)
+        self.observation_space = observed_space(observations_of(self.task, robot, goal), sensors)
         self.action_space = commands_of(robot)
         self.mine: str | None = None
         self._inner: MineEnv | None = None
@@ -90,7 +104,7 @@ class FamilyEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         """
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
-        check_options(options, ("mine", *STARTS))
+        check_options(options, ("mine", *self._options))
         super().reset(seed=one_seed(seed))
         drawn = self.names[self.np_random.integers(len(self.names))]
         starts = dict(options or {})
@@ -167,6 +181,7 @@ class FamilyVectorEnv(Timed, SyncVectorEnv):
         self.task = task_of(arguments.pop("task", None), max_episode_steps)
         made = partial(FamilyEnv, **arguments, task=self.task)
         super().__init__([made] * int(num_envs), autoreset_mode=find_mode(autoreset_mode))
+        self._options = _options_of(arguments.get("goal"))
         self._begun = False
 
     def reset(  # type: ignore[override]
@@ -174,7 +189,7 @@ class FamilyVectorEnv(Timed, SyncVectorEnv):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Draw a mine for each robot, or for those of `options["reset_mask"]`; `options["mine"]` names one for all."""
         self._require_open()
-        check_options(options, ("mine", "reset_mask", *STARTS))
+        check_options(options, ("mine", "reset_mask", *self._options))
         seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
         if not self._begun and not mask.all():
             raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
@@ -201,6 +216,41 @@ class FamilyVectorEnv(Timed, SyncVectorEnv):
     def _require_open(self) -> None:
         if self.closed:
             raise gymnasium.error.ClosedEnvironmentError("the environment is closed: make another one")
+
+
+def check_arguments(arguments: Mapping[str, Any]) -> None:
+    """Refuse arguments of `MineEnv` beside `world` that are unknown or have an impossible value.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, its value and what is accepted.
+    """
+    known = list(inspect.signature(MineEnv).parameters)[1:]
+    unknown = [name for name in arguments if name not in known]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown argument; there are {', '.join(known)}")
+    check_mode(arguments.get("render_mode"))
+    check_camera(arguments.get("camera", "chase"))
+    lidar = arguments.get("lidar", "auto")
+    if not isinstance(lidar, str) or lidar not in get_args(Backend):
+        raise ValueError(f"lidar = {lidar!r}: want {', '.join(get_args(Backend))}")
+    if not isinstance(arguments.get("whole", False), bool | np.bool_):
+        raise ValueError(f"whole = {arguments['whole']!r}: want True or False")
+    check_pose(arguments.get("pose", "true"))
+    check_sensors(arguments.get("sensors", ()))
+    sensor_params(arguments.get("conditions"))
+    coerce_params(TaskParams, arguments.get("task"))
+    find_robot(arguments.get("robot"))
+    if arguments.get("goal") is not None:
+        from minexplore.tasks.goto import GoalParams
+
+        coerce_params(GoalParams, arguments["goal"])
+
+
+def _options_of(goal: object) -> tuple[str, ...]:
+    """Return the options of a reset, beside the mine, in a task with or without a goal."""
+    return STARTS if goal is None else (*STARTS, "goal")
 
 
 def _names(split: str, mines: Sequence[str] | int | None) -> list[str]:

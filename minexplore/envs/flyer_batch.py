@@ -50,9 +50,6 @@ class FlyerBatch(RobotBatch):
         kind = FlyerGround if self.world.volume is None else AirGround
         return kind(self.world, self.task, self.robot, self.count, whole)
 
-    def _forget(self, robots: np.ndarray) -> None:
-        self.seen[robots] = False
-
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots (k,) by one control step without casting beams; return which touched anything (k,) bool."""
         task, wanted = self.task, command.copy()

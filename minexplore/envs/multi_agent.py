@@ -12,7 +12,6 @@ from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from minexplore.envs.call_checks import numbers_of, spread_seeds
-from minexplore.envs.outcome import COLLISION_PENALTY, info_of_robot, step_reward
 from minexplore.envs.team import Team
 from minexplore.physics.robots import RobotChoice, default_robot
 from minexplore.pictures.opengl import prepare_opengl
@@ -20,6 +19,7 @@ from minexplore.pictures.render import CAMERAS, Renderer
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.observation import observation_space
 from minexplore.task import TaskParams, coerce_params
+from minexplore.tasks.exploration import COLLISION_PENALTY, info_of_robot, step_reward
 from minexplore.world import DEFAULT_WORLD, find_world, load_world
 
 _MOST = 1000  # robots of a team, which one model holds; 20,000 take more than 20 s to make

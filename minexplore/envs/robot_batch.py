@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from minexplore.envs.ground import RobotGround, ground_of
-from minexplore.envs.outcome import StepOutcome, step_reward
 from minexplore.envs.robot_places import RobotPlaces
 from minexplore.physics.robot_kind import DrivenRobot, Robot
 from minexplore.physics.stepper import PhysicsStepper
 from minexplore.sensing.lidar import Backend, shared_lidar
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
+from minexplore.tasks.exploration import Exploration, StepOutcome
 from minexplore.world import World
 
 if TYPE_CHECKING:
-    from minexplore.envs.starts import EpisodeStart
+    from minexplore.tasks.starts import EpisodeStart
 
 _COUNTED = {2: "two", 4: "four"}
 # Arrays with a row for each robot that hold what changes while it drives.
-_CHANGES = ("state", "seen", "looked_m", "cells_seen", "previous", "steps", "stalled", "collisions")
+_CHANGES = ("state", "seen", "cells_seen", "previous", "steps", "stalled", "collisions")
 
 
 class RobotBatch(RobotPlaces):
@@ -56,10 +56,10 @@ class RobotBatch(RobotPlaces):
         self.stepper = PhysicsStepper(self.local_models, count, threads, self.ground.start_m)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
-        self.looked_m = np.tile([[np.inf], [-np.inf]], (count, 1, 2))  # box of places from which each saw new cells
         self.cells_seen, self._reachable = np.zeros(count, dtype=int), np.full(count, self.grid.total)
         self.previous = np.zeros((count, robot.COMMANDS))
         self.steps, self.stalled, self.collisions = (np.zeros(count, dtype=int) for _ in range(3))
+        self.rules = Exploration(self)
 
     def _make_ground(self, whole: bool) -> RobotGround:
         """Return what the robots move over."""
@@ -70,27 +70,19 @@ class RobotBatch(RobotPlaces):
     ) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, or as `start` says, and cast the beams once."""
         for i in robots.tolist():
-            x, y, *z = self._sample_place(rngs[i])
+            x, y, *z = self.rules.place(i, rngs[i], start) or self._sample_place(rngs[i])
             pose = [x, y, rngs[i].uniform(-np.pi, np.pi), *z]
             self.place(i, *(pose if start is None else start.pose(pose, i, rngs[i])))
-        self._forget(robots)
-        self.previous[robots] = 0.0
+        self.seen[robots], self.previous[robots] = False, 0.0
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
             counter[robots] = 0
+        self.rules.begin(robots)
         ranges, new = self._look(robots)
         self.cells_seen[robots] = new  # no step earned these cells
         nothing = np.zeros(len(robots), dtype=bool)
-        info = self._info(robots, nothing)
-        return StepOutcome(self._observe(robots, ranges, rngs), np.zeros(len(robots)), nothing.copy(), info)
-
-    def _forget(self, robots: np.ndarray) -> None:
-        """Clear the cells that robots (k,) have seen, in the box that their beams can have crossed."""
-        farthest = self.task.range_m[1] + self.task.cell_m
-        for i in robots.tolist():
-            low, high = self.looked_m[i]
-            if np.isfinite(self.looked_m[i]).all():
-                self.grid.forget(self.seen[i], low - farthest, high + farthest)
-        self.looked_m[robots] = [[np.inf, np.inf], [-np.inf, -np.inf]]
+        observation = self.rules.observed(self._observe(robots, ranges, rngs), robots)
+        ends = nothing.copy(), nothing.copy()
+        return StepOutcome(observation, np.zeros(len(robots)), *ends, self._info(robots, nothing))
 
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
         """Place a robot, at rest, on the floor at a pose of the plan; in a volume on the next floor under a height."""
@@ -135,14 +127,15 @@ class RobotBatch(RobotPlaces):
         self.collisions[rows] += collision
         self.previous[rows] = command
         ranges, new = self._look(robots)
-        reward = step_reward(self.cells_seen[rows], new, self.grid.total, collision)
-        self.cells_seen[rows] += new
         self.steps[rows] += 1
+        reward, done = self.rules.judge(robots, new, collision)
+        self.cells_seen[rows] += new
         # In mud and water noise moves a robot that is commanded to stand, so the command counts too.
         still = np.minimum(self._speeds(robots), self._asked_speeds(command)) < self.task.stall_speed_mps
         self.stalled[rows] = (self.stalled[rows] + 1) * still
         truncated = (self.steps[rows] >= self.task.max_steps) | (self.stalled[rows] >= self.task.stall_steps)
-        return StepOutcome(self._observe(robots, ranges, rngs), reward, truncated, self._info(robots, collision))
+        observation = self.rules.observed(self._observe(robots, ranges, rngs), robots)
+        return StepOutcome(observation, reward, done, truncated, self._info(robots, collision))
 
     def _asked_speeds(self, command: np.ndarray) -> np.ndarray:
         """Return the speeds (k,) m/s along their way that commands (k, commands) ask for."""
@@ -205,11 +198,7 @@ class RobotBatch(RobotPlaces):
         origin, directions, ranges = self._cast(robots)
         ray, *cell = self._crossed(origin, directions, ranges)
         new = self.grid.mark(self.seen, robots[ray // self.task.beams], *cell)
-        rows = self._rows(robots)
-        if np.count_nonzero(new):
-            self.looked_m[rows, 0] = np.fmin(self.looked_m[rows, 0], origin[:, :2])
-            self.looked_m[rows, 1] = np.fmax(self.looked_m[rows, 1], origin[:, :2])
-        return ranges, new[rows]
+        return ranges, new[self._rows(robots)]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""
@@ -243,16 +232,20 @@ class RobotBatch(RobotPlaces):
             "pitch_rad": attitude[:, 0],
             "roll_rad": attitude[:, 1],
             **self.ground.info(robots, now.places_m),
+            **self.rules.info(robots),
         }
 
-    def copy_state(self) -> dict[str, np.ndarray]:
+    def copy_state(self) -> dict[str, Any]:
         """Return a copy of all that changes while robots drive; their random numbers are the caller's."""
-        return {name: getattr(self, name).copy() for name in _CHANGES}
+        return {name: getattr(of, name).copy() for of, name in self._changing()}
 
-    def restore_state(self, state: dict[str, np.ndarray]) -> None:
+    def restore_state(self, state: dict[str, Any]) -> None:
         """Take what `copy_state` returned, of a batch of as many robots in the same world."""
-        for name in _CHANGES:
-            getattr(self, name)[...] = state[name]
+        for of, name in self._changing():
+            getattr(of, name)[...] = state[name]
+
+    def _changing(self) -> list[tuple[Any, str]]:
+        return [(self, name) for name in _CHANGES] + [(self.rules, name) for name in self.rules.CHANGES]
 
     def close(self) -> None:
         """Stop the threads."""

@@ -73,10 +73,6 @@ class RobotPlaces:
         """Return the places (k, 3) m of robots' bodies, which are those of axles, in the mine frame; read-only."""
         return self._stances(robots).places_m
 
-    def zones_under(self, robots: np.ndarray) -> np.ndarray:
-        """Return the numbers (k,) of the floor zones that robots are in, by their eastings in the mine frame."""
-        return self.world.zones_at(self._mine_places(robots)[:, 0])
-
     def poses(self, robots: np.ndarray | None = None) -> np.ndarray:
         """Return x, y (m) and yaw (rad) in the mine frame, (k, 3), of robots (k,), of all by default."""
         return self._stances(self._every if robots is None else robots).poses()

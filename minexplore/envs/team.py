@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
-from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
+from minexplore.tasks.exploration import StepOutcome
 from minexplore.world import World
 
 _APART_M = 1.2  # least distance between two robots at the start, centre to centre
@@ -39,13 +41,13 @@ class Team(RobotBatch):
         mujoco.mj_forward(self.model, self.data)
         return outcome
 
-    def copy_state(self) -> dict[str, np.ndarray]:
+    def copy_state(self) -> dict[str, Any]:
         """Return a copy of all that changes while the team drives; see `RobotBatch.copy_state`."""
         physics = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, physics, _STATE)
         return {**super().copy_state(), "team_seen": self.team_seen.copy(), "physics": physics}
 
-    def restore_state(self, state: dict[str, np.ndarray]) -> None:
+    def restore_state(self, state: dict[str, Any]) -> None:
         """Take what `copy_state` returned; see `RobotBatch.restore_state`."""
         super().restore_state(state)
         self.team_seen[...] = state["team_seen"]

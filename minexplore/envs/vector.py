@@ -14,19 +14,19 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import STARTS, check_camera, check_options, is_masked, numbers_of, spread_seeds
+from minexplore.envs.call_checks import check_camera, check_options, is_masked, numbers_of, spread_seeds
 from minexplore.envs.horizon import Timed
-from minexplore.envs.outcome import StepOutcome
-from minexplore.envs.starts import start_of
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.params import SensorParams, sensor_params
 from minexplore.sensors.table import check_sensors
 from minexplore.task import LONG, TaskParams, coerce_params
+from minexplore.tasks.exploration import StepOutcome
 from minexplore.world import find_world, load_world
 
 if TYPE_CHECKING:
     from minexplore.pictures.render import Renderer
+    from minexplore.tasks.goto import GoalParams
 
 _MOST = 65_536  # robots, or threads
 
@@ -39,7 +39,7 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
     Parameters
     ----------
     num_envs : int
-    world, task, robot, camera, lidar, whole, pose, conditions
+    world, task, robot, camera, lidar, whole, pose, conditions, goal
         As in `MineEnv`.
     render_mode : {None, "rgb_array"}
         `render` gives one picture a robot.
@@ -73,12 +73,13 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         conditions: SensorParams | Mapping[str, Any] | str | None = None,
         sensors: Sequence[str] = (),
         max_episode_steps: int | None = None,
+        goal: GoalParams | Mapping[str, Any] | None = None,
     ) -> None:
         """Load the world and put the robots into it."""
         if check_sensors(sensors):
             raise ValueError(f"sensors = {sensors!r:.100}: want () here; vectorization_mode='sync' reads sensors")
         given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
-        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions, (), max_episode_steps)
+        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions, (), max_episode_steps, goal)
         check_count("num_envs", num_envs, _MOST)
         check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
@@ -95,8 +96,9 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
         self.world = load_world(find_world(world))
         batch = (self.world, self.task, self.robot, num_envs, threads, lidar, whole)
-        self.robots = make_batch(*batch, pose, sensor_params(conditions))
-        self.single_observation_space = observations_of(self.task, self.robot)
+        self.robots = make_batch(*batch, pose, sensor_params(conditions), goal)
+        own = observations_of(self.task, self.robot, goal, self.world.has_heights)
+        self.single_observation_space = own
         self.single_action_space = commands_of(self.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -104,7 +106,7 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         self._seeds: list[int] = []
         self._begun = False
         self._ended = np.zeros(num_envs, dtype=bool)
-        self._observation: np.ndarray = np.zeros((num_envs, *observations_of(self.task, self.robot).shape), np.float32)
+        self._observation: np.ndarray = np.zeros((num_envs, *own.shape), np.float32)
         self._renderer: Renderer | None = None
         self.closed = False
 
@@ -116,11 +118,11 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         Options that say where an episode starts hold for each of these robots; see `MineEnv.reset`.
         """
         self._require_open()
-        check_options(options, ("reset_mask", *STARTS))
+        check_options(options, ("reset_mask", *self.robots.rules.OPTIONS))
         seeds, mask = spread_seeds(seed, self.num_envs), mask_of(options, self.num_envs)
         if not self._begun and not mask.all():
             raise gymnasium.error.ResetNeeded("reset_mask: reset all robots before some of them")
-        start = start_of(options, self.world, self.robot.radius_m)
+        start = self.robots.rules.start_of(options)
         self._draw_seeds()
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
@@ -160,21 +162,21 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         if len(over) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(f"robot {over[0]}: its episode ended; reset it by options['reset_mask']")
         driving = np.flatnonzero(~self._ended)
-        reward, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
+        reward, (terminated, truncated) = np.zeros(self.num_envs), np.zeros((2, self.num_envs), dtype=bool)
         info: dict[str, Any] = {}
         if len(driving):
-            outcome = self.robots.step(actions, self._rngs, driving if len(over) else None)
-            self._observation[driving] = outcome.observation
-            reward[driving], truncated[driving] = outcome.reward, outcome.truncated
-            info = _spread(outcome, driving, self.num_envs)
+            now = self.robots.step(actions, self._rngs, driving if len(over) else None)
+            self._observation[driving], reward[driving] = now.observation, now.reward
+            terminated[driving], truncated[driving] = now.terminated, now.truncated
+            info = _spread(now, driving, self.num_envs)
         if len(over):
             started = self.robots.reset(over, self._rngs)
             self._observation[over] = started.observation
             info = _merge(info, _spread(started, over, self.num_envs), over)
-        self._ended = truncated.copy()
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
-            info |= self._restart(np.flatnonzero(truncated), info)
-        return self._observation.copy(), reward, np.zeros(self.num_envs, dtype=bool), truncated, info
+        self._ended = terminated | truncated
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
+            info |= self._restart(np.flatnonzero(self._ended), info)
+        return self._observation.copy(), reward, terminated, truncated, info
 
     def _restart(self, over: np.ndarray, info: dict[str, Any]) -> dict[str, Any]:
         """Reset robots at once, and hand on what they last saw."""

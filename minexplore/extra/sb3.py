@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 
 import minexplore
-from minexplore.envs.outcome import info_of_robot
+from minexplore.tasks.exploration import info_of_robot
 
 Indices = None | int | Iterable[int]
 
@@ -73,16 +73,17 @@ class MineVecEnv(VecEnv):
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Step all robots."""
-        observation, reward, _, truncated, info = self.env.step(self._actions)
+        observation, reward, terminated, truncated, info = self.env.step(self._actions)
+        over = terminated | truncated
         infos = self._infos_of(info, np.arange(self.num_envs))
-        ended = np.flatnonzero(truncated)
+        ended = np.flatnonzero(over)
         if len(ended):
             for i, last in zip(ended.tolist(), self._infos_of(info["final_info"], ended), strict=True):
                 self.reset_infos[i] = infos[i]
                 infos[i] = {**last, "terminal_observation": info["final_obs"][i]}
         for i in range(self.num_envs):
-            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
-        return observation, reward.astype(np.float32), truncated, infos
+            infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+        return observation, reward.astype(np.float32), over, infos
 
     def _infos_of(self, info: dict[str, Any], robots: np.ndarray) -> list[dict[str, Any]]:
         plain = {k: v for k, v in info.items() if not k.startswith(("_", "final"))}

@@ -28,9 +28,6 @@ class CellGrid(Protocol):
     def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells as seen by their observers; return how many are new to each."""
 
-    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
-        """Clear what one observer has seen in a box, seen from above."""
-
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return the squares (rows, cols), seen from above, in which any of some cells lies."""
 
@@ -48,7 +45,7 @@ class CoverageGrid:
         """
         if world.volume is not None:
             raise ValueError(f"{world.folder}: its mine is one volume; this takes mines whose floors are drawn in plan")
-        standing = _connected(world, world.clearance_m >= radius_m, centre_m)
+        standing = connected_cells(world, world.clearance_m >= radius_m, centre_m)
         row, col = np.nonzero(standing)
         places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
         if np.isfinite(reach_m):
@@ -94,12 +91,6 @@ class CoverageGrid:
         view[new] = True
         return np.bincount(new // self.reachable.size, minlength=len(seen))
 
-    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
-        """Clear the cells of one observer (rows, cols) that meet a box of the plan (2,) to (2,) m."""
-        low, high = np.floor((np.stack([low_m, high_m]) - self.origin_m) / self.cell_m).astype(int)
-        (west, south), (east, north) = np.maximum(low, 0), np.maximum(high + 1, 0)
-        seen[south:north, west:east] = False
-
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return a mask of cells as one of the plan's squares (rows, cols): here they are the same."""
         return cells
@@ -142,7 +133,7 @@ def _numbers_to(last: int) -> np.ndarray:
     return numbers
 
 
-def _connected(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
+def connected_cells(world: World, standing: np.ndarray, centre_m: np.ndarray) -> np.ndarray:
     """Return the cells of a mask that are connected to the one nearest to a place."""
     row, col = np.nonzero(standing)
     if not len(row):

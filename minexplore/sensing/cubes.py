@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from minexplore.sensing.coverage import _connected
+from minexplore.sensing.coverage import connected_cells
 from minexplore.world import World
 
 _STEP_M = 0.5  # between heights at which a place is looked at; cubes are 2 m
@@ -84,10 +84,6 @@ class CubeGrid:
         cells, first = np.unique(self._flat[order], return_index=True)
         return dict(zip(cells.tolist(), np.split(order, first[1:]), strict=True))
 
-    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
-        """Clear what one observer has seen."""
-        seen[:] = False
-
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return over which columns (rows, cols) some cubes (total,) are."""
         found = np.zeros(self._columns, dtype=bool)
@@ -102,7 +98,7 @@ def level_middles(
 
     They are connected to `centre_m` over the floor and within `reach_m` of it, seen from above.
     """
-    row, col = np.nonzero(_connected(world, world.clearance_m >= radius_m, centre_m))
+    row, col = np.nonzero(connected_cells(world, world.clearance_m >= radius_m, centre_m))
     places = world.origin_m + (np.column_stack([col, row]) + 0.5) * world.cell_m
     if math.isfinite(reach_m):
         places = places[np.linalg.norm(places - centre_m, axis=1) <= reach_m]

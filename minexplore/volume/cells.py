@@ -73,10 +73,6 @@ class VolumeGrid:
         view[new] = True
         return np.bincount(new // self.total, minlength=len(seen))
 
-    def forget(self, seen: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> None:
-        """Clear the cells (n,) of one observer; the box that it has seen is not looked at."""
-        seen[:] = False
-
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return the squares (rows, cols) in which any of some cells, a mask (n,), lies."""
         plan = np.zeros(self.shape, bool)

@@ -54,8 +54,13 @@ def standing_spans(spans: FloorSpans, robot: Robot, anchor_m: np.ndarray) -> np.
         raise ValueError("no place where the robot fits")
     numbers = np.flatnonzero(fits)
     seed = int(numbers[np.square(spans.roomiest_m[numbers] - anchor_m).sum(axis=1).argmin()])
-    pairs = wide_pairs(spans, _STEEPEST, _STEP_M, top_m, robot.radius_m)
+    pairs = driven_pairs(spans, robot)
     return connected(pairs[fits[pairs].all(axis=1)], len(fits), seed)
+
+
+def driven_pairs(spans: FloorSpans, robot: Robot) -> np.ndarray:
+    """Return the pairs (n, 2) of spans beside each other, also at a corner, between which a robot drives."""
+    return wide_pairs(spans, _STEEPEST, _STEP_M, robot.top_m, robot.radius_m)
 
 
 def wide_pairs(spans: FloorSpans, steepest: float, step_m: float, height_m: float, radius_m: float) -> np.ndarray:

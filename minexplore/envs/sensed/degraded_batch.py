@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from minexplore.envs.flyer_batch import FlyerBatch
-from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.sensed.odometry_batch import OdometryBatch
-from minexplore.envs.starts import EpisodeStart, source_of
+from minexplore.physics.robot_kind import Robot
 from minexplore.sensing.params import SensorParams
 from minexplore.sensing.scanners.caster import Hits, shared_caster
 from minexplore.sensing.scanners.degradation import degrade_hits
 from minexplore.sensing.scanners.pattern import ScanPattern
+from minexplore.tasks.exploration import StepOutcome
+from minexplore.tasks.starts import EpisodeStart, source_of
 
 # Of a SICK TiM551's range of 10 m (SICKAG/sick_scan_xd, list of devices). Not verified: 8 m at 10 % remission.
 _TEN_PERCENT_SHARE = 0.8
@@ -99,16 +102,17 @@ class DegradedFlyerBatch(DegradedBatch, FlyerBatch):
     """Robots that fly with degraded beams."""
 
 
-def flying_batch(conditions: SensorParams, *arguments: Any, **named: Any) -> FlyerBatch:
-    """Return robots that fly with clear or degraded beams."""
-    if conditions.is_ideal:
-        return FlyerBatch(*arguments, **named)
-    return DegradedFlyerBatch(*arguments, conditions=conditions, **named)
+def kind_of_batch(robot: Robot, pose: object, conditions: SensorParams) -> Callable[..., RobotBatch]:
+    """Return what makes a batch of robots that fly or drive, by a true or a counted pose, with clear or degraded beams.
 
-
-def driving_batch(pose: object, conditions: SensorParams, *arguments: Any, **named: Any) -> RobotBatch:
-    """Return robots with wheels whose infos hold the true pose or the counted one, with clear or degraded beams."""
-    if conditions.is_ideal:
-        return (OdometryBatch if pose == "odometry" else RobotBatch)(*arguments, **named)
-    kind = DegradedOdometryBatch if pose == "odometry" else DegradedBatch
-    return kind(*arguments, conditions=conditions, **named)
+    Raises
+    ------
+    ValueError
+        If a robot without wheels is to count them.
+    """
+    if robot.FLIES and pose != "true":
+        raise ValueError(f"pose = {pose!r}: a quadrotor has no wheels; want true")
+    clear, degraded = (FlyerBatch, DegradedFlyerBatch) if robot.FLIES else (RobotBatch, DegradedBatch)
+    if pose == "odometry":
+        clear, degraded = OdometryBatch, DegradedOdometryBatch
+    return clear if conditions.is_ideal else partial(degraded, conditions=conditions)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.envs.outcome import StepOutcome
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.starts import EpisodeStart, source_of
 from minexplore.sensing.odometry import WheelOdometry
+from minexplore.tasks.exploration import StepOutcome
+from minexplore.tasks.starts import EpisodeStart, source_of
 
 
 class OdometryBatch(RobotBatch):
@@ -37,7 +37,7 @@ class OdometryBatch(RobotBatch):
 
     def drive(self, command: np.ndarray, rngs: list[np.random.Generator], robots: np.ndarray) -> np.ndarray:
         """Advance robots, and count their motion on the floor that they began the step on."""
-        friction = self._friction[self.zones_under(robots)]
+        friction = self._friction[self.world.zones_at(self._mine_places(robots)[:, 0])]
         collision = super().drive(command, rngs, robots)
         self._odometry.advance(robots, self.poses()[robots], friction)
         return collision

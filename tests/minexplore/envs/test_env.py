@@ -12,11 +12,11 @@ from scipy.ndimage import label
 import minexplore  # noqa: F401  (registers the environments)
 from minexplore.bundle import BundleError
 from minexplore.envs.env import MineEnv
-from minexplore.envs.outcome import CAP, step_reward
 from minexplore.physics.robot import RobotParams
-from minexplore.sensing.coverage import CoverageGrid, _connected
+from minexplore.sensing.coverage import CoverageGrid, connected_cells
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
+from minexplore.tasks.exploration import CAP, step_reward
 from minexplore.world import load_world
 from tests.mines import RING, TEE, BuiltMine
 
@@ -241,7 +241,7 @@ def test_cells_that_are_connected_are_those_of_a_labelled_picture():
     largest = np.bincount(labels[standing]).argmax()
     row, col = np.argwhere(labels == largest)[0]
     centre = world.origin_m + (np.array([col, row]) + 0.5) * world.cell_m
-    assert (_connected(world, standing, centre) == (labels == largest)).all()
+    assert (connected_cells(world, standing, centre) == (labels == largest)).all()
 
 
 def test_beams_that_start_at_one_place_cross_the_cells_that_they_cross_one_by_one(ring: BuiltMine):

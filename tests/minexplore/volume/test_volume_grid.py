@@ -98,15 +98,14 @@ def test_beams_that_start_at_one_place_mark_what_they_mark_one_by_one():
     assert len(together[0]) > 40
 
 
-def test_marked_cells_count_once_and_can_be_forgotten():
+def test_marked_cells_count_once():
     grid = VolumeGrid(spans(strip([0.0] * 24)), np.ones(24, bool), 2.0)
     seen = np.zeros((2, *grid.reachable.shape), bool)
     new = grid.mark(seen, np.array([0, 0, 1]), np.array([1, 1, 2]))
     assert new.tolist() == [1, 1]
     assert grid.mark(seen, np.array([0]), np.array([1])).tolist() == [0, 0]
     assert grid.in_plan(seen[0]).tolist() == [[False, True, False]]
-    grid.forget(seen[0], np.zeros(2), np.zeros(2))
-    assert seen.sum(axis=1).tolist() == [0, 1]
+    assert seen.sum(axis=1).tolist() == [1, 1]
 
 
 def test_a_fast_robot_cuts_grid_lines_as_the_plan_does():

@@ -1,11 +1,11 @@
-"""The paper's reward and the ends of episodes; `minexplore.envs.outcome` is the reference."""
+"""The paper's reward and the ends of episodes; `minexplore.tasks.exploration` is the reference."""
 
 import numpy as np
 import warp as wp
 
-from minexplore.envs.outcome import COLLISION_PENALTY, COVERAGE_GAIN, IDLE_PENALTY, MILESTONES
 from minexplore.extra.warp.kernels.faults import NOT_FINITE, OUTSIDE
 from minexplore.extra.warp.kernels.frames import MineFrame
+from minexplore.tasks.exploration import COLLISION_PENALTY, COVERAGE_GAIN, IDLE_PENALTY, MILESTONES
 
 _GAIN, _IDLE, _HIT = (wp.constant(wp.float64(x)) for x in (COVERAGE_GAIN, IDLE_PENALTY, COLLISION_PENALTY))
 

@@ -19,12 +19,14 @@ _PLACES = ("pose", "cell", "station")  # options of which an episode takes at mo
 class EpisodeStart:
     """What options of a reset fix; None is drawn as without them.
 
-    `place_m` is (x, y) or (x, y, z), m, mine frame, and `yaw_rad` counter-clockwise from east.
+    `place_m` is (x, y) or (x, y, z), m, mine frame, and `yaw_rad` counter-clockwise from east. `goal` is a place of
+    `minexplore.tasks.ways.Ways`.
     """
 
     place_m: tuple[float, ...] | None = None
     yaw_rad: float | None = None
     noise_seed: int | None = None
+    goal: int | None = None
 
     def pose(self, drawn: list[float], robot: int, rng: np.random.Generator) -> list[float]:
         """Return x, y, yaw and, where it is fixed, z; robot i goes on with random numbers of `noise_seed + i`."""
@@ -82,25 +84,39 @@ def _cell_of(world: World, value: Any) -> tuple[tuple[float, ...], float | None]
     return (float(x), float(y)), None
 
 
-def _station_of(world: World, value: Any) -> tuple[tuple[float, ...], float | None]:
+def goal_of(world: World, value: Any) -> tuple[float, ...]:
+    """Return the place (2,) or (3,) m, mine frame, of a goal: a station's name, or numbers.
+
+    Raises
+    ------
+    ValueError
+        If there is no such station, or the numbers are not those of a place.
+    """
+    if isinstance(value, str):
+        return _station_of(world, value, "goal")[0]
+    counts = (2, 3) if world.has_heights else (2,)
+    return tuple(_numbers("goal", value, counts, "a station's name, or x and y, m, mine frame", 3))
+
+
+def _station_of(world: World, value: Any, name: str = "station") -> tuple[tuple[float, ...], float | None]:
     nodes = json.loads(world.read(TOPOLOGY))["nodes_m"]
     if not isinstance(value, str) or value not in nodes:
         known = ", ".join(list(nodes)[:5])
-        raise ValueError(f"options: station = {value!r:.80}: want one of {known}, ... ({len(nodes)})")
+        raise ValueError(f"options: {name} = {value!r:.80}: want one of {known}, ... ({len(nodes)})")
     return tuple(map(float, nodes[value])), None
 
 
 _READERS = {"pose": _pose_of, "cell": _cell_of, "station": _station_of}
 
 
-def _numbers(name: str, value: Any, counts: tuple[int, ...], want: str) -> list[float]:
+def _numbers(name: str, value: Any, counts: tuple[int, ...], want: str, with_height: int = 4) -> list[float]:
     """Return finite numbers, as many as one of `counts`."""
     try:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         found = np.empty(0)
     if found.ndim != 1 or len(found) not in counts or not np.isfinite(found).all():
-        more = ", and in a volume z, m" if 4 in counts else ""
+        more = ", and in a volume z, m" if with_height in counts else ""
         raise ValueError(f"options: {name} = {value!r:.80}: want {want}{more}")
     return [float(number) for number in found]
 
