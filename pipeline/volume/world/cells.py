@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import WAYS, FloorSpans, VolumeFacets
 from pipeline.volume.world.content import world_box
@@ -40,7 +41,7 @@ def cells_of(volume: VolumeFacets, cell_m: float, robot: RobotSize) -> FloorSpan
     return replace(
         bare,
         clearance_m=room.clearance_m.round(_DIGITS),
-        storey=_storeys(bare, neighbours_of(bare, robot)),
+        storey=storeys_of(bare.column, bare.row, bare.storey >= 0, neighbours_of(bare, robot)),
         aside_m=room.aside_m.round(_DIGITS).astype(np.float32),
         way_m=room.way_m.round(_DIGITS).astype(np.float32),
     )
@@ -53,41 +54,57 @@ def _slopes(volume: VolumeFacets, facets: np.ndarray) -> np.ndarray:
     return -found.clip(-1e9, 1e9)
 
 
-def _storeys(cells: FloorSpans, pairs: np.ndarray) -> np.ndarray:
-    """Return the storey of each span, the largest first; a floor that passes over itself is cut where it would."""
-    usable = cells.storey >= 0
-    key = np.unique(np.column_stack([cells.column, cells.row]), axis=0, return_inverse=True)[1].reshape(-1)
-    beside = _adjacency(len(usable), pairs[usable[pairs].all(axis=1)])
-    storey = np.full(len(usable), -1)
-    count = 0
-    for start in np.flatnonzero(usable).tolist():
-        if storey[start] < 0:
-            _spread(start, count, storey, key, beside)
-            count += 1
-    if not count:
-        return storey.astype(np.int32)
-    sizes = np.bincount(storey[usable], minlength=count)
-    rank = np.empty(count, np.int64)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(count)
-    found: np.ndarray = np.where(usable, rank[storey], -1).astype(np.int32)
-    return found
+def storeys_of(column: np.ndarray, row: np.ndarray, usable: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Return the storey (s,) of each span, the largest first, and -1 of spans that are not usable.
+
+    A storey is what spreads from its first span to neighbours, breadth first, once a column: a floor that passes over
+    itself is cut where it would.
+
+    Parameters
+    ----------
+    column, row : (s,) int
+    usable : (s,) bool
+    pairs : (n, 2) int
+        Spans that are neighbours.
+    """
+    count = len(usable)
+    key = np.unique(np.column_stack([column, row]), axis=0, return_inverse=True)[1].reshape(-1)
+    left, first = usable.copy(), np.arange(count)  # `first` is the span that a storey begins at
+    pairs = pairs[usable[pairs].all(axis=1)]
+    while left.any():
+        pairs = pairs[left[pairs].all(axis=1)]
+        part = connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), (count, count)), directed=False)[1]
+        own = np.flatnonzero(left)
+        begins = np.full(count, count)
+        np.minimum.at(begins, part[own], own)
+        first[own] = begins[part[own]]
+        of_column, times = np.unique(part[own] * count + key[own], return_inverse=True, return_counts=True)[1:]
+        over = np.unique(part[own[times[of_column.reshape(-1)] > 1]])  # these parts pass over themselves
+        taken = ~np.isin(part, over)
+        taken[_spread(begins[over], key, part, pairs)] = True
+        left &= ~taken
+    found, size = np.unique(first[usable], return_counts=True)
+    rank = np.zeros(count, np.int64)
+    rank[found[np.argsort(-size, kind="stable")]] = np.arange(len(found))
+    storey: np.ndarray = np.where(usable, rank[first], -1).astype(np.int32)
+    return storey
 
 
-def _spread(start: int, number: int, storey: np.ndarray, key: np.ndarray, beside: list[list[int]]) -> None:
-    """Give a storey's number to the spans about one that have none, once a column."""
-    taken, queue = {int(key[start])}, deque([start])
-    storey[start] = number
-    while queue:
-        for other in beside[queue.popleft()]:
-            if storey[other] < 0 and int(key[other]) not in taken:
-                taken.add(int(key[other]))
-                storey[other] = number
-                queue.append(other)
-
-
-def _adjacency(count: int, pairs: np.ndarray) -> list[list[int]]:
-    beside: list[list[int]] = [[] for _ in range(count)]
-    for one, other in pairs.tolist():
-        beside[one].append(other)
-        beside[other].append(one)
-    return beside
+def _spread(starts: np.ndarray, key: np.ndarray, part: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Return the spans that each start (k,) of a part of its own spreads to, in the order of a queue."""
+    pairs = pairs[np.isin(part[pairs[:, 0]], part[starts])]
+    ends, others = pairs.ravel(), pairs[:, ::-1].ravel()
+    order = np.argsort(ends, kind="stable")
+    others, begin = others[order], np.searchsorted(ends[order], np.arange(len(key) + 1))
+    place = np.unique(part * (key.max(initial=0) + 1) + key, return_inverse=True)[1].reshape(-1)  # a column of a part
+    is_taken = np.zeros(len(key), bool)
+    is_taken[place[starts]] = True
+    reached, edge = [starts], starts
+    while len(edge):
+        size = begin[edge + 1] - begin[edge]
+        beside = others[np.repeat(begin[edge + 1] - np.cumsum(size), size) + np.arange(size.sum())]
+        beside = beside[~is_taken[place[beside]]]
+        edge = beside[np.sort(np.unique(place[beside], return_index=True)[1])]  # the first one of each column
+        is_taken[place[edge]] = True
+        reached.append(edge)
+    return np.concatenate(reached)
