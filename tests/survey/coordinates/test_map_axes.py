@@ -126,7 +126,7 @@ def test_heights_have_the_unit_and_the_direction_of_their_own_axis(tmp_path, crs
     path = write(tmp_path / f"ramp{suffix}", [line], crs)
     params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=2.0, heights=None)
     with collect_remarks() as remarks:
-        legs = read_vector_survey(params.model_copy(update={"file": path.as_posix()})).legs
+        legs = read_vector_survey(params.model_copy(update={"file": path.as_posix()})).shape
     ends = legs.positions_m[[0, -1]]
     rise, run = abs(ends[1, 2] - ends[0, 2]), np.linalg.norm(ends[1, :2] - ends[0, :2])
     assert (rise, run) == pytest.approx((6.0, 120.0), abs=0.01)

@@ -13,6 +13,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, SurveyParams, VectorSurveyParams
 from pipeline.survey.detect import _detect, detect_here
 from pipeline.survey.vector_survey import read_vector_survey
+from pipeline.types import DrawnFloors
 from tests.heights import table
 from tests.project import ROOT
 
@@ -50,7 +51,7 @@ def test_a_piece_of_drawn_levels_is_chosen_by_a_place(tmp_path, capsys):
     drawing.saveas(tmp_path / "a.dxf")
     params = VectorSurveyParams(kind="vector", name="a", file="data/x")
     values = {"file": (tmp_path / "a.dxf").as_posix()}
-    assert len(read_vector_survey(params.model_copy(update=values)).floors) > 0
+    assert isinstance(read_vector_survey(params.model_copy(update=values)).shape, DrawnFloors)
     said = capsys.readouterr().err
     assert "all are built, and --piece (survey.piece) builds one: 900 m2 about" in said
     assert "400 m2 about 10.0,10.0,390.0" in said

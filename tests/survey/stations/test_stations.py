@@ -9,6 +9,7 @@ from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.stations.table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
+from pipeline.types import DrawnPlan
 from tests.project import ROOT, TINY_STATIONS
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
@@ -190,10 +191,10 @@ def test_a_shaft_between_level_drifts_makes_a_volume_and_a_step_under_a_metre_is
     params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
     params = params.model_copy(update={"file": path.as_posix()})
     path.write_text(f"{head}A,a,0,0,2,2,5\nA,b,9,0,2,2,5\nS,b,9,0,2,2,5\nS,c,9,0,2,2,-7\n")
-    assert np.ptp(read_vector_survey(params).legs.positions_m[:, 2]) == 12.0
+    assert np.ptp(read_vector_survey(params).shape.positions_m[:, 2]) == 12.0
     path.write_text(path.read_text().replace(",-7", ",4.5"))
     read = read_vector_survey(params)
-    assert (len(read.legs), read.heights) == (0, None)
+    assert (type(read.shape), read.heights) == (DrawnPlan, None)
     assert "1 shafts are left out, the deepest 0.5 m, from b to c" in capsys.readouterr().err
 
 
@@ -242,7 +243,7 @@ def test_pieces_of_a_level_table_are_built_and_listed_as_those_with_heights(tmp_
     params = PassageSurveyParams(kind="passages", name="a", file="data/a.csv", heights=None)
     params = params.model_copy(update={"file": path.as_posix()})
     read = read_vector_survey(params)
-    assert (len(read.legs), len(read.workings.geoms), read.workings.bounds[3] < 3) == (0, 1, True)
+    assert (type(read.shape), len(read.workings.geoms), read.workings.bounds[3] < 3) == (DrawnPlan, 1, True)
     assert "built is the one of 30 m about a; --piece (survey.piece) builds another: 20 m about c" in (
         capsys.readouterr().err
     )
@@ -310,9 +311,9 @@ def test_absent_columns_of_walls_are_empty_ones(tmp_path, capsys):
 
 def test_four_zeros_in_a_table_are_a_section_that_nobody_measured(tmp_path, capsys):
     table = HEADER.strip() + ",elevation_m,up_m,down_m\nA,a,0,0,2,2,10,3,0\nA,b,40,0,{},12,{},{}\nA,c,60,0,2,2,14,3,0\n"
-    zeros = read_table(tmp_path, table.format("0,0", "0", "0.0")).legs
+    zeros = read_table(tmp_path, table.format("0,0", "0", "0.0")).shape
     told = capsys.readouterr().err
-    empty = read_table(tmp_path, table.format(",", "", "")).legs
+    empty = read_table(tmp_path, table.format(",", "", "")).shape
     np.testing.assert_array_equal(zeros.lrud_m, empty.lrud_m)
     assert "1 of 3 stations of passages lack a wall" in told
     with pytest.raises(InputError, match="the roof at 12 m is not above the floor at 12 m"):

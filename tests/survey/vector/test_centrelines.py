@@ -61,9 +61,9 @@ def test_centrelines_make_the_workings_of_the_same_survey_as_a_table(tmp_path, l
     path.write_text(table(legs))
     params = PassageSurveyParams(kind="passages", name="a", file="data/x", heights=None)
     table_read = read_vector_survey(params.model_copy(update={"file": path.as_posix()}))
-    wanted, of_table = table_read.workings, table_read.legs
+    wanted, of_table = table_read.workings, table_read.shape
     read = drawn(write(tmp_path / f"mine{suffix}", lines_of(legs)))
-    found, place, found_legs = read.workings, read.georeference, read.legs
+    found, place, found_legs = read.workings, read.georeference, read.shape
     assert place.crs is None or "32719" in place.crs
     assert found.symmetric_difference(wanted).area < 0.01 * wanted.area  # walls turn otherwise where legs join
     one, two = (legs.positions_m[:, 2] + legs.datum_m for legs in (found_legs, of_table))
@@ -72,8 +72,8 @@ def test_centrelines_make_the_workings_of_the_same_survey_as_a_table(tmp_path, l
 
 def test_levels_and_a_shaft_come_out_of_centrelines(tmp_path):
     read = drawn(write(tmp_path / "mine.gpkg", lines_of(levels())))
-    assert read.legs.surveyed_m == pytest.approx(sum(line_length(line) for line in lines_of(levels())))
-    assert len(read.legs.pieces_m) == 0
+    assert read.shape.surveyed_m == pytest.approx(sum(line_length(line) for line in lines_of(levels())))
+    assert len(read.shape.pieces_m) == 0
 
 
 def test_centrelines_in_feet_and_far_away_are_the_same_mine(tmp_path):
@@ -84,7 +84,7 @@ def test_centrelines_in_feet_and_far_away_are_the_same_mine(tmp_path):
     two = drawn(write(tmp_path / "ft.dxf", feet), unit="ft")
     three = drawn(write(tmp_path / "far.gpkg", far))
     assert two.workings.symmetric_difference(one.workings).area < 1e-6
-    np.testing.assert_allclose(two.legs.positions_m, one.legs.positions_m, atol=1e-6)
+    np.testing.assert_allclose(two.shape.positions_m, one.shape.positions_m, atol=1e-6)
     assert three.georeference.origin == (500_000, 7_000_000)
     assert three.workings.symmetric_difference(one.workings).area < 1e-3
 

@@ -106,7 +106,7 @@ def test_a_property_keeps_seams_apart_and_the_longest_is_built_at_its_floor(tmp_
     found = read(coal_mine(tmp_path / "coal.geojson"), **stated)
     wanted = one_seam(0)
     assert found.workings.symmetric_difference(wanted).area < 0.01 * wanted.area
-    assert found.legs.datum_m + found.legs.positions_m[0, 2] == pytest.approx(-420.0)
+    assert found.shape.datum_m + found.shape.positions_m[0, 2] == pytest.approx(-420.0)
     told = capsys.readouterr().err
     assert "3 pieces share no station" in told
     assert "--piece (survey.piece) builds another" in told
@@ -115,7 +115,7 @@ def test_a_property_keeps_seams_apart_and_the_longest_is_built_at_its_floor(tmp_
 
 def test_areas_of_seams_are_kept_apart_by_the_same_property(tmp_path, capsys):
     found = read(coal_mine(tmp_path / "coal.geojson", as_areas=True), VectorSurveyParams, level_by="floor")
-    corners = found.floors.vertices[found.floors.faces]
+    corners = found.shape.mesh.vertices[found.shape.mesh.faces]
     area_m2 = shapely.area(shapely.polygons(corners[:, :, :2])).sum()
     assert area_m2 == pytest.approx(sum(one_seam(seam).area for seam in range(3)), rel=0.02)
     assert np.unique(corners[:, :, 2]).tolist() == [0, 40, 80]

@@ -55,8 +55,8 @@ def test_a_stray_0_is_refused_with_both_options_and_each_of_them_reads_the_file(
         InputError, match=r"\(50\.0, 0\.0\).*--no-elevation 0 takes .*, and --no-elevation -9999 keeps 0"
     ):
         read_vector_survey(params)
-    legs = read_vector_survey(params.model_copy(update={"no_elevation": 0.0})).legs
+    legs = read_vector_survey(params.model_copy(update={"no_elevation": 0.0})).shape
     heights = legs.positions_m[:, 2] + legs.datum_m
     assert (heights.min(), heights.max()) == pytest.approx((690.0, 700.0))
-    kept = read_vector_survey(params.model_copy(update={"no_elevation": -9999.0})).legs
+    kept = read_vector_survey(params.model_copy(update={"no_elevation": -9999.0})).shape
     assert (kept.positions_m[:, 2] + kept.datum_m).min() == pytest.approx(0.0)

@@ -67,7 +67,7 @@ def test_the_drifts_of_flagged_shots_are_80_m_long_and_not_612(shots):
     west, south, east, north = found.workings.bounds
     assert north - south == pytest.approx(4.0, abs=0.1)
     assert east - west <= 124.1
-    assert found.legs.lrud_m[:, :2].max() == pytest.approx(2.0)
+    assert found.shape.lrud_m[:, :2].max() == pytest.approx(2.0)
 
 
 def test_a_file_of_splays_alone_is_refused_with_that_reason(tmp_path):
