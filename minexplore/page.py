@@ -62,8 +62,8 @@ rock round it ([ADR 6](../adr/0006-robots-are-stepped-in-local-models.md)). What
 
 | attribute of `env.unwrapped` | what it is |
 |---|---|
-| `robots.qpos`, `robots.qvel` | (n, numbers): the joints of each robot, world frame, as views of its state; writing moves it |
-| `robots.local_models.model(tile)` | the model of one tile of the mine with one robot; `local_models.tiles_of` finds a place's tile |
+| `robots.qpos`, `robots.qvel` | (n, numbers): each robot's joints, world frame; views of its state |
+| `robots.local_models.model(tile)` | the model of a tile with one robot; `tiles_of` finds a place's |
 | `world.spec()` | the whole world as `MjSpec`, without a robot; [`minexplore.place`](robots.md) attaches one |
 | `robots.T_world_mine` | (4, 4): from the mine frame to the world frame, in which MuJoCo computes |
 
