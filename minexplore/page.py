@@ -55,6 +55,20 @@ other robots.
 
 {servos}
 
+### Models and data
+
+There is no one `model` and `data` as in Gymnasium's own MuJoCo environments: each robot is stepped in the model of the
+rock round it ([ADR 6](../adr/0006-robots-are-stepped-in-local-models.md)). What there is instead:
+
+| attribute of `env.unwrapped` | what it is |
+|---|---|
+| `robots.qpos`, `robots.qvel` | (n, numbers): each robot's joints, world frame; views of its state |
+| `robots.local_models.model(tile)` | the model of a tile with one robot; `tiles_of` finds a place's |
+| `world.spec()` | the whole world as `MjSpec`, without a robot; [`minexplore.place`](robots.md) attaches one |
+| `robots.T_world_mine` | (4, 4): from the mine frame to the world frame, in which MuJoCo computes |
+
+`MineParallelEnv` has all robots and all rock in one: `team.model` and `team.data`, which every step advances.
+
 ### Random numbers
 
 Each robot draws from a generator of its own, `gymnasium.utils.seeding.np_random(seed)`, which is

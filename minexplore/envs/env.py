@@ -105,7 +105,7 @@ class MineEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     | `lidar` | `"auto"` | `"embree"` or `"open3d"`; they agree within 1 mm, and `"auto"` takes the first that is installed |
     | `whole` | False | step the robot in the model of all rock instead of that of the rock round it |
     | `pose` | `"true"` | or `"odometry"`: `pose_m_rad` is then counted from the wheels, and `true_pose_m_rad` the true one |
-    | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each; vectors: modes `"sync"`, `"async"` |
+    | `sensors` | `()` | further [sensors](#sensors); the observation is then a `Dict`: `robot` and one entry each, in vectors in batches |
     | `conditions` | `"ideal"` | of all sensors, the beams too: `"typical"`, `"dusty"`, `"wet"`, `SensorParams(...)` or a dict of its fields |
     | `goal` | None | explore; `GoalParams(...)` or a dict of its fields makes it [the task with a goal](#a-goal), as in the ids `GoTo-...` |
 

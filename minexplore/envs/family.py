@@ -24,7 +24,8 @@ from minexplore.envs.call_checks import (
 )
 from minexplore.envs.env import MineEnv
 from minexplore.envs.horizon import Timed
-from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
+from minexplore.envs.vector import check_count, find_mode, task_of
+from minexplore.envs.vector_rows import mask_of
 from minexplore.limits import has_display
 from minexplore.physics.robots import find_robot
 from minexplore.sensing.lidar import Backend

@@ -14,17 +14,19 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from minexplore.envs.batches import commands_of, make_batch, observations_of
-from minexplore.envs.call_checks import check_camera, check_options, is_masked, numbers_of, spread_seeds
+from minexplore.envs.call_checks import check_camera, check_options, numbers_of, spread_seeds
 from minexplore.envs.horizon import Timed
+from minexplore.envs.vector_rows import mask_of, merge_infos, spread_info
 from minexplore.physics.robots import RobotChoice, find_robot
 from minexplore.sensing.lidar import Backend
 from minexplore.sensing.params import SensorParams, sensor_params
-from minexplore.sensors.table import check_sensors
+from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.task import LONG, TaskParams, coerce_params
 from minexplore.tasks.exploration import StepOutcome
 from minexplore.world import find_world, load_world
 
 if TYPE_CHECKING:
+    from minexplore.envs.sensed.sensed_rows import SensedRows
     from minexplore.pictures.render import Renderer
     from minexplore.tasks.goto import GoalParams
 
@@ -51,8 +53,8 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         Instead of the task's `max_steps`; `gymnasium.make_vec` gives that of the id.
     threads : int
         That step the physics.
-    sensors : ()
-        None are read here; `vectorization_mode="sync"` of `gymnasium.make_vec` reads them.
+    sensors : sequence of str
+        As in `MineEnv`: the observation is then a dict of batches. Each robot reads them one after the other.
     """
 
     closed = True  # until there is something to close: Gymnasium closes what goes out of use, half-made ones too
@@ -76,10 +78,8 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         goal: GoalParams | Mapping[str, Any] | None = None,
     ) -> None:
         """Load the world and put the robots into it."""
-        if check_sensors(sensors):
-            raise ValueError(f"sensors = {sensors!r:.100}: want () here; vectorization_mode='sync' reads sensors")
         given = (num_envs, world, task, robot, render_mode, camera, lidar, whole, autoreset_mode, threads)
-        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions, (), max_episode_steps, goal)
+        gymnasium.utils.EzPickle.__init__(self, *given, pose, conditions, sensors, max_episode_steps, goal)
         check_count("num_envs", num_envs, _MOST)
         check_count("threads", threads, _MOST)
         if render_mode not in (None, "rgb_array"):
@@ -96,9 +96,10 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         self.robot: Any = find_robot(robot)  # a `Robot`; policies are typed for those of one kind
         self.world = load_world(find_world(world))
         batch = (self.world, self.task, self.robot, num_envs, threads, lidar, whole)
-        self.robots = make_batch(*batch, pose, sensor_params(conditions), goal)
+        self.sensors, conditions = check_sensors(sensors), sensor_params(conditions)
+        self.robots = make_batch(*batch, pose, conditions, goal)
         own = observations_of(self.task, self.robot, goal, self.world.has_heights)
-        self.single_observation_space = own
+        self.single_observation_space = observed_space(own, self.sensors)
         self.single_action_space = commands_of(self.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -108,6 +109,11 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         self._ended = np.zeros(num_envs, dtype=bool)
         self._observation: np.ndarray = np.zeros((num_envs, *own.shape), np.float32)
         self._renderer: Renderer | None = None
+        self._sensed: SensedRows | None = None
+        if self.sensors:
+            from minexplore.envs.sensed.sensed_rows import SensedRows
+
+            self._sensed = SensedRows(self.robots, self.sensors, self._drawing, conditions, lidar)
         self.closed = False
 
     def reset(
@@ -130,8 +136,22 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         self._begun = True
         self._ended[mask] = False
         outcome = self.robots.reset(np.flatnonzero(mask), self._rngs, start)
-        self._observation[mask] = outcome.observation
-        return self._observation.copy(), _spread(outcome, np.flatnonzero(mask), self.num_envs)
+        noise = None if start is None or start.noise_seed is None else start.noise_seed
+        self._take(outcome, np.flatnonzero(mask), seeds if noise is None else range(noise, noise + self.num_envs))
+        return self._observed(), spread_info(outcome, np.flatnonzero(mask), self.num_envs)
+
+    def _take(self, outcome: StepOutcome, rows: np.ndarray, seeds: Sequence[int | None] | None = None) -> None:
+        """Take observations and readings of robots (k,), which begin episodes of `seeds` (n,) or have made a step."""
+        self._observation[rows] = outcome.observation
+        if self._sensed is not None:
+            self._sensed.take(rows, seeds)
+
+    def _observed(self, rows: Any = slice(None)) -> Any:
+        """Return a copy of the observations of robots, of all by default: an array, or with sensors a dict of them."""
+        own = self._observation[rows].copy()
+        if self._sensed is None:
+            return own
+        return {"robot": own, **{name: found[rows].copy() for name, found in self._sensed.readings.items()}}
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -166,30 +186,31 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         info: dict[str, Any] = {}
         if len(driving):
             now = self.robots.step(actions, self._rngs, driving if len(over) else None)
-            self._observation[driving], reward[driving] = now.observation, now.reward
+            self._take(now, driving)
+            reward[driving] = now.reward
             terminated[driving], truncated[driving] = now.terminated, now.truncated
-            info = _spread(now, driving, self.num_envs)
+            info = spread_info(now, driving, self.num_envs)
         if len(over):
             started = self.robots.reset(over, self._rngs)
-            self._observation[over] = started.observation
-            info = _merge(info, _spread(started, over, self.num_envs), over)
+            self._take(started, over, [None] * self.num_envs)
+            info = merge_infos(info, spread_info(started, over, self.num_envs), over)
         self._ended = terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
             info |= self._restart(np.flatnonzero(self._ended), info)
-        return self._observation.copy(), reward, terminated, truncated, info
+        return self._observed(), reward, terminated, truncated, info
 
     def _restart(self, over: np.ndarray, info: dict[str, Any]) -> dict[str, Any]:
         """Reset robots at once, and hand on what they last saw."""
         last = np.full(self.num_envs, None, dtype=object)
         for i in over.tolist():
-            last[i] = self._observation[i].copy()
+            last[i] = self._observed(i)
         ended = np.isin(np.arange(self.num_envs), over)
         final = {k: v.copy() for k, v in info.items() if not k.startswith("_")}
         final |= {f"_{k}": ended.copy() for k in final}
         started = self.robots.reset(over, self._rngs)
-        self._observation[over] = started.observation
+        self._take(started, over, [None] * self.num_envs)
         self._ended[:] = False
-        merged = _merge(info, _spread(started, over, self.num_envs), over)
+        merged = merge_infos(info, spread_info(started, over, self.num_envs), over)
         return {**merged, "final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended.copy()}
 
     def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
@@ -199,21 +220,25 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
             raise gymnasium.error.ResetNeeded("call reset before render")
         if self.render_mode is None:
             return None
-        robots = self.robots
+        robots, drawing, poses = self.robots, self._drawing(), self.robots.poses()
+        return tuple(
+            drawing.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
+            for i in range(self.num_envs)
+        )
+
+    def _drawing(self) -> Renderer:
         if self._renderer is None:
             from minexplore.pictures.render import Renderer
 
-            self._renderer = Renderer(self.world, robots.T_world_mine, robots.grid, self.robot, 1)
-        poses = robots.poses()
-        return tuple(
-            self._renderer.draw(self.camera, robots.qpos[i : i + 1], robots.seen[i], poses[i : i + 1])
-            for i in range(self.num_envs)
-        )
+            self._renderer = Renderer(self.world, self.robots.T_world_mine, self.robots.grid, self.robot, 1)
+        return self._renderer
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free renderer and threads."""
         if self._renderer is not None:
             self._renderer.close()
+        if self._sensed is not None:
+            self._sensed.close()
         self.robots.close()
 
     def _require_open(self) -> None:
@@ -224,36 +249,18 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
         """Return the arguments and all that has changed since; a copy goes on as this environment does."""
         names = ("_rngs", "_seeds", "_begun", "_ended", "_observation", "closed", "_spec")
         changed = {name: getattr(self, name) for name in names}
-        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state()}
+        sensed = None if self._sensed is None else self._sensed.copy_state()
+        return {**super().__getstate__(), "changed": changed, "robots": self.robots.copy_state(), "sensed": sensed}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the environment from its arguments and bring it into its state."""
         super().__setstate__(state)
         self.robots.restore_state(state["robots"])
+        if self._sensed is not None:
+            self._sensed.restore_state(state["sensed"])
         if state["changed"]["closed"]:
             self.close()
         self.__dict__.update(state["changed"])
-
-
-def mask_of(options: Mapping[str, Any] | None, count: int) -> np.ndarray:
-    """Return which of `count` robots a reset is for, (count,) bool: all without `options["reset_mask"]`.
-
-    Raises
-    ------
-    ValueError
-        If the mask is not an array of truth values, one a robot, or names none.
-    """
-    mask = None if options is None else options.get("reset_mask")
-    if mask is None:
-        return np.ones(count, dtype=bool)
-    if is_masked(mask):
-        raise ValueError("reset_mask: want no masked values")
-    found = np.asarray(mask)
-    if found.dtype != bool or found.shape != (count,):
-        raise ValueError(f"reset_mask of {found.dtype} with shape {found.shape}: want bool with shape ({count},)")
-    if not found.any():
-        raise ValueError("reset_mask: it names no robot")
-    return found
 
 
 def check_count(name: str, value: Any, most: int) -> None:
@@ -277,24 +284,3 @@ def task_of(task: TaskParams | dict[str, Any] | None, max_episode_steps: int | N
         return found
     check_count("max_episode_steps", max_episode_steps, LONG)
     return replace(found, max_steps=int(max_episode_steps))
-
-
-def _spread(outcome: StepOutcome, robots: np.ndarray, count: int) -> dict[str, Any]:
-    """Return the info of some robots as arrays over all, with Gymnasium's masks `_key`."""
-    mask = np.zeros(count, dtype=bool)
-    mask[robots] = True
-    info: dict[str, Any] = {}
-    for key, value in outcome.info.items():
-        every = np.zeros((count, *value.shape[1:]), dtype=value.dtype)
-        every[robots] = value
-        info[key], info[f"_{key}"] = every, mask.copy()
-    return info
-
-
-def _merge(info: dict[str, Any], other: dict[str, Any], robots: np.ndarray) -> dict[str, Any]:
-    for key, value in other.items():
-        if key in info:
-            info[key][robots] = value[robots]
-        else:
-            info[key] = value
-    return info

@@ -18,15 +18,14 @@ if TYPE_CHECKING:
 
 
 class SensedRobot:
-    """The first robot of a batch, as its sensors know it.
+    """The robot of a batch's `row`, as its sensors know it.
 
-    `velocity_mps` and `before_mps` (3,), world frame, are its velocities at the end of this control step and of the
-    last one. `drawing` returns what draws its world, `params` says how sensors degrade.
+    `velocity_mps` and `before_mps` (3,), world frame, are its velocities at the end of this control step and before it.
     """
 
     def __init__(self, robots: Any, drawing: Callable[[], Renderer], params: SensorParams, backend: Backend) -> None:
         """Take a `RobotBatch`, what draws its world, and how its sensors degrade and cast rays."""
-        self.robots, self.drawing, self.params, self.backend = robots, drawing, params, backend
+        self.robots, self.drawing, self.params, self.backend, self.row = robots, drawing, params, backend, 0
         self.before_mps = self.velocity_mps = np.zeros(3)
 
     @property
@@ -37,7 +36,7 @@ class SensedRobot:
     @property
     def axes(self) -> np.ndarray:
         """Return the robot's axes (3, 3), in columns, in the world frame, whose z is up against gravity."""
-        found: np.ndarray = rotation_matrices(self.robots.qpos[:1, 3:7])[0]
+        found: np.ndarray = rotation_matrices(self.robots.qpos[self.row, None, 3:7])[0]
         return found
 
     def pose(self) -> Pose3D:
@@ -46,7 +45,7 @@ class SensedRobot:
 
         turn, shift = self.robots.T_world_mine[:3, :3], self.robots.T_world_mine[:3, 3]
         axes = rotate_inverse(self.axes.T, turn).T
-        place = rotate_inverse(self.robots.qpos[:1, :3] - shift, turn)[0]
+        place = rotate_inverse(self.robots.qpos[self.row, None, :3] - shift, turn)[0]
         return Pose3D(place - self.robots.robot.origin_height_m * axes[:, 2], axes)
 
     def world_pose(self) -> Pose3D:
@@ -54,4 +53,4 @@ class SensedRobot:
         from minexplore.sensing.mount import Pose3D
 
         axes = self.axes
-        return Pose3D(self.robots.qpos[0, :3] - self.robots.robot.origin_height_m * axes[:, 2], axes)
+        return Pose3D(self.robots.qpos[self.row, :3] - self.robots.robot.origin_height_m * axes[:, 2], axes)

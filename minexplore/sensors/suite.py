@@ -22,7 +22,7 @@ _SALT = 0x5E450  # keeps the sensors' random numbers apart from the episode's
 
 
 class SensorSuite(SensedRobot):
-    """Reads sensors of the first robot of a batch. Sensors cost nothing before one is read."""
+    """Reads sensors of a robot of a batch. Sensors cost nothing before one is read."""
 
     def __init__(
         self, robots: Any, drawing: Callable[[], Renderer], params: SensorParams, backend: Backend = "auto"
@@ -42,14 +42,14 @@ class SensorSuite(SensedRobot):
         """Begin an episode; with a seed its random numbers are those of the seed."""
         if seed is not None:
             self._rng, self._waiting = np.random.default_rng([seed, _SALT]), 0
-        self.before_mps = self.velocity_mps = self.robots.qvel[0, :3].copy()
+        self.before_mps = self.velocity_mps = self.robots.qvel[self.row, :3].copy()
         self._waiting += 1
         if self._by_name is not None:
             self._sensors()
 
     def advance(self) -> None:
         """Take the end of a control step."""
-        self.before_mps, self.velocity_mps = self.velocity_mps, self.robots.qvel[0, :3].copy()
+        self.before_mps, self.velocity_mps = self.velocity_mps, self.robots.qvel[self.row, :3].copy()
 
     def observe(self, name: str) -> np.ndarray:
         """Return a sensor's reading as an array of its space."""

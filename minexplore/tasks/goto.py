@@ -224,14 +224,18 @@ class GoTo(Exploration):
         done = self.left_m[robots] <= self.params.radius_m
         return before - self.left_m[robots] - SLACK + SUCCESS * done - COLLISION * collision, done
 
+    def towards(self, robots: np.ndarray) -> np.ndarray:
+        """Return where the goals of robots (k,) are in their own frames, (k, 3) m: ahead, to the left and up."""
+        away = self.goal_m[robots] - self._places(robots)
+        found: np.ndarray = np.einsum("kij,kj->ki", self.batch._stances(robots).axes, away)
+        return found
+
     def observed(self, own: np.ndarray, robots: np.ndarray) -> np.ndarray:
         """Return observations (k, features) with the goal in each robot's frame behind its own."""
-        away = self.goal_m[robots] - self._places(robots)
-        axes = self.batch._stances(robots).axes
-        ahead, left, up = np.einsum("kij,kj->ik", axes, away)
-        seen = np.column_stack([ahead, left, up])
+        seen = self.towards(robots)
         if not self.batch.world.has_heights:
-            bearings = [math.atan2(y, x) for x, y in zip(ahead.tolist(), left.tolist(), strict=True)]
+            away = self.goal_m[robots] - self._places(robots)
+            bearings = [math.atan2(y, x) for x, y in seen[:, :2].tolist()]
             seen = np.column_stack([np.hypot(away[:, 0], away[:, 1]), bearings])
         return np.hstack([own, np.clip(seen, -_FARTHEST_M, _FARTHEST_M)]).astype(np.float32)
 

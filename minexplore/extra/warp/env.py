@@ -16,7 +16,8 @@ from gymnasium.vector.utils import batch_space
 from minexplore.bundle import has_rough_floor
 from minexplore.envs.call_checks import check_options, numbers_of, spread_seeds
 from minexplore.envs.horizon import Timed
-from minexplore.envs.vector import check_count, find_mode, mask_of, task_of
+from minexplore.envs.vector import check_count, find_mode, task_of
+from minexplore.envs.vector_rows import mask_of
 from minexplore.extra.warp import require_device
 from minexplore.extra.warp.batch import WarpBatch
 from minexplore.extra.warp.kernels.faults import MEANINGS

@@ -68,7 +68,7 @@ class Camera(SensorKind):
         robot, own = self.robot, self.params
         if self._camera is None:
             self._camera = RobotCamera(robot.robots.world, robot.drawing(), own)
-        camera, params, qpos, pose = self._camera, robot.params, robot.robots.qpos, robot.world_pose()
+        camera, params, qpos, pose = self._camera, robot.params, robot.robots.qpos[robot.row, None], robot.world_pose()
         if name == "labels":
             return camera.labels(qpos, pose)
         if name == "depth":

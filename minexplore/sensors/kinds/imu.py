@@ -59,7 +59,7 @@ class Imu(SensorKind):
         force = robot.axes.T @ (acceleration + _GRAVITY_MPS2)
         densities = np.array([[params.gyro_noise_radps_rthz], [params.accel_noise_mps2_rthz]])
         noise = densities / np.sqrt(robot.step_s) * rng.standard_normal((2, 3)) + self._bias
-        return np.concatenate([robot.robots.qvel[0, 3:6] + noise[0], force + noise[1]])
+        return np.concatenate([robot.robots.qvel[robot.row, 3:6] + noise[0], force + noise[1]])
 
     def messages(self, name: str, time_ns: int, reading: np.ndarray) -> Iterator[RosMessage]:
         """Return the message; the orientation is not measured, which ROS states by a -1."""

@@ -143,16 +143,6 @@ def test_an_imu_at_rest_reads_gravity_and_the_noise_of_its_data_sheet(small_worl
     env.close()
 
 
-def test_the_vector_form_reads_no_sensors_and_says_which_does(small_world):
-    with pytest.raises(ValueError, match=r"sensors = \('imu',\): want \(\) here; vectorization_mode='sync' reads sens"):
-        MineVectorEnv(2, small_world, sensors=("imu",))
-    kwargs = {"world": str(small_world), "sensors": ("imu",)}
-    envs = gymnasium.make_vec("MineXplore/World-v0", num_envs=2, vectorization_mode="sync", **kwargs)
-    observation, _ = envs.reset(seed=0)
-    assert observation["imu"].shape == (2, 6)
-    envs.close()
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
