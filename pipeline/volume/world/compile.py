@@ -17,6 +17,7 @@ from pipeline.types import NO_FLOORS, NO_SOLID, ClosedMesh, FloorMesh, SurveyedL
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M
+from pipeline.volume.merged import merge_parts
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.parted import parted
 from pipeline.volume.shell import build_shell
@@ -72,7 +73,7 @@ def compile_volume(
 def _files_of(params: Compile3dParams, made: _VolumeDraft) -> Bundle:
     volume, cells, surveyed = made.volume, made.cells, made.surveyed
     robot = robot_size(params.volume)
-    parts, refused = without_refused(build_shell(made.solved))
+    parts, refused = without_refused(merge_parts(made.solved, build_shell(made.solved)))
     legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
     stated = surveyed.start_m.tolist() if len(surveyed.start_m) else None
     start = start_of(cells, legs, stated, params.spawn, robot, surveyed.datum_m)
