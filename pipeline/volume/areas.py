@@ -7,9 +7,11 @@ import numpy as np
 import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from shapely import Polygon
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
+from pipeline.geometry.rock.partition import triangulate
 from pipeline.scans.meshes.uncrossed import arrays_of
 from pipeline.survey.passages.legs import legs_of
 from pipeline.types import ClosedMesh, DrawnFloors, FloorMesh
@@ -52,6 +54,34 @@ def slab(floors: FloorMesh, height_m: float) -> tuple[np.ndarray, np.ndarray]:
     walls = [np.column_stack([a, b, b + n]), np.column_stack([a, b + n, a + n])]
     lifted = vertices + np.array([0.0, 0.0, height_m])
     return np.concatenate([vertices, lifted]), np.concatenate([faces[:, ::-1], faces + n, *walls])
+
+
+def slab_of_outline(
+    outline: Polygon, floor_m: float, roof_m: float, lean: tuple[float, float] = (0.0, 0.0)
+) -> ClosedMesh:
+    """Return the closed mesh of a level plan: a floor and a roof, both of one plane, and plumb walls on the outline.
+
+    Parameters
+    ----------
+    outline : shapely.Polygon, m, mine frame
+        With islands as holes. Its corners are those of the mesh.
+    floor_m, roof_m : float
+        Heights at the frame's origin.
+    lean : (float, float), optional
+        Rise over run of floor and roof to the east and to the north; level by default.
+
+    Raises
+    ------
+    GeometryError
+        If the outline is invalid or empty, or the roof is not over the floor.
+    """
+    if outline.is_empty or not outline.is_valid or not roof_m > floor_m:
+        what = "no outline" if outline.is_empty else shapely.is_valid_reason(outline)
+        raise GeometryError(f"slab: {what}; floor at {floor_m:g} m, roof at {roof_m:g} m")
+    points, faces = triangulate(outline)
+    floor = FloorMesh(np.column_stack([points, floor_m + points @ lean]), faces.astype(np.int32), 0.0)
+    vertices, sides = slab(floor, roof_m - floor_m)
+    return ClosedMesh(vertices, sides.astype(np.int32), floor.datum_m)
 
 
 def _parts(count: int, faces: np.ndarray) -> list[np.ndarray]:

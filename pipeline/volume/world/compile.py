@@ -18,6 +18,7 @@ from pipeline.types import ClosedMesh, SurveyedLegs, VolumeShape, lines_of
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M
+from pipeline.volume.merged import merge_parts
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.parted import parted
 from pipeline.volume.shell import build_shell
@@ -78,7 +79,7 @@ def _made_of(params: Compile3dParams, shape: VolumeShape) -> _VolumeDraft:
 def _files_of(params: Compile3dParams, made: _VolumeDraft, start_m: list[float] | None) -> Bundle:
     volume, cells, surveyed = made.volume, made.cells, made.surveyed
     robot = robot_size(params.volume)
-    parts, refused = without_refused(build_shell(made.solved))
+    parts, refused = without_refused(merge_parts(made.solved, build_shell(made.solved)))
     legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
     start = start_of(cells, legs, start_m, params.spawn, robot, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused)
