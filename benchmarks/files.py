@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -27,7 +28,7 @@ from pipeline.errors import DoubtError, MineError, UnexpectedError, lacks_memory
 from pipeline.guard.process_limits import has_limits
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import StatedOptions, option
-from pipeline.remarks import Remark, collect_remarks, options_of
+from pipeline.remarks import Remark, collect_remarks
 from pipeline.store.files import write_atomically
 from pipeline.survey.formats import FORMATS, kind_of
 
@@ -36,6 +37,10 @@ TABLE = Path("artifacts/bench/files.md")
 _TIME_S = 240  # of the processors; a file is read twice, each time within 60 s
 _WAIT_S = 1200.0  # by the clock, of a process that sleeps; a busy machine may take long
 _SPARE_BYTES = 2_000_000_000  # of the libraries, beyond what a reader may take
+_OPTION = re.compile(  # a station's name may end like one
+    r"(?<![\w.])(?:--[a-z][a-z-]*[a-z]"
+    r"|(?:survey|contours|compile3d|surface|realism)\.[a-z]\w*(?:\.[a-z]\w*)*(?:=\w+)?)"
+)
 _SURVEY = "trial"
 _BUILD_S = 3600.0  # by the clock, of a world
 _NEAR = ("within_5cm", "within_10cm", "within_30cm")  # of points of a scan: shares
@@ -156,9 +161,14 @@ def build_file(path: Path, words: list[str], folder: Path) -> Outcome:
     return Outcome(verdict, printable(why, _WHY), round(sum(os.times()[:4]) - start, 1), _peak_bytes())
 
 
+def options_of(text: str) -> list[str]:
+    """Return the options of `new` and the parameters that a refusal names, each once."""
+    return list(dict.fromkeys(_OPTION.findall(text)))
+
+
 def _fact(remark: Remark, path: Path) -> str:
     """Return a remark without the file's name and without its option."""
-    row = remark.split(path.name)
+    row = remark.named_in(path.name)
     return printable(f"{row.value} {row.what}".strip(), _WHY)
 
 

@@ -21,7 +21,7 @@ from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.places import WRITTEN_BY_NEW
-from pipeline.remarks import Remark, warn_user
+from pipeline.remarks import hand_on, warn_user
 from pipeline.store.files import missing_folders, write_atomically
 from pipeline.store.hashing import absence_of, sha256_bytes, sha256_file
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
@@ -73,7 +73,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         require_same(conf, name, source)
         require_kept(conf, stated)
         again = f"remove it to detect the file again, and {DATA / name} to read another file"
-        warn_user(Remark(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}"))
+        warn_user(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}")
         return ImportDraft(name, None)
     detected = detect_survey(source, stated)
     copies = _targets(source, detected.files, DATA / name)
@@ -88,8 +88,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
     detected.values.update(floor_rules().model_dump(exclude_defaults=True))
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
-    for remark in findings_of(detected, conf if is_kept else None):
-        warn_user(remark)
+    hand_on(findings_of(detected, conf if is_kept else None))
     return ImportDraft(name, section, copies, detected.picture)
 
 

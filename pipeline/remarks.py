@@ -2,70 +2,67 @@
 
 from __future__ import annotations
 
-import re
+import string
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.errors import printable
 
 _MOST_REMARKS = 100  # of one collection: a hostile file may cause any number
 _MOST_CHARACTERS = 600
-_NAMED = r"--[a-z][a-z-]*[a-z]|(?:survey|contours|compile3d|surface|realism)\.[a-z]\w*(?:\.[a-z]\w*)*(?:=\w+)?"
-_OPTION = rf"(?<![\w.])(?:{_NAMED})"  # a station's name may end like one
-_SOURCE = re.compile(r"(?:[^:\s][^:]*\.\w{1,8}|contours|compile3d|surface|realism|validation): ")
-_COUNT = re.compile(r"(\d[\d,]*(?:\.\d+)?(?: (?:m2|m|%))?(?: of (?:its )?\d[\d,]*)?) (?=[^\d\s])")
-_ADVICE = re.compile(rf"(?:; |, )(?:{_OPTION})(?: \(\S+\))?(?: \S+){{1,3}}$")  # of an option and what it does
+_NO_FIGURES = str.maketrans("", "", string.digits + ",.")
 _sinks: list[list[Remark]] = []  # collections that are open, the innermost last
 _printed: set[Remark] = set()
 
 
 @dataclass(frozen=True)
 class Remark:
-    """One fact: `what` of which `value` (a count, or the value that was taken), and the `option` that overrules it.
+    """One fact.
 
-    A sentence alone is a remark, too: `split` finds its count and the options that it names.
+    Attributes
+    ----------
+    what : str
+    value : str
+        How many, or the value that was taken: the first words of the sentence that `what` goes on with.
+    option : str
+        The options of `new` and parameters that overrule it.
+    of : str
+        The file or the stage that it is about.
+    advice : str
+        What an option does, at the end of a line.
     """
 
     what: str
     value: str = ""
     option: str = ""
+    of: str = ""
+    advice: str = ""
 
     def line(self) -> str:
         """Return the remark as one printable line."""
-        value = f": {self.value}" if self.value else ""
-        option = f"; {self.option} overrules it" if self.option else ""
-        return printable(f"{self.what}{value}{option}", _MOST_CHARACTERS)
+        place, value = f"{self.of}: " if self.of else "", f"{self.value} " if self.value else ""
+        is_named = all(option in self.what for option in self.option.split(", "))
+        advice = self.advice or ("" if is_named else f"{self.option} overrules it")
+        return printable(f"{place}{value}{self.what}{'; ' if advice else ''}{advice}", _MOST_CHARACTERS)
 
-    def split(self, source: str) -> Remark:
-        """Return the remark with its count and its options in their places, as a sentence alone may hold them.
-
-        `source` is the file whose name need not be repeated; the name of another file stays.
-        """
-        start = _SOURCE.match(self.what)
-        place = start.group() if start else ""
-        what = self.what[len(place) :]
-        option = self.option or ", ".join(options_of(what))
-        what = what if self.option else _ADVICE.sub("", what)
-        count = None if self.value else _COUNT.match(what)
-        if count is not None:
-            what = what[count.end() :]
-        is_other = "." in place and place != f"{source}: "
-        return Remark(f"{place}{what}" if is_other else what, self.value or (count.group(1) if count else ""), option)
+    def named_in(self, source: str) -> Remark:
+        """Return the remark for a table about a file, whose name need not be repeated; that of another file stays."""
+        is_other = "." in self.of and self.of != source
+        return replace(self, what=f"{self.of}: {self.what}") if is_other else self
 
 
-def options_of(text: str) -> list[str]:
-    """Return the options of `new` and the parameters that a text names, each once."""
-    return list(dict.fromkeys(re.findall(_OPTION, text)))
-
-
-def warn_user(remark: Remark | str) -> None:
+def warn_user(what: str, *, of: object = "", count: object = "", option: str = "", advice: str = "") -> None:
     """Warn the user of what was left out or assumed: print a line on standard error, or add it to what is collected.
 
-    A process of `run_limited` hands its remarks to its parent.
+    The arguments are those of `Remark`; `count` is its value. A process of `run_limited` hands its remarks to its
+    parent.
     """
-    remark = Remark(remark) if isinstance(remark, str) else remark
+    _add(Remark(what, str(count), option, str(of), advice))
+
+
+def _add(remark: Remark) -> None:
     if not _sinks:
         print(remark.line(), file=sys.stderr)
     elif remark not in _sinks[-1] and len(_sinks[-1]) < _MOST_REMARKS:
@@ -79,17 +76,18 @@ def hand_on(remarks: list[Remark]) -> None:
     in their figures only, those of the last reading are kept: detection may try several units.
     """
     if _sinks:
-        kinds = {_without_figures(remark) for remark in remarks}
-        _sinks[-1][:] = [r for r in _sinks[-1] if r in remarks or _without_figures(r) not in kinds]
+        kinds = {_kind_of(remark) for remark in remarks}
+        _sinks[-1][:] = [r for r in _sinks[-1] if r in remarks or _kind_of(r) not in kinds]
     for remark in remarks:
         if _sinks or remark not in _printed:
-            warn_user(remark)
+            _add(remark)
     if not _sinks:
         _printed.update(remarks)
 
 
-def _without_figures(remark: Remark) -> str:
-    return re.sub(r"\d[\d,.]*", "#", remark.what)
+def _kind_of(remark: Remark) -> tuple[str, str]:
+    """Return what remarks have in common that differ in their figures only."""
+    return remark.of, remark.what.translate(_NO_FIGURES)
 
 
 @contextmanager

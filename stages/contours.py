@@ -30,7 +30,7 @@ from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams
-from pipeline.remarks import Remark, warn_user
+from pipeline.remarks import warn_user
 from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, correct_by_sweeps, read_sweeps
@@ -224,7 +224,7 @@ def _correct(params: ContoursParams, traced: Polygon | MultiPolygon) -> Correcti
     files = {name: Path(file) for name, file in poses.sweeps.items()}
     sweeps = read_sweeps(Path(poses.file), files, poses.max_range_m, poses.max_range_var_m2)
     correction = correct_by_sweeps(traced, sweeps)
-    warn_user(Remark(f"contours: {correction.report.summary()}", option="survey.correct=null"))
+    warn_user(correction.report.summary(), of="contours", option="survey.correct=null")
     return correction
 
 

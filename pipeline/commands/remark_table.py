@@ -26,7 +26,7 @@ def remark_table(source: str, remarks: list[Remark], width: int | None = None) -
         Characters of a line; default: the terminal's, at least 80.
     """
     wanted = width or max(shutil.get_terminal_size((110, 24)).columns, _NARROW)
-    rows = [_printable(remark.split(source)) for remark in remarks]
+    rows = [_printable(remark.named_in(source)) for remark in remarks]
     first = min(_VALUE, max(len(row.value) for row in (_HEAD, *rows)))
     last = min(_OPTION, max(len(row.option) for row in (_HEAD, *rows)))
     widths = first, wanted - first - last - 6, last

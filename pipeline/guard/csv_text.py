@@ -39,7 +39,7 @@ def read_csv_text(path: Path) -> str:
         raise InputError(f"{path}:{line}: no text: it holds the control character {ord(control[0])}")
     if encoding in _NAMES:
         warn_user(
-            f"{path.name}: read as {_NAMES[encoding]}, as it is not UTF-8; save it as CSV UTF-8 if names are wrong"
+            f"read as {_NAMES[encoding]}, as it is not UTF-8; save it as CSV UTF-8 if names are wrong", of=path.name
         )
     lone = _LONE_CR.search(text)
     if lone:

@@ -111,7 +111,7 @@ def _widened(params: FloorParams, free: Polygon) -> FloorParams:
     least_m = math.sqrt(max(box_m2 / _MOST_POINTS, floor_m2 / _MOST_ON_FLOOR))
     if least_m <= params.spacing_m:
         return params
-    warn_user(f"realism: points of the visible floor are {least_m:.2f} m apart instead of {params.spacing_m:g} m")
+    warn_user(f"points of the visible floor are {least_m:.2f} m apart instead of {params.spacing_m:g} m", of="realism")
     return params.model_copy(update={"spacing_m": least_m})
 
 

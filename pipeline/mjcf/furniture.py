@@ -52,7 +52,10 @@ def ways_of(network: DriftNetwork, height_m: float) -> list[FloorLine]:
     """Return the legs of a level mine's network; none in workings too low for furniture, and a line says so."""
     ways: list[FloorLine] = []
     if height_m < LEAST_HEIGHT_M:
-        warn_user(f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {LEAST_HEIGHT_M:g} m")
+        warn_user(
+            f"realism.furnish: no furniture, workings of {height_m:g} m are lower than {LEAST_HEIGHT_M:g} m",
+            option="realism.furnish",
+        )
         return ways
     for leg in network.legs:
         half_m = np.full(len(leg.stations_m), float(np.median(leg.half_width_m)))

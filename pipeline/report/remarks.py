@@ -34,4 +34,4 @@ def remarks_of(root: Path, manifests: Sequence[Manifest], source: str) -> list[R
         hand_on(read_detected(root))
         for manifest in manifests:
             hand_on(manifest.remarks)
-    return [remark.split(source) for remark in found]
+    return [remark.named_in(source) for remark in found]

@@ -44,7 +44,7 @@ def e57_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
                     points[(points == np.asarray(header.translation)).all(axis=1)] = 0.0
                 yield block_of(points, {field: scan[name] for field, name in fields_of(scan, wanted).items()})
         if invalid:
-            warn_user(f"{path.name}: {invalid} points that the file states as invalid are left out")
+            warn_user("points that the file states as invalid are left out", of=path.name, count=invalid)
     except InputError:
         raise
     except MemoryError:

@@ -43,7 +43,7 @@ def octomap_blocks(path: Path, _: Wanted) -> Iterator[PointBlock]:
     tree = _tree(path, head)
     resolution, most, count = float(tree.getResolution()), reader_limits().solid_facets, 0
     points: list[np.ndarray] = []
-    warn_user(f"{path.name}: an octree of {resolution:g} m; the middles of its occupied voxels are read as a scan")
+    warn_user(f"an octree of {resolution:g} m; the middles of its occupied voxels are read as a scan", of=path.name)
     for leaf in tree.begin_leafs():
         if not tree.isNodeOccupied(leaf):
             continue

@@ -128,8 +128,9 @@ def _warn_of_viewpoint(path: Path, stated: list[str]) -> None:
     with suppress(ValueError):
         if stated and [plain_number(word) for word in stated] != _NO_VIEWPOINT:
             warn_user(
-                f"{path.name}: states the VIEWPOINT {' '.join(stated)[:80]}, the scanner's place and turn; it moves no "
-                "point, as in PCL; a cloud in the scanner's own frame is to be moved before it is given"
+                f"states the VIEWPOINT {' '.join(stated)[:80]}, the scanner's place and turn; it moves no "
+                "point, as in PCL; a cloud in the scanner's own frame is to be moved before it is given",
+                of=path.name,
             )
 
 

@@ -58,7 +58,7 @@ def ptx_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
     if not number:
         raise InputError(f"{path}: no rows")
     if lost:
-        warn_user(f"{path.name}: {lost:,} directions have no return (0 0 0, or no numbers) and are left out")
+        warn_user("directions have no return (0 0 0, or no numbers) and are left out", of=path.name, count=f"{lost:,}")
 
 
 def _next_line(stream: Iterator[str]) -> str | None:

@@ -84,8 +84,10 @@ def text_blocks(path: Path, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
         raise InputError(f"{path}: no rows")
     if stated and sum(stated) != found:
         warn_user(
-            f"{path.name}: {found:,} points, but the counts above its {len(stated)} scans state {sum(stated):,}; if it "
-            "is cut off, copy or export it again"
+            f"points, but the counts above its {len(stated)} scans state {sum(stated):,}; if it is cut "
+            "off, copy or export it again",
+            of=path.name,
+            count=f"{found:,}",
         )
 
 

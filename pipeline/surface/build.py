@@ -52,8 +52,10 @@ def widen_spacing(params: SurfaceParams, free: BaseGeometry, height_m: float) ->
             "build a part of the mine, or none of the rock (preset=light)"
         )
     warn_user(
-        f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing:g} m apart "
-        f"instead of {rough.spacing_m:g} m, too far for the limits on texture"
+        f"{size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing:g} m "
+        f"apart instead of {rough.spacing_m:g} m, too far for the limits on texture",
+        of="surface",
+        option="surface.rough.most_faces",
     )
     return params.model_copy(
         update={"rough": rough.model_copy(update={"spacing_m": spacing, "roof_spacing_m": roof_spacing})}

@@ -63,5 +63,5 @@ def measure_cloud(params: CloudParams) -> dict[str, SurfaceRoughness]:
     try:
         measured["roof"] = roughness_of_cloud(parts["roof"], params.window_m, footprint, f"{params.file}: the roof")
     except InputError as error:
-        warn_user(f"surface: {error}; the roof copies the walls")
+        warn_user(f"{error}; the roof copies the walls", of="surface")
     return measured

@@ -224,8 +224,10 @@ def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorRea
     """Warn that a drawing is read in another unit than it states."""
     width = f"drifts would be {tried[None].width_m:.2g} m wide in it" if None in tried else "it gives no workings"
     warn_user(
-        f"{path.name}: states the unit {stated}, and {width}; read as {unit}, which makes them "
-        f"{tried[unit].width_m:.1f} m wide; --unit {stated} keeps the stated unit"
+        f"states the unit {stated}, and {width}; read as {unit}, which makes them "
+        f"{tried[unit].width_m:.1f} m wide; --unit {stated} keeps the stated unit",
+        of=path.name,
+        option="--unit",
     )
 
 

@@ -103,8 +103,9 @@ def _require_heights(path: Path, raster: Any) -> None:
     if others:
         names = [one_line(raster.descriptions[k] or f"band {k + 1}", 40) for k in others[:_NAMED]]
         warn_user(
-            f"{path.name}: band 1 of {raster.count} is read as heights, not {', '.join(names)}; "
-            "`gdal_translate -b 2 in.tif out.tif` writes another alone"
+            f"band 1 of {raster.count} is read as heights, not {', '.join(names)}; `gdal_translate -b 2 "
+            "in.tif out.tif` writes another alone",
+            of=path.name,
         )
 
 

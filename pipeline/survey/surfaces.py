@@ -82,7 +82,9 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
             f"{path}: none of its {len(points)} heights lies {where}; --heights needs the survey's coordinates"
         )
     low, high = inside[:, 2].min(), inside[:, 2].max()
-    warn_user(f"{path.name}: {len(inside)} of {len(points)} heights lie {where}, from {low:.1f} to {high:.1f} m")
+    warn_user(
+        f"heights lie {where}, from {low:.1f} to {high:.1f} m", of=path.name, count=f"{len(inside)} of {len(points)}"
+    )
     _require_no_stray_zero(path, inside, "delete them in the file, or write 0.001 if they lie there")
     return _thinned(path, inside, has_lines or suffix in (*RASTER_DRIVERS, *LANDXML))
 
@@ -201,8 +203,9 @@ def _in_metres(path: Path, surface: HeightPoints, georeference: Georeference) ->
     if surface.up_m is not None:
         if axes.states_heights and not math.isclose(abs(up_m), surface.up_m, rel_tol=_ONE_UNIT):
             warn_user(
-                f"{path.name}: its band states {surface.up_m:g} m a unit of height, its coordinate system "
-                f"{abs(up_m):g} m ({axes.up_unit}); the band's is used"
+                f"its band states {surface.up_m:g} m a unit of height, its coordinate system {abs(up_m):g} m "
+                f"({axes.up_unit}); the band's is used",
+                of=path.name,
             )
         up_m = math.copysign(surface.up_m, up_m)
     plan = axes.plan_of(surface.points[:, :2]) * plan_m

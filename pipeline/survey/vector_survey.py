@@ -167,7 +167,13 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     layers = list(dict.fromkeys(content.layer_of))
     if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
         names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
-        warn_user(f"{path.name}: {len(layers)} layers are read as one plan ({names}); --layer chooses")
+        warn_user(
+            f"layers are read as one plan ({names})",
+            of=path.name,
+            count=len(layers),
+            option="--layer",
+            advice="--layer chooses",
+        )
     heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None)
     try:
         workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))

@@ -70,15 +70,16 @@ def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> Wh
     """Return a solved survey as `read_whole`; `InputError` if it has no widths."""
     legs = plan_legs(path, survey, half_width_m)
     if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
-        warn_user(f"{path.name}: no station has a distance down to the floor; floors are at the stations")
+        warn_user("no station has a distance down to the floor; floors are at the stations", of=path.name)
     crs = None if survey.crs is None else one_line(survey.crs, 200)
     ties = ties_of(survey)
     lone = passages_of_ties(legs, ties)
     if lone:
         listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
         warn_user(
-            f"{path.name}: {len(lone)} repeated legs alone lead to what hangs on them, and are built: "
-            f"{first_few(listed, _NAMED)}"
+            f"repeated legs alone lead to what hangs on them, and are built: {first_few(listed, _NAMED)}",
+            of=path.name,
+            count=len(lone),
         )
     legs, names = legs + lone, names_of(survey)
     entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
@@ -141,13 +142,19 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
     source = "" if usual is None else ", the median of the others"
     if count := len(unknown - between):
         warn_user(
-            f"{path.name}: {count} of {len(roofs)} stations have no measured roof; {taken} over the floor is "
-            f"taken{source}, and less under floors that pass over it; compile3d.volume.roof_m=M states another"
+            f"stations have no measured roof; {taken} over the floor is taken{source}, and less under "
+            "floors that pass over it",
+            of=path.name,
+            count=f"{count} of {len(roofs)}",
+            option="compile3d.volume.roof_m=M",
+            advice="compile3d.volume.roof_m=M states another",
         )
     if between:
         warn_user(
-            f"{path.name}: {len(between)} of {len(roofs)} stations have no measured roof, but most of their passage; "
-            "its height over the floor is interpolated between these"
+            "stations have no measured roof, but most of their passage; its height over the floor is "
+            "interpolated between these",
+            of=path.name,
+            count=f"{len(between)} of {len(roofs)}",
         )
 
 
@@ -244,8 +251,11 @@ def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[
         about = _about(survey, about)
         lengths = [f"{metres:.0f} m about {_about(survey, name)}" for name, metres in others]
         warn_user(
-            f"{path.name}: {len(found)} pieces share no station; built is the one of {length:.0f} m about {about}; "
-            f"--piece (survey.piece) builds another: {first_few(lengths, _NAMED)}"
+            f"pieces share no station; built is the one of {length:.0f} m about {about}",
+            of=path.name,
+            count=len(found),
+            option="--piece, survey.piece",
+            advice=f"--piece (survey.piece) builds another: {first_few(lengths, _NAMED)}",
         )
     return [leg for leg in legs if leg.stations[0] in nodes], others
 

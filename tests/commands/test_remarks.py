@@ -10,54 +10,42 @@ from tests.project import ROOT
 
 
 @pytest.mark.parametrize(
-    ("sentence", "value", "what", "option"),
+    ("remark", "line"),
     [
-        ("m.dxf: 3 layers are read as one plan (a, b, c); --layer chooses", "3", "layers are read as one", "--layer"),
-        ("m.pdf: page 1 of 4 is read; --page states another", "", "page 1 of 4 is read", "--page"),
         (
-            "contours: 31.2 m2 in 1 drawn pieces are left out (the largest, 31 m2); contours.bridge_m closes gaps",
-            "31.2 m2",
-            "in 1 drawn pieces are left out (the largest, 31 m2)",
-            "contours.bridge_m",
+            Remark("layers are read as one plan", "3", "--layer", "m.dxf", "--layer chooses"),
+            "m.dxf: 3 layers are read as one plan; --layer chooses",
         ),
+        (Remark("stations have no measured roof", "217 of 268", of="m.3d"), "m.3d: 217 of 268 stations have no measur"),
+        (Remark("is taken as the unit", "ft", "--unit"), "ft is taken as the unit; --unit overrules it"),
         (
-            "m.3d: 36 legs are steeper than 0.364 (survey.steepest_grade) and are fenced off, the first a to b",
-            "36",
-            "legs are steeper than 0.364 (survey.steepest_grade) and are fenced off, the first a to b",
-            "survey.steepest_grade",
+            Remark("legs are steeper than 0.364 (survey.steepest_grade)", "36", "survey.steepest_grade", "m.3d"),
+            "m.3d: 36 legs are steeper than 0.364 (survey.steepest_grade)",
         ),
-        ("m.3d: 217 of 268 stations have no measured roof", "217 of 268", "stations have no measured roof", ""),
-        ("other.tif: 9 heights lie outside", "9", "other.tif: heights lie outside", ""),
-        (
-            "m.3d: 2 pieces; built is that about no_surface.a.1; --piece builds another",
-            "2",
-            "pieces; built is",
-            "--piece",
-        ),
-        ("survey.half_width_m = 2 is taken", "", "survey.half_width_m = 2 is taken", "survey.half_width_m"),
+        (Remark("2 layers"), "2 layers"),
     ],
 )
-def test_a_sentence_of_a_reader_is_parted_into_count_fact_and_option(sentence, value, what, option):
-    row = Remark(sentence).split(sentence.partition(": ")[0] if sentence.startswith("m.") else "m.dxf")
-    assert (row.value, row.option) == (value, option)
-    assert row.what.startswith(what)
+def test_a_remark_is_one_line_that_names_an_option_once(remark, line):
+    assert remark.line().startswith(line)
+    assert remark.line().count(remark.option) == 1 or not remark.option
 
 
-def test_a_remark_of_three_parts_keeps_them():
-    remark = Remark("is taken as the unit", "ft", "--unit")
-    assert remark.split("m.dxf") == remark
-    assert remark.line() == "is taken as the unit: ft; --unit overrules it"
+def test_in_a_table_a_remark_of_another_file_names_it():
+    remark = Remark("heights lie outside", "9", of="other.tif")
+    assert remark.named_in("m.dxf").what == "other.tif: heights lie outside"
+    assert remark.named_in("other.tif") == remark
+    assert Remark("ends are closed", "2", of="compile3d").named_in("m.dxf").what == "ends are closed"
 
 
 def test_remarks_are_lines_unless_they_are_collected_each_once(capsys):
-    warn_user("a.dxf: 2 layers")
+    warn_user("layers", of="a.dxf", count=2)
     assert capsys.readouterr().err == "a.dxf: 2 layers\n"
     with collect_remarks() as outer:
         with collect_remarks() as inner:
-            warn_user("a.dxf: 2 layers")
-            warn_user(Remark("a.dxf: 2 layers"))
+            warn_user("layers", of="a.dxf", count=2)
+            warn_user("layers", of="a.dxf", count=2)
         warn_user("b\x1b[31m")
-    assert (inner, outer) == ([Remark("a.dxf: 2 layers")], [Remark("b\x1b[31m")])
+    assert (inner, outer) == ([Remark("layers", "2", of="a.dxf")], [Remark("b\x1b[31m")])
     assert capsys.readouterr().err == ""
 
 
@@ -85,8 +73,10 @@ def test_what_is_collected_is_bounded():
 
 
 def test_the_table_wraps_its_cells_and_holds_no_control_characters():
-    long = "a.dxf: 12 shafts are left out, the first at (1.0, 2.0) from 9.0 to 0.0 m, which meets no level " * 3
-    text = remark_table("a.dxf", [Remark(long, option="--piece"), Remark("b\x1b[31m is kept", "3", "--layer")], 90)
+    long = "shafts are left out, the first at (1.0, 2.0) from 9.0 to 0.0 m, which meets no level " * 3
+    text = remark_table(
+        "a.dxf", [Remark(long, "12", "--piece", "a.dxf"), Remark("b\x1b[31m is kept", "3", "--layer")], 90
+    )
     lines = text.splitlines()
     assert lines[0] == "a.dxf: guessed, dropped or assumed"
     assert lines[1].split() == ["how", "many", "what", "overruled", "by"]

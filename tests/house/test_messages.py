@@ -13,10 +13,10 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
+from benchmarks.files import options_of
 from benchmarks.tables.reference import options_table
 from pipeline.params.config import Config
 from pipeline.params.survey import SurveyParams
-from pipeline.remarks import options_of
 from tests.project import ROOT, modules_below
 
 READERS = ("pipeline/survey", "pipeline/scans", "pipeline/guard", "pipeline/import_mine.py")

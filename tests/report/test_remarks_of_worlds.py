@@ -34,8 +34,12 @@ def test_what_a_stage_remarks_reaches_the_user_and_is_recorded_also_if_it_fails(
 
 
 def test_remarks_of_detection_and_stages_are_listed_once_with_the_figures_of_the_stage(tmp_path):
-    write_detected(tmp_path, [Remark("cave.3d: 4 of 9 stations have no roof"), Remark("read as a station survey")])
-    stage = manifest(Remark("cave.3d: 5 of 9 stations have no roof"), Remark("compile3d: 2 ends are closed"))
+    write_detected(
+        tmp_path, [Remark("stations have no roof", "4 of 9", of="cave.3d"), Remark("read as a station survey")]
+    )
+    stage = manifest(
+        Remark("stations have no roof", "5 of 9", of="cave.3d"), Remark("ends are closed", "2", of="compile3d")
+    )
     found = remarks_of(tmp_path, [stage], "cave.3d")
     assert [(remark.value, remark.what) for remark in found] == [
         ("", "read as a station survey"),

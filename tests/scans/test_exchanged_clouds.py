@@ -41,7 +41,7 @@ def read(path, text=None, wanted=PLACES):
         path.write_text(text)
     with collect_remarks() as remarks:
         blocks = list(read_blocks(path, 1.0, wanted))
-    return blocks, " ".join(remark.what for remark in remarks)
+    return blocks, " ".join(remark.line() for remark in remarks)
 
 
 def test_points_of_a_ptx_file_are_where_lastools_has_them_and_directions_without_a_return_are_counted(tmp_path):
@@ -170,7 +170,7 @@ def test_formats_that_count_in_metres_are_no_guess(tmp_path, suffix, said):
     (tmp_path / f"a{suffix}").write_text("\n".join([*(head if suffix == ".ptx" else []), *rows]) + "\n")
     with collect_remarks() as remarks:
         detect_survey(tmp_path / f"a{suffix}", StatedOptions())
-    assert any(said in remark.what for remark in remarks)
+    assert any(said in remark.line() for remark in remarks)
 
 
 def test_a_terrain_is_read_as_the_geotiff_that_the_refusal_asks_for(tmp_path):

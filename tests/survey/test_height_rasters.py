@@ -112,14 +112,14 @@ def test_the_scale_of_half_a_metre_is_used():
 def test_a_vertical_system_over_a_geoid_is_listed_and_is_no_other_system(tmp_path):
     with collect_remarks() as remarks:
         spots_of(plan_of(tmp_path), dem(tmp_path / "dem.tif", crs="EPSG:32633+5773"))
-    assert "dem.tif: its coordinate system states EGM96 height in metre" in [remark.what for remark in remarks]
+    assert "dem.tif: its coordinate system states EGM96 height in metre" in [remark.line() for remark in remarks]
 
 
 def test_of_two_units_the_bands_is_used_and_the_other_listed(tmp_path):
     path = dem(tmp_path / "dem.tif", crs="EPSG:32633+5773", unit="ft", up_m=0.3048)
     with collect_remarks() as remarks:
         require_meant(plan_of(tmp_path), path)
-    assert any("its band states 0.3048 m a unit of height, its coordinate system 1 m" in r.what for r in remarks)
+    assert any("its band states 0.3048 m a unit of height, its coordinate system 1 m" in r.line() for r in remarks)
 
 
 def test_pixels_that_are_points_lie_where_gdal_puts_them(tmp_path):
@@ -212,7 +212,7 @@ def test_the_first_of_several_bands_is_read_and_the_others_are_listed(tmp_path):
         file.descriptions = ("mean", "max", "count")
     with collect_remarks() as remarks:
         require_meant(plan_of(tmp_path), path)
-    assert any("band 1 of 3 is read as heights, not max, count" in remark.what for remark in remarks)
+    assert any("band 1 of 3 is read as heights, not max, count" in remark.line() for remark in remarks)
 
 
 def test_colours_are_no_heights(tmp_path):

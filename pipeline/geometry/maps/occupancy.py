@@ -15,7 +15,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.remarks import Remark, warn_user
+from pipeline.remarks import warn_user
 from pipeline.types import Frame, Occupancy, Spawn
 
 _BORDER = 0.999  # of the most cells: a grid begins and ends at whole cells, up to two more a row and column
@@ -43,11 +43,9 @@ def cell_within_bundle(wanted_m: float, world_m: tuple[float, float, float, floa
             f"{MOST_CELLS:,} cells of at most {_COARSEST_M} m: build a part of them"
         )
     warn_user(
-        Remark(
-            f"is the cell of maps, not {wanted_m:g} m: a bundle holds at most {MOST_CELLS:,} cells",
-            f"{cell:.2f} m",
-            "compile3d.grid_cell_m",
-        )
+        f"is the cell of maps, not {wanted_m:g} m: a bundle holds at most {MOST_CELLS:,} cells",
+        count=f"{cell:.2f} m",
+        option="compile3d.grid_cell_m",
     )
     return cell
 

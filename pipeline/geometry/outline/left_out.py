@@ -32,9 +32,13 @@ def warn_of_islands(islands: Islands, min_island_m2: float) -> None:
     if islands:
         area, x, y = islands[0]
         warn_user(
-            f"contours: {len(islands)} islands in the workings are smaller than {min_island_m2:g} m2 and are filled, "
-            f"{sum(a for a, _, _ in islands):.1f} m2 in all (the largest, {area:.1f} m2, at ({x:.1f}, {y:.1f})); "
-            "contours.min_island_m2 keeps them"
+            f"islands in the workings are smaller than {min_island_m2:g} m2 and are filled, "
+            f"{sum((a for a, _, _ in islands)):.1f} m2 in all (the largest, {area:.1f} m2, at ({x:.1f}, "
+            f"{y:.1f}))",
+            of="contours",
+            count=len(islands),
+            option="contours.min_island_m2",
+            advice="contours.min_island_m2 keeps them",
         )
 
 
@@ -45,7 +49,11 @@ def unconnected_m2(raw: Mask, cleaned: Mask, frame: Frame) -> float:
         return 0.0
     area, (x, y) = sum(p[0] for p in pieces) / frame.px_per_m**2, frame.to_mine(np.array([pieces[0][1:]]))[0]
     warn_user(
-        f"contours: {area:.1f} m2 in {len(pieces)} drawn pieces are connected to nothing and are left out (the "
-        f"largest, {pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f})); contours.bridge_m closes gaps"
+        f"in {len(pieces)} drawn pieces are connected to nothing and are left out (the largest, "
+        f"{pieces[0][0] / frame.px_per_m**2:.1f} m2, at ({x:.1f}, {y:.1f}))",
+        of="contours",
+        count=f"{area:.1f} m2",
+        option="contours.bridge_m",
+        advice="contours.bridge_m closes gaps",
     )
     return area

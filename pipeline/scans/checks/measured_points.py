@@ -36,7 +36,9 @@ def measured(path: Path, blocks: Iterator[PointBlock]) -> Iterator[PointBlock]:
         raise InputError(f"{path}: none of its {count} points was measured: {no_numbers} are NaN, {zeros} lie at 0 0 0")
     for rows, what in ((no_numbers, "are no finite numbers (NaN)"), (zeros, "lie at 0 0 0")):
         if rows:
-            warn_user(f"{path.name}: {rows} of {count} points {what}, as scanners write what they missed; left out")
+            warn_user(
+                f"points {what}, as scanners write what they missed; left out", of=path.name, count=f"{rows} of {count}"
+            )
 
 
 def _some(block: PointBlock, kept: np.ndarray) -> PointBlock:

@@ -61,4 +61,4 @@ def require_fine(path: Path, steps_m: np.ndarray, is_sure: bool = True) -> None:
     what = f"its {'xyz'[axis]} coordinates come in steps of {step_m:.2g} m, so far from the origin do they lie"
     if step_m > MOST_M and is_sure:
         raise InputError(f"{path}: {what}; at most {MOST_M:g} m is read: {_CURE}")
-    warn_user(f"{path.name}: {what}: {_CURE}")
+    warn_user(f"{what}: {_CURE}", of=path.name)

@@ -114,10 +114,10 @@ class _Tally:
             text = " and ".join(f"{count} {name}" for name, count in left_out.items())
             if not kept:
                 raise InputError(f"{self.path}: all of its points are left out: {text}; clear the flags to read them")
-            warn_user(f"{self.path.name}: {text} of {self.count} points are left out, as the file states")
+            warn_user(f"{text} of {self.count} points are left out, as the file states", of=self.path.name)
         if listed:
             text = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in listed.items())
-            warn_user(f"{self.path.name}: points flagged {text} are read as the others")
+            warn_user(f"points flagged {text} are read as the others", of=self.path.name)
 
 
 def _require_records(path: Path) -> None:

@@ -112,11 +112,14 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     name = path.name
     warn_of_crossed(path, found.apart)
     if len(found.bounding.rgb):
-        warn_user(f"{name}: the visible rock has the colours of the points (survey.colours)")
+        warn_user("the visible rock has the colours of the points (survey.colours)", of=name, option="survey.colours")
     if found.moved_m > params.simplify_m:
         warn_user(
-            f"{name}: of its surface, simplified to {len(found.faces):,} triangles, four fifths move by at most "
-            f"{found.moved_m:.2g} m; {params.simplify_m:g} m (--simplify M) would take more triangles than a world has"
+            f"of its surface, simplified to {len(found.faces):,} triangles, four fifths move by at most "
+            f"{found.moved_m:.2g} m; {params.simplify_m:g} m (--simplify M) would take more triangles "
+            "than a world has",
+            of=name,
+            option="--simplify",
         )
     if found.things:
         listed = [
@@ -124,12 +127,14 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             for thing in found.things
             for a, b, c in [thing.size_m]
         ]
-        warn_user(f"{name}: {len(found.things)} things stand free and are left out: {first_few(listed, _NAMED)}")
+        warn_user(f"things stand free and are left out: {first_few(listed, _NAMED)}", of=name, count=len(found.things))
     thin = len(found.thin_points_m)
     if thin:
-        warn_user(f"{name}: {thin} voxels with points have free space on both sides, as ropes have, and are left out")
+        warn_user(
+            "voxels with points have free space on both sides, as ropes have, and are left out", of=name, count=thin
+        )
     if len(found.beyond_m):
-        warn_user(f"{name}: {len(found.beyond_m)} voxels with points lie behind the walls, and bound nothing")
+        warn_user("voxels with points lie behind the walls, and bound nothing", of=name, count=len(found.beyond_m))
     for what, gaps in (
         (
             f"holes of the scan, at most {params.close_m:g} m wide (--close M), are closed",
@@ -142,16 +147,20 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     ):
         if gaps:
             listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m, down)}" for gap in gaps]
-            warn_user(f"{name}: {len(gaps)} {what}: {first_few(listed, _NAMED)}")
+            warn_user(f"{what}: {first_few(listed, _NAMED)}", of=name, count=len(gaps))
     if found.unseen:
         sample = found.unseen + len(found.rays_m)
         warn_user(
-            f"{name}: no place of the trajectory is known to have seen {found.unseen} of {sample} points; they are not "
-            "judged by rays"
+            f"no place of the trajectory is known to have seen {found.unseen} of {sample} points; they "
+            "are not judged by rays",
+            of=name,
         )
     others = [size for size in found.others_m3 if size >= _LEAST_OTHER_M3]
     if others:
         warn_user(
-            f"{name}: the largest space that the points enclose is built; {len(others)} others of {sum(others):.0f} m3 "
-            "are not; --trajectory FILE says where the scanner was; the space that it saw is then built"
+            f"the largest space that the points enclose is built; {len(others)} others of "
+            f"{sum(others):.0f} m3 are not; --trajectory FILE says where the scanner was; the space that "
+            "it saw is then built",
+            of=name,
+            option="--trajectory",
         )

@@ -45,7 +45,7 @@ class _Users:
         if self.has_links and self.shared:
             name = next(iter(self.shared))
             count = f"{len(self.shared)} names of several files are no link stations"
-            warn_user(f"{path}: {count}, such as {name[:40]}: each is one station")
+            warn_user(f"{count}, such as {name[:40]}: each is one station", of=path)
 
 
 def to_survex(path: Path) -> SurvexText:
@@ -118,10 +118,10 @@ def _without_places(path: Path, files: list[ProjectFile]) -> tuple[list[ProjectF
     based = next((file for file in files if file.base_system), None)
     if based is None:
         if any(file.system for file in files):
-            warn_user(f"{path.name}: no station is fixed; its UTM zone is not used; the first station is at 0, 0, 0")
+            warn_user("no station is fixed; its UTM zone is not used; the first station is at 0, 0, 0", of=path.name)
         return [replace(file, system="") for file in files], ""
     first = next((shots[0].start for file in files for _, shots in read_surveys(file.path) if shots), "")
-    warn_user(f"{path.name}: no station is fixed; the first one, {first[:40]}, is put at the project's base location")
+    warn_user(f"no station is fixed; the first one, {first[:40]}, is put at the project's base location", of=path.name)
     everywhere = [
         replace(file, system=based.base_system, base_system=based.base_system, base_m=based.base_m) for file in files
     ]

@@ -109,7 +109,7 @@ def read_project(path: Path) -> list[ProjectFile]:
             files.append(_file(command, folders[-1], folder, system, base_system, base_m))
     for name in unknown:
         warn_user(
-            f"{path}: {name}: no EPSG code; coordinates are of a local grid, and declinations those of the surveys"
+            f"{name}: no EPSG code; coordinates are of a local grid, and declinations those of the surveys", of=path
         )
     return files
 

@@ -170,8 +170,10 @@ def warn_of_turn(path: Path, axes: MapAxes) -> None:
     """List axes of a system that do not point east and north."""
     if axes.is_turned:
         warn_user(
-            f"{path.name}: the axes of its coordinate system do not point east and north: {axes.ways_text()}; "
-            "survey.origin is (east, north); without a coordinate system x is read as east and y as north"
+            f"the axes of its coordinate system do not point east and north: {axes.ways_text()}; "
+            "survey.origin is (east, north); without a coordinate system x is read as east and y as north",
+            of=path.name,
+            option="survey.origin",
         )
 
 
@@ -179,11 +181,12 @@ def warn_of_heights(path: Path, axes: MapAxes, plan_metres: float) -> None:
     """List what a system states of heights, or that it states nothing where the plan is not in metres."""
     if axes.states_heights:
         way = ", which count downwards" if axes.up_metres < 0 else ""
-        warn_user(f"{path.name}: its coordinate system states {axes.vertical} in {axes.up_unit}{way}")
+        warn_user(f"its coordinate system states {axes.vertical} in {axes.up_unit}{way}", of=path.name)
     elif abs(plan_metres - 1.0) > _EQUAL:
         warn_user(
-            f"{path.name}: its coordinate system states no unit of heights; they are read in that of its plan "
-            f"({axes.unit}); a compound system, such as EPSG:2230+5703, states one"
+            f"its coordinate system states no unit of heights; they are read in that of its plan ({axes.unit}); "
+            "a compound system, such as EPSG:2230+5703, states one",
+            of=path.name,
         )
 
 

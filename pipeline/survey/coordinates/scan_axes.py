@@ -67,11 +67,16 @@ def axes_of_scan(path: Path, block: PointBlock, unit_m: float | None) -> ScanAxe
         plan_m = stated.plan_m or stated.up_m or 1.0
         found = ScanAxes(f"{plan_m:g} m", plan_m, _ways(np.eye(2), (stated.up_m or plan_m) / plan_m), True)
         up = f", and of heights {stated.up_m:g} m" if stated.up_m and stated.up_m != plan_m else ""
-        warn_user(f"{path.name}: its header states a unit of {plan_m:g} m{up}; --unit states another")
+        warn_user(
+            f"its header states a unit of {plan_m:g} m{up}",
+            of=path.name,
+            option="--unit",
+            advice="--unit states another",
+        )
     if (step := stated.step * found.unit_m) > _FINE_M:
         warn_user(
-            f"{path.name}: its coordinates come in steps of {step:.3g} m, and so do walls; export it with a scale "
-            "factor of 0.001 m"
+            f"its coordinates come in steps of {step:.3g} m, and so do walls; export it with a scale factor of 0.001 m",
+            of=path.name,
         )
     return found
 
@@ -94,12 +99,15 @@ def _of_system(
     up = axes.up_scale(plan) if up_m is None else math.copysign(up_m, axes.up_scale(1.0))
     name = axes.unit if math.isclose(plan, axes.metres, rel_tol=_SAME) else f"{plan:g} m"
     warn_user(
-        f"{path.name}: its coordinate system states the unit {name} ({horizontal(system).name}); --unit states another"
+        f"its coordinate system states the unit {name} ({horizontal(system).name})",
+        of=path.name,
+        option="--unit",
+        advice="--unit states another",
     )
     if up_m is None:
         warn_of_heights(path, axes, plan)
     elif not math.isclose(up_m, plan, rel_tol=_SAME):
-        warn_user(f"{path.name}: its header states heights in units of {up_m:g} m")
+        warn_user(f"its header states heights in units of {up_m:g} m", of=path.name)
     return ScanAxes(name, plan, _ways(np.array(axes.ways), up / plan), True, crs)
 
 

@@ -66,7 +66,12 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
         path, facets_of_scan(cloud), unit=stated.unit is None and not scan.axes.is_stated, up=stated.up is None
     )
     if stated.voxel_m is None:
-        warn_user(f"{path.name}: points are {spacing:.2f} m apart; its surface is found to {voxel_m:g} m; --voxel M")
+        warn_user(
+            f"points are {spacing:.2f} m apart; its surface is found to {voxel_m:g} m",
+            of=path.name,
+            option="--voxel",
+            advice="--voxel M",
+        )
     values = {
         "kind": "cloud",
         "file": path.name,

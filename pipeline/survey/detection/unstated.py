@@ -63,9 +63,14 @@ def warn_of_guesses(path: Path, facets: SampledFacets, unit: bool, up: bool) -> 
     """
     if unit:
         by_rule = path.suffix.lower() in IN_METRES
-        warn_user(f"{path.name}: {size_remark(facets, _RULE if by_rule else _GUESS)}")
+        warn_user(size_remark(facets, _RULE if by_rule else _GUESS), of=path.name, option="--unit")
     if up and stands_on_side(facets):
-        warn_user(f"{path.name}: most level surfaces face along its y axis; z is taken as up; --up y turns it")
+        warn_user(
+            "most level surfaces face along its y axis; z is taken as up",
+            of=path.name,
+            option="--up",
+            advice="--up y turns it",
+        )
 
 
 def stands_on_side(facets: SampledFacets) -> bool:

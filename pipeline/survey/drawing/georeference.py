@@ -141,8 +141,9 @@ def _warn_of_unread(image: Path) -> None:
     beside = image.with_name(f"{image.name}.aux.xml")
     if beside.is_file() and b"<SRS" in read_text_bytes(beside, "text_bytes"):
         warn_user(
-            f"{image.name}: {beside.name} states a coordinate system, which is not read; a pixel is taken in metres; "
-            f"`gdalsrsinfo -o wkt_esri {image.name} > {image.stem}.prj` writes it beside"
+            f"{beside.name} states a coordinate system, which is not read; a pixel is taken in metres; "
+            f"`gdalsrsinfo -o wkt_esri {image.name} > {image.stem}.prj` writes it beside",
+            of=image.name,
         )
 
 

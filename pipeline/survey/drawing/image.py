@@ -92,7 +92,7 @@ def decode_pixels(path: Path, max_megapixels: float) -> np.ndarray:
     if header.format != "TIFF":  # OpenCV turns a TIFF upright
         picture = turn_upright(picture, header.orientation)
     if header.pages > 1:
-        warn_user(f"{path.name}: the first of {header.pages} pages is read; save another one as a file of its own")
+        warn_user(f"the first of {header.pages} pages is read; save another one as a file of its own", of=path.name)
     if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[2] not in (3, 4)):
         raise InputError(f"{path}: {picture.shape[2:]} channels; grey, colour and transparency are read")
     return picture

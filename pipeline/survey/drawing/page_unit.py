@@ -45,8 +45,10 @@ def points_per_unit(path: Path, document: pypdfium2.PdfDocument, page: int) -> f
     entries = _entries(document, page)
     if any(name in entries for name in _MEASURES):
         warn_user(
-            f"{path.name}: page {page} states a measure or a georeference (VP, LGIDict), which is not read; --scale "
-            "1:N of the paper states the scale"
+            f"page {page} states a measure or a georeference (VP, LGIDict), which is not read; --scale "
+            "1:N of the paper states the scale",
+            of=path.name,
+            option="--scale",
         )
     unit = entries.get(_UNIT, 1)
     if not isinstance(unit, int | float) or not math.isfinite(unit) or not 0 < unit <= _LARGEST:
@@ -55,7 +57,7 @@ def points_per_unit(path: Path, document: pypdfium2.PdfDocument, page: int) -> f
             "print it to a new PDF"
         )
     if unit != 1:
-        warn_user(f"{path.name}: page {page} states a UserUnit of {unit:g}: its units are {unit:g}/72 inch")
+        warn_user(f"page {page} states a UserUnit of {unit:g}: its units are {unit:g}/72 inch", of=path.name)
     return float(unit)
 
 

@@ -57,7 +57,7 @@ def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image
     """
     with _open_page(path, page) as (pdf_page, pages):
         if pages > 1:
-            warn_user(f"{path.name}: page {page} of {pages} is read; --page states another")
+            warn_user(f"page {page} of {pages} is read", of=path.name, option="--page", advice="--page states another")
         unit = points_per_unit(path, pdf_page.pdf, page)
         width, height = pdf_page.get_size()
         _require_page_size(path, page, (unit * width, unit * height), dpi, max_megapixels)
@@ -91,7 +91,12 @@ def fitting_dpi(path: Path, page: int) -> float:
         return USUAL_DPI
     dpi = max(_LEAST_DPI, float(math.floor(fits)))
     _require_page_size(path, page, size, dpi, MAX_SIDE_PX**2 / 1e6)
-    warn_user(f"{path.name}: page of {width:.0f} x {height:.0f} in; it is read at {dpi:g} dpi; --dpi states another")
+    warn_user(
+        f"page of {width:.0f} x {height:.0f} in; it is read at {dpi:g} dpi",
+        of=path.name,
+        option="--dpi",
+        advice="--dpi states another",
+    )
     return dpi
 
 
@@ -152,8 +157,9 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> tuple[Im
         if (picture.max(axis=2) < _DARK).mean() < _LEAST_DARK:
             raise InputError(f"{path}: nothing in it is much darker than its paper{BETTER_LIGHT}")
         warn_user(
-            f"{path.name}: light is uneven, as in a photograph, and is evened out: the darkest paper has "
-            f"{100 * darkest:.0f} % of the light of the lightest"
+            "light is uneven, as in a photograph, and is evened out: the darkest paper has "
+            f"{100 * darkest:.0f} % of the light of the lightest",
+            of=path.name,
         )
     for ignored in params.ignore_colours:
         colour = np.array(ignored.rgb[::-1])

@@ -84,7 +84,12 @@ def find_workings(
         raise DoubtError(f"{path}: {error}", draw_detected(picture, found, None)) from error
     if (share := share_of(picture)) < 1.0:
         shown = f"{100 * share / reduction:.0f} %"
-        warn_user(f"{path.name}: the workings are found at {shown} of the picture's size; --crop keeps more")
+        warn_user(
+            f"the workings are found at {shown} of the picture's size",
+            of=path.name,
+            option="--crop",
+            advice="--crop keeps more",
+        )
     if (drawing.mask & whole.mask).sum() >= _SAME * (drawing.mask | whole.mask).sum():
         return whole
     return FoundWorkings(drawing.mask, drawing.width_px, workings_only=True)

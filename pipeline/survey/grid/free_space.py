@@ -105,8 +105,10 @@ def _chosen(path: Path, free: Mask, areas: _Areas, start_m: tuple[float, ...] | 
     number = _label_at(areas.labels, at_origin) - 1
     if number in candidates:
         warn_user(
-            f"{path.name}: of {len(candidates)} free areas that at the map's origin is built, "
-            f"{areas.describe(number)}; --start E,N chooses another"
+            f"of {len(candidates)} free areas that at the map's origin is built, {areas.describe(number)}",
+            of=path.name,
+            option="--start",
+            advice="--start E,N chooses another",
         )
         return number
     named = ", ".join(areas.describe(number) for number in candidates[:_MOST_NAMED])
@@ -156,8 +158,10 @@ def _warn_of_others(path: Path, areas: _Areas, chosen: int) -> None:
     count = f"{len(others)} other free areas" if len(others) > 1 else "another free area"
     verb = "are" if len(others) > 1 else "is"
     warn_user(
-        f"{path.name}: {count}, {areas.sizes_m2[others].sum():.0f} m2, {verb} left out, the largest of "
-        f"{areas.describe(others[0])}; --start E,N"
+        f"{count}, {areas.sizes_m2[others].sum():.0f} m2, {verb} left out, the largest of {areas.describe(others[0])}",
+        of=path.name,
+        option="--start",
+        advice="--start E,N",
     )
 
 

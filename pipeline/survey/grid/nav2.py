@@ -102,7 +102,7 @@ def _warn_of_opacity(path: Path, header: _MapFile, pixels: np.ndarray) -> None:
         return
     clear = int((pixels[..., 3] < np.iinfo(pixels.dtype).max).sum())
     if clear:
-        warn_user(f"{path.name}: {clear} cells are not opaque: {_OF_OPACITY[header.mode]}, by map_server's rule")
+        warn_user(f"cells are not opaque: {_OF_OPACITY[header.mode]}, by map_server's rule", of=path.name, count=clear)
 
 
 def _warn_of_unknown(path: Path, header: _MapFile, pixels: np.ndarray, cells: np.ndarray) -> None:
@@ -113,8 +113,10 @@ def _warn_of_unknown(path: Path, header: _MapFile, pixels: np.ndarray, cells: np
     unknown = int((is_grey & (cells == 0)).sum())
     if unknown:
         warn_user(
-            f"{path.name}: {unknown} cells of grey {_UNKNOWN_GREY}, often unknown ones, are free by free_thresh = "
-            f"{header.free_thresh:g}; {_LESS_FREE[pixels.shape[2:] == (4,)]} leaves them out"
+            f"cells of grey {_UNKNOWN_GREY}, often unknown ones, are free by free_thresh = "
+            f"{header.free_thresh:g}; {_LESS_FREE[pixels.shape[2:] == (4,)]} leaves them out",
+            of=path.name,
+            count=unknown,
         )
 
 
@@ -142,7 +144,7 @@ def _picture_of(path: Path, header: _MapFile) -> Path:
         if end.is_absolute() or ".." in end.parts or not found.is_file() or not _is_below(found, path.parent):
             continue
         if end != stated:
-            warn_user(f"{path.name}: the picture {end} beside it is read, as image = {_short(header.image)} is not")
+            warn_user(f"the picture {end} beside it is read, as image = {_short(header.image)} is not", of=path.name)
         return found
     image, is_inside = f"image = {_short(header.image)}", _is_below(path.parent / stated, path.parent)
     if is_inside and (path.parent / stated).exists():

@@ -37,8 +37,11 @@ def drivable_places(path: Path, free: Mask, cell_m: float, narrowest_m: float, t
     lost_m2 = float((clear & ~wide).sum()) * cell_m**2
     if lost_m2 >= _NAMED_M2:
         warn_user(
-            f"{path.name}: {lost_m2:.1f} m2 of free cells in corners and places narrower than {narrowest_m:g} m are "
-            "left out; --narrowest M"
+            f"of free cells in corners and places narrower than {narrowest_m:g} m are left out",
+            of=path.name,
+            count=f"{lost_m2:.1f} m2",
+            option="--narrowest",
+            advice="--narrowest M",
         )
     return open_mask(_with_thick_walls(path, wide, cell_m, thinnest_m), narrowest_m / 2 / cell_m)
 
@@ -50,7 +53,13 @@ def _without_specks(path: Path, free: Mask, cell_m: float, thinnest_m: float) ->
     is_speck = stats[:, 2:4].max(axis=1) * cell_m < _SPECK * thinnest_m
     is_speck[0] = False
     if is_speck.any():
-        warn_user(f"{path.name}: {is_speck.sum()} specks below {_SPECK * thinnest_m:g} m are left out; --thinnest M")
+        warn_user(
+            f"specks below {_SPECK * thinnest_m:g} m are left out",
+            of=path.name,
+            count=is_speck.sum(),
+            option="--thinnest",
+            advice="--thinnest M",
+        )
     return np.asarray(free | is_speck[labels]) if count > 1 else free
 
 
@@ -67,8 +76,10 @@ def _with_thick_walls(path: Path, free: Mask, cell_m: float, thinnest_m: float) 
     grown_m2 = float((free & ~result).sum()) * cell_m**2
     if grown_m2 >= _NAMED_M2:
         warn_user(
-            f"{path.name}: walls thinner than {thinnest_m:g} m are made so thick, which takes {grown_m2:.1f} m2; "
-            "--thinnest M"
+            f"walls thinner than {thinnest_m:g} m are made so thick, which takes {grown_m2:.1f} m2",
+            of=path.name,
+            option="--thinnest",
+            advice="--thinnest M",
         )
     return np.asarray(result)
 

@@ -188,9 +188,11 @@ def _enclosed_if_level(path: Path, strings: list[tuple[Wall, str]], snap_m: floa
         found = _enclosed(path, rest, snap_m) if rest else []
         (x, y, z), low = lines[0][lines[0][:, 2].argmax()], lines[0][:, 2].min()
         warn_user(
-            f"{path.name}: {len(lines)} inclined lines of layer {strings[0][1]!r} are neither walls nor the axis of "
-            f"one shaft, and are left out, the first at ({x:.1f}, {y:.1f}) from {z:.1f} to {low:.1f} m: "
-            f"{str(error).removeprefix(f'{path}: ')}"
+            f"inclined lines of layer {strings[0][1]!r} are neither walls nor the axis of one shaft, and "
+            f"are left out, the first at ({x:.1f}, {y:.1f}) from {z:.1f} to {low:.1f} m: "
+            f"{str(error).removeprefix(f'{path}: ')}",
+            of=path.name,
+            count=len(lines),
         )
         return found
 
@@ -224,8 +226,11 @@ def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> lis
     if unused:
         x, y = unused[0].coords[0]
         warn_user(
-            f"{path.name}: {len(unused)} of {len(walls)} open walls of {where} bound no area, the first from "
-            f"({x:.1f}, {y:.1f}); are the right ends joined? --snap states the widest gap"
+            f"open walls of {where} bound no area, the first from ({x:.1f}, {y:.1f}); are the right ends "
+            "joined? --snap states the widest gap",
+            of=path.name,
+            count=f"{len(unused)} of {len(walls)}",
+            option="--snap",
         )
     return [
         Area(part, [wall for wall in (*walls, *closers) if part.boundary.distance(LineString(wall[:, :2])) < SAME_M])

@@ -46,7 +46,7 @@ def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs 
             legs.append(made)
     if left_out:
         named = "; ".join(left_out[:_NAMED])
-        warn_user(f"{path.name}: {len(left_out)} shafts reach no floor and are left out: {named}")
+        warn_user(f"shafts reach no floor and are left out: {named}", of=path.name, count=len(left_out))
     if not legs:
         return None
     count = [len(leg) for leg in legs]

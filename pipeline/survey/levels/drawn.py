@@ -83,14 +83,20 @@ def read_levels(
         names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
         done = "are read in plan with the others" if levels is None else "are left out"
         warn_user(
-            f"{path.name}: {len(left_out)} layers without an elevation {done}: {names}; --elevation LAYER=M states one"
+            f"layers without an elevation {done}: {names}",
+            of=path.name,
+            count=len(left_out),
+            option="--elevation",
+            advice="--elevation LAYER=M states one",
         )
     if levels is not None or not axes:
         return LevelReading(levels, [True] * len(moved))
     x, y, z = axes[0][0]
     warn_user(
-        f"{path.name}: {len(axes)} lines too steep to drive are left out, as the walls are read as one plan; the first "
-        f"at ({x:.1f}, {y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m"
+        f"lines too steep to drive are left out, as the walls are read as one plan; the first at ({x:.1f}, "
+        f"{y:.1f}) from {z:.1f} to {axes[0][-1, 2]:.1f} m",
+        of=path.name,
+        count=len(axes),
     )
     steep = {wall[:, :2].tobytes() for wall, _ in found} - {wall[:, :2].tobytes() for wall, _ in walls}
     return LevelReading(None, [shapely.get_coordinates(shape).tobytes() not in steep for shape in moved])

@@ -164,9 +164,11 @@ def _joined(
         (x, y), other = shapely.shortest_line(shapes[a], shapes[b]).coords
         height = float(areas[int(a)].heights_at(np.array([[x, y]]))[0])
         warn_user(
-            f"{path.name}: {len(apart)} pairs of areas meet but share no edge, and are not joined, the first at "
-            f"({x:.1f}, {y:.1f}), {height:.1f} m high, {np.hypot(other[0] - x, other[1] - y):.2f} m apart; draw the "
-            "end of a ramp along the level's wall, or into the level"
+            f"pairs of areas meet but share no edge, and are not joined, the first at ({x:.1f}, {y:.1f}), "
+            f"{height:.1f} m high, {np.hypot(other[0] - x, other[1] - y):.2f} m apart; draw the end of a "
+            "ramp along the level's wall, or into the level",
+            of=path.name,
+            count=len(apart),
         )
     return joined
 
@@ -178,8 +180,11 @@ def _warn_of_pieces(path: Path, areas: list[Area], joins: nx.Graph) -> None:
         return
     sizes = [f"{_size_m2(areas, names):.0f} m2 about {_about(areas, names)}" for names in pieces]
     warn_user(
-        f"{path.name}: {len(pieces)} pieces of its levels and ramps do not meet; all are built, and --piece "
-        f"(survey.piece) builds one: {first_few(sizes, _NAMED)}"
+        "pieces of its levels and ramps do not meet; all are built, and --piece (survey.piece) "
+        f"builds one: {first_few(sizes, _NAMED)}",
+        of=path.name,
+        count=len(pieces),
+        option="--piece, survey.piece",
     )
     warn_of_near_areas(path, areas, joins)
 

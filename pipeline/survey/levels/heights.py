@@ -67,8 +67,10 @@ def even_floors(
             )
     most, (x, y) = max(found)
     warn_user(
-        f"{path.name}: floors of {len(found)} pairs of areas differ where they meet, by up to {most:.2f} m about "
-        f"({x:.1f}, {y:.1f}); there each ramp has the height of its level, and its own from {most / _EASE:.0f} m on"
+        f"floors of {len(found)} pairs of areas differ where they meet, by up to {most:.2f} m about ({x:.1f}, "
+        f"{y:.1f}); there each ramp has the height of its level, and its own from {most / _EASE:.0f} "
+        "m on",
+        of=path.name,
     )
     return evened
 

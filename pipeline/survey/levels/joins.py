@@ -87,7 +87,10 @@ def warn_of_near_areas(path: Path, areas: list[Area], joins: nx.Graph) -> None:
     if near:
         gap, low, high, x, y = near[0]
         warn_user(
-            f"{path.name}: {len(near)} pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at "
-            f"({x:.1f}, {y:.1f}), {low:.1f} and {high:.1f} m high; --snap M says what meets in plan, "
-            f"survey.flat_step_m in height"
+            f"pairs of levels and ramps nearly meet, the first {gap:.2f} m apart in plan at ({x:.1f}, "
+            f"{y:.1f}), {low:.1f} and {high:.1f} m high; --snap M says what meets in plan, "
+            "survey.flat_step_m in height",
+            of=path.name,
+            count=len(near),
+            option="--snap, survey.flat_step_m",
         )

@@ -44,8 +44,11 @@ def choose_flat_piece(path: Path, built: BaseGeometry, piece: Piece | None) -> B
     others = [part for part in pieces if part is not kept]
     left_m2 = float(sum(shapely.area(others)))
     warn_user(
-        f"{path.name}: its lines make {len(pieces)} pieces that do not meet; built is the one of {kept.area:.0f} m2 "
-        f"about {_about(kept)}, left out are {left_m2:.0f} m2; --snap M joins ends of lines nearer than M"
+        f"its lines make {len(pieces)} pieces that do not meet; built is the one of {kept.area:.0f} "
+        f"m2 about {_about(kept)}, left out are {left_m2:.0f} m2; --snap M joins ends of lines nearer "
+        "than M",
+        of=path.name,
+        option="--snap",
     )
     list_others(path, [(f"{part.area:.0f} m2", _about(part)) for part in others])
     return MultiPolygon([kept])

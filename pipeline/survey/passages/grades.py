@@ -96,7 +96,7 @@ def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, ch
             f"{path}: {found}; closing it changes a grade by {changed:.5f}, at most {most:g} (survey.grade_change)"
         )
     if abs(misclosure_m) > _LEAST_MISCLOSURE_M:
-        warn_user(f"{path.name}: {found}, the most of all; distributed, this changes grades by up to {changed:.5f}")
+        warn_user(f"{found}, the most of all; distributed, this changes grades by up to {changed:.5f}", of=path.name)
 
 
 def _place(leg: SurveyLeg, k: int) -> str:

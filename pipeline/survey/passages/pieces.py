@@ -22,7 +22,11 @@ def require_near(path: Path, piece: Piece, far_m: float, what: str) -> None:
 def list_others(path: Path, others: list[tuple[str, str]]) -> None:
     """List the pieces that are left out, each by its size and what names it, and the option that builds one."""
     pieces = [f"{size} about {about}" for size, about in others]
-    warn_user(f"{path.name}: --piece (survey.piece) builds another piece: {first_few(pieces, _NAMED)}")
+    warn_user(
+        f"--piece (survey.piece) builds another piece: {first_few(pieces, _NAMED)}",
+        of=path.name,
+        option="--piece, survey.piece",
+    )
 
 
 def _text(piece: Piece) -> str:

@@ -45,8 +45,10 @@ def warn_of_level(path: Path, heights_m: np.ndarray) -> None:
     rise, most = float(np.ptp(known)) if len(known) else 0.0, floor_rules().flat_step_m
     if rise >= _EVEN_M:
         warn_user(
-            f"{path.name}: its elevations differ by {rise:.2f} m, no more than {most:g} m, and it is built level; "
-            "survey.flat_step_m=0 builds the heights"
+            f"its elevations differ by {rise:.2f} m, no more than {most:g} m, and it is built level",
+            of=path.name,
+            option="survey.flat_step_m=0",
+            advice="survey.flat_step_m=0 builds the heights",
         )
 
 
@@ -56,9 +58,12 @@ def warn_of_level_roofs(path: Path, legs: list[SurveyLeg]) -> None:
     known = [tall for tall in roofs.values() if np.isfinite(tall)]
     if known:
         warn_user(
-            f"{path.name}: {len(known)} of {len(roofs)} stations have a measured roof, {min(known):.2f} to "
-            f"{max(known):.2f} m over the floor; built level, the mine has compile3d.height_m everywhere; "
-            "survey.flat_step_m=0 builds the roofs"
+            f"stations have a measured roof, {min(known):.2f} to {max(known):.2f} m over the floor; built "
+            "level, the mine has compile3d.height_m everywhere",
+            of=path.name,
+            count=f"{len(known)} of {len(roofs)}",
+            option="compile3d.height_m, survey.flat_step_m=0",
+            advice="survey.flat_step_m=0 builds the roofs",
         )
 
 
@@ -103,6 +108,7 @@ def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
     depths = [float(abs(np.diff(leg.heights_m[:, 0])[0])) for leg in shafts if leg.heights_m is not None]
     deepest = shafts[int(np.argmax(depths))]
     warn_user(
-        f"{path.name}: {len(shafts)} shafts are left out, the deepest {max(depths):.1f} m, from "
-        f"{deepest.stations[0]} to {deepest.stations[1]}"
+        f"shafts are left out, the deepest {max(depths):.1f} m, from {deepest.stations[0]} to {deepest.stations[1]}",
+        of=path.name,
+        count=len(shafts),
     )

@@ -72,7 +72,7 @@ def read_collada(path: Path, data: bytes) -> StatedMeshes:
         found = [(name, vertices[:, [1, 2, 0]] * [-1, -1, 1], faces) for name, vertices, faces in found]
     if document.left_out:
         listed = ", ".join(f"{count} of {name}" for name, count in sorted(document.left_out.items()))
-        warn_user(f"{path.name}: its scene holds what is not read: {listed}")
+        warn_user(f"its scene holds what is not read: {listed}", of=path.name)
     return StatedMeshes(found, float(metres), "y" if up == "y" else "z")
 
 

@@ -83,10 +83,10 @@ def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
     if not found:
         raise InputError(f"{path}: has no surface with faces (<Surface>, <Faces>); export the surface, not its points")
     if hidden:
-        warn_user(f"{path.name}: {hidden} faces are marked invisible and are left out")
+        warn_user("faces are marked invisible and are left out", of=path.name, count=hidden)
     others = sorted({plain_name(child) for child in root} & _NOT_READ)
     if others:
-        warn_user(f"{path.name}: its surfaces are read; {', '.join(others)} are not")
+        warn_user(f"its surfaces are read; {', '.join(others)} are not", of=path.name)
     return found, metres
 
 
@@ -115,7 +115,7 @@ def _units(path: Path, root: Element) -> tuple[float | None, float]:
             f"{path}: <Units> states elevationUnit={of_heights[:40]!r}; want feet, {', '.join(_HEIGHTS_M)}"
         )
     if up_metres != metres:
-        warn_user(f"{path.name}: lengths are in {stated}, elevations in {of_heights}; each axis has its own unit")
+        warn_user(f"lengths are in {stated}, elevations in {of_heights}; each axis has its own unit", of=path.name)
     return metres, up_metres
 
 

@@ -57,7 +57,7 @@ def read_omf(path: Path) -> StatedMeshes:
             f"{path}: has no triangulated surface, only {', '.join(others) or 'nothing'}; export the solid as a surface"
         )
     if others:
-        warn_user(f"{path.name}: its triangulated surfaces are read; {', '.join(others)} are not")
+        warn_user(f"its triangulated surfaces are read; {', '.join(others)} are not", of=path.name)
     stated = str(project.units or "").strip()
     if stated and stated.lower() not in _METRES:
         raise InputError(f"{path}: its unit is {one_line(stated, 40)!r}; want {', '.join(_METRES)}")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import manifold3d
@@ -96,8 +96,12 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
         _warn(path, pieces, free, params)
         if tolerance > KEPT_M:
             warn_user(
-                f"{path.name}: {free.solid.num_tri():,} triangles are simplified to {len(faces):,}, of which four "
-                f"fifths move by at most {max(tolerance, round(moved_m, 3)):g} m; --simplify M"
+                f"triangles are simplified to {len(faces):,}, of which four fifths move by at most "
+                f"{max(tolerance, round(moved_m, 3)):g} m",
+                of=path.name,
+                count=f"{free.solid.num_tri():,}",
+                option="--simplify",
+                advice="--simplify M",
             )
         warn_of_crossed(path, apart)
     solid = ClosedMesh(apart.vertices, apart.faces.astype(np.int32), float(origin[2]) * METRES[unit], points)
@@ -141,37 +145,49 @@ def view_from_above(solid: manifold3d.Manifold) -> MultiPolygon:
 
 def _warn(path: Path, pieces: ClosedPieces, free: PiecedSpace, params: SolidSurveyParams) -> None:
     """Warn of what was closed, turned, left out, taken for rock, and of what only touches."""
-    say: Callable[[str], None] = lambda text: warn_user(f"{path.name}: {text}")  # noqa: E731
+    say = partial(warn_user, of=path.name)
     if pieces.holes:
         widest = sorted(pieces.holes, key=lambda hole: -hole.edge_m)
         sizes = first_few([f"{hole.edge_m / np.pi:.2f} m at {_at(hole.middle_m)}" for hole in widest], _NAMED)
-        say(f"{len(widest)} holes are closed: {sizes}; the widest allowed is {params.close_m:g} m (--close M)")
+        say(
+            f"holes are closed: {sizes}; the widest allowed is {params.close_m:g} m (--close M)",
+            count=len(widest),
+            option="--close",
+        )
     if free.rock:
         largest = max(free.rock, key=lambda rock: rock.volume_m3)
         say(
-            f"{len(free.rock)} of {len(pieces.solids)} pieces are rock in the workings, as their normals point the "
-            f"other way: {sum(rock.volume_m3 for rock in free.rock):.4g} m3, the largest {largest.volume_m3:.4g} m3 "
-            f"at {_at(largest.middle_m)}"
+            "pieces are rock in the workings, as their normals point the other way: "
+            f"{sum(rock.volume_m3 for rock in free.rock):.4g} m3, the largest {largest.volume_m3:.4g} "
+            f"m3 at {_at(largest.middle_m)}",
+            count=f"{len(free.rock)} of {len(pieces.solids)}",
         )
     if free.turned:
         say(f"the normals of {free.turned} of {len(pieces.solids)} pieces point into the workings; they are turned")
     if free.touching:
         say(
-            f"{len(free.touching)} pairs of spaces touch at an edge or a point alone, the first at "
-            f"{_at(free.touching[0])}; {PARTED_M:g} m of rock part them"
+            f"pairs of spaces touch at an edge or a point alone, the first at {_at(free.touching[0])}; "
+            f"{PARTED_M:g} m of rock part them",
+            count=len(free.touching),
         )
     if pieces.flipped:
-        say(f"{pieces.flipped} triangles are turned the way of their neighbours")
+        say("triangles are turned the way of their neighbours", count=pieces.flipped)
     if pieces.dropped:
-        say(f"{pieces.dropped} pieces of {pieces.dropped_m2:.2g} m2 in all enclose less than a litre and are left out")
+        say(
+            f"pieces of {pieces.dropped_m2:.2g} m2 in all enclose less than a litre and are left out",
+            count=pieces.dropped,
+        )
 
 
 def warn_of_crossed(path: Path, apart: UncrossedMesh) -> None:
     """Warn of facets that crossed others, where the surface was found again."""
     if apart.crossed:
         warn_user(
-            f"{path.name}: {apart.crossed} triangles crossed others; at {apart.places} places the surface is found "
-            f"again, to {apart.cell_m:.2f} m; --voxel M finds all of it again"
+            f"triangles crossed others; at {apart.places} places the surface is found again, to "
+            f"{apart.cell_m:.2f} m; --voxel M finds all of it again",
+            of=path.name,
+            count=apart.crossed,
+            option="--voxel",
         )
 
 

@@ -55,7 +55,12 @@ def unit_in_comments(path: Path, data: bytes, suffix: str) -> Unit | None:
     metres = None if stated is None else metres_of_unit(stated[1].decode("latin-1"))
     unit = None if metres is None else name_of(metres)
     if unit is not None:
-        warn_user(f"{path.name}: a comment states the unit {unit}, which is used; --unit states another")
+        warn_user(
+            f"a comment states the unit {unit}, which is used",
+            of=path.name,
+            option="--unit",
+            advice="--unit states another",
+        )
     return unit
 
 
@@ -72,5 +77,5 @@ def in_named_unit(path: Path, found: StatedMeshes) -> StatedMeshes:
         return found
     if not (math.isfinite(metres) and metres > 0):
         raise InputError(f"{path}: its unit is {metres:g} m long; want a positive number of metres")
-    warn_user(f"{path.name}: states a unit of {metres:.10g} m; its coordinates are read in metres")
+    warn_user(f"states a unit of {metres:.10g} m; its coordinates are read in metres", of=path.name)
     return replace(found, meshes=[(name, v * metres, faces) for name, v, faces in found.meshes], metres=1.0)

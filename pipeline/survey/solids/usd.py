@@ -57,12 +57,12 @@ def read_usd(path: Path) -> StatedMeshes:
         raise InputError(f"{path}: not a USD file that can be read; it is broken or cut off") from error
     if left_out:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(left_out.items()))
-        warn_user(f"{path.name}: not read: {listed}")
+        warn_user(f"not read: {listed}", of=path.name)
     metres, up = float(UsdGeom.GetStageMetersPerUnit(stage)), str(UsdGeom.GetStageUpAxis(stage)).lower()
     missing = [] if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else ["metersPerUnit: a unit is a centimetre (--unit)"]
     missing += [] if stage.HasAuthoredMetadata("upAxis") else ["upAxis: y is up (--up)"]
     if missing:
-        warn_user(f"{path.name}: states no {', no '.join(missing)}, as USD's rule has it")
+        warn_user(f"states no {', no '.join(missing)}, as USD's rule has it", of=path.name)
     return StatedMeshes(found, metres, up)
 
 

@@ -90,7 +90,9 @@ class FoundItems:
         if self._renamed:
             (first, _), renamed = next(iter(self._renamed.items()))
             count = len(self._renamed)
-            warn_user(f"{self.path}: {count} stations have names of others elsewhere: {first[:60]} is {renamed[:60]}")
+            warn_user(
+                f"stations have names of others elsewhere: {first[:60]} is {renamed[:60]}", of=self.path, count=count
+            )
         self._begin_at_stations()
         legs = [(self._end(start), self._end(end)) for start, end in self.lines]
         passages = tuple(self._passage(rows) for rows in self._rows() if rows)
@@ -161,8 +163,10 @@ class FoundItems:
             yield part
         if unknown:
             warn_user(
-                f"{self.path.name}: {len(unknown)} cross-sections are of no station of the file and are left out: the "
-                f"first is that of {next(iter(unknown))[:60]}"
+                "cross-sections are of no station of the file and are left out: the first is that of "
+                f"{next(iter(unknown))[:60]}",
+                of=self.path.name,
+                count=len(unknown),
             )
 
     def _passage(self, rows: list[tuple[str, list[float]]]) -> Passage:

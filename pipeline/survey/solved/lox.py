@@ -62,7 +62,9 @@ def read_lox(path: Path) -> SolvedSurvey:
     passages = _passages(ends[shots["section"] > 0], lrud[shots["section"] > 0])
     drawn = (shots["flags"] & _HIDDEN) == 0
     if others:
-        warn_user(f"{path.name}: not read: {', '.join(f'{count} {_NOT_READ[kind]}' for kind, count in others.items())}")
+        warn_user(
+            f"not read: {', '.join((f'{count} {_NOT_READ[kind]}' for kind, count in others.items()))}", of=path.name
+        )
     flags = _flags_of(stations["flags"], _STATION_FLAGS)
     names = _names(path, surveys, stations, texts)
     flags[[not name for name in names]] |= int(StationFlag.ANONYMOUS)

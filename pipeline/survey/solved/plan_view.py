@@ -108,8 +108,10 @@ def _warn_of_strays(path: Path, count: int) -> None:
     """Warn of splays that end in a passage that is not near along the survey."""
     if count:
         warn_user(
-            f"{path.name}: {count} splays go through windows into passages that are not near along the survey; they "
-            "measure no wall of their own passage"
+            "splays go through windows into passages that are not near along the survey; they measure no "
+            "wall of their own passage",
+            of=path.name,
+            count=count,
         )
 
 
@@ -232,13 +234,17 @@ def with_sides(
     if count := sum(one.have(Source.ASSUMED) for one in filled):
         source = "as stated" if half_width_m else "half the median width of the others; --half-width M states another"
         warn_user(
-            f"{path.name}: {count} of {total} stations of passages have no measured wall beside them; "
-            f"{usual:.2f} m is taken on each side without one, {source}"
+            f"stations of passages have no measured wall beside them; {usual:.2f} m is taken on each side "
+            f"without one, {source}",
+            of=path.name,
+            count=f"{count} of {total}",
         )
     if count := sum(one.have(Source.INTERPOLATED) for one in filled):
         warn_user(
-            f"{path.name}: {count} of {total} stations of passages lack a wall on a side that most stations of their "
-            "passage have; it is interpolated between these"
+            "stations of passages lack a wall on a side that most stations of their passage have; it is "
+            "interpolated between these",
+            of=path.name,
+            count=f"{count} of {total}",
         )
     return [(nodes, one.walls) for (nodes, _), one in zip(rows, filled, strict=True)], [one.sources for one in filled]
 
@@ -249,8 +255,10 @@ def _warn_of_floors(path: Path, rows: Rows) -> None:
     known = {node for row, walls in rows for node, down in zip(row, walls[:, 3], strict=True) if np.isfinite(down)}
     if known and len(known) < len(nodes):
         warn_user(
-            f"{path.name}: {len(nodes) - len(known)} of {len(nodes)} stations have no measured distance down to the "
-            "floor; it is interpolated along the legs between those that have one, and is their median beyond them"
+            "stations have no measured distance down to the floor; it is interpolated along the legs "
+            "between those that have one, and is their median beyond them",
+            of=path.name,
+            count=f"{len(nodes) - len(known)} of {len(nodes)}",
         )
 
 
@@ -263,9 +271,11 @@ def _warn_of_unsurveyed(path: Path, plan: _StationPlan) -> None:
         lengths = np.linalg.norm(plan.places[ends[:, 0]] - plan.places[ends[:, 1]], axis=1)
         a, b = ends[lengths.argmax()].tolist()
         warn_user(
-            f"{path.name}: {len(legs)} legs were not surveyed (nosurvey) and are built as straight passages, the "
-            f"longest {lengths.max():.1f} m from {plan.names[a]} to {plan.names[b]}; a flag surface, duplicate or "
-            "splay leaves a leg out"
+            "legs were not surveyed (nosurvey) and are built as straight passages, the longest "
+            f"{lengths.max():.1f} m from {plan.names[a]} to {plan.names[b]}; a flag surface, duplicate or "
+            "splay leaves a leg out",
+            of=path.name,
+            count=len(legs),
         )
 
 
@@ -275,9 +285,11 @@ def _with_one_floor(path: Path, plan: _StationPlan, rows: Rows) -> Rows:
     if differ:
         node, down, other = max(differ, key=lambda one: abs(one[1] - one[2]))
         warn_user(
-            f"{path.name}: {len(differ)} stations have different distances down to the floor in two passages; the "
-            f"passage that goes on through the station counts, and a flat one before a steep one. At "
-            f"{plan.names[node]} {down:g} m are taken, not {other:g}"
+            "stations have different distances down to the floor in two passages; the passage that goes "
+            f"on through the station counts, and a flat one before a steep one. At {plan.names[node]} "
+            f"{down:g} m are taken, not {other:g}",
+            of=path.name,
+            count=len(differ),
         )
     return agreed
 

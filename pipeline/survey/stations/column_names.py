@@ -73,7 +73,11 @@ def columns_of(
     if read:
         pairs = ", ".join(f"{one_line(name, _SHOWN)} as {ours}" for ours, name in read.items())
         warn_user(
-            f"{path.name}: {len(read)} columns are read by the names that others use: {pairs}; --columns OURS=NAME,..."
+            f"columns are read by the names that others use: {pairs}",
+            of=path.name,
+            count=len(read),
+            option="--columns",
+            advice="--columns OURS=NAME,...",
         )
     return found
 

@@ -81,13 +81,14 @@ def read_rows(
     unread = [name for name in reader.fieldnames if name and name not in (*COLUMNS[:2], *_NUMBERS)]
     if unread:
         warn_user(
-            f"{path.name}: {len(unread)} columns are not read ({one_line(', '.join(unread), 100)}); heights are read "
-            f"from {', '.join(HEIGHTS)}"
+            f"columns are not read ({one_line(', '.join(unread), 100)}); heights are read from {', '.join(HEIGHTS)}",
+            of=path.name,
+            count=len(unread),
         )
     for metres in dict.fromkeys(column.metres for column in scaled):
         of_unit = ", ".join(one_line(name, 40) for name, of in zip(names, columns, strict=True) if of.metres == metres)
         count = sum(column.metres == metres for column in scaled)
-        warn_user(f"{path.name}: {count} columns are in units of {metres:.7g} m ({of_unit}); others in metres")
+        warn_user(f"columns are in units of {metres:.7g} m ({of_unit}); others in metres", of=path.name, count=count)
     return rows
 
 

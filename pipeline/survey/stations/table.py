@@ -179,7 +179,9 @@ def _read_legs(
     if has_heights:
         _require_no_stray_zero(path, list(positions.values()))
     if repeated:
-        warn_user(f"{path.name}: {len(repeated)} rows repeat the row before, the first in line {repeated[0]}; left out")
+        warn_user(
+            f"rows repeat the row before, the first in line {repeated[0]}; left out", of=path.name, count=len(repeated)
+        )
     other = _other_names(path, legs, {name: place for name, (place, _) in positions.items()})
     renamed = {leg: [(other.get(name, name), row) for name, row in stations] for leg, stations in legs.items()}
     found = [_leg(path, name, stations) for name, stations in renamed.items()]
@@ -203,8 +205,11 @@ def _other_names(
         name, first = next(iter(other.items()))
         x, y = places[name][:2]
         warn_user(
-            f"{path.name}: {len(other)} stations have another name in another leg and are one with it, the first "
-            f"{one_line(name, 40)} and {one_line(first, 40)} at ({x:.1f}, {y:.1f}); places 1 cm apart part them"
+            "stations have another name in another leg and are one with it, the first "
+            f"{one_line(name, 40)} and {one_line(first, 40)} at ({x:.1f}, {y:.1f}); places 1 cm apart "
+            "part them",
+            of=path.name,
+            count=len(other),
         )
     return other
 

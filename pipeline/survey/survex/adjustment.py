@@ -68,9 +68,11 @@ def warn_of_misclosures(path: Path, traverses: list[Traverse], name: Callable[[s
         size = f"by {one.moved_m:.2f} m in {one.length_m:.1f} m ({one.per_cent:.1f} %)"
         cause = f", {one.times:.0f} times what its readings allow: look for a wrong one" if one.times > _GROSS else ""
         misses.append(f"the {kind} {_named(one, name)} misses {size}{cause}")
-        warn_user(f"{path.name}: {misses[-1]}")
+        warn_user(misses[-1], of=path.name)
     if len(gross) > _LISTED:
-        warn_user(f"{path.name}: {len(gross) - _LISTED} more traverses miss by over {_GROSS:g} times what is allowed")
+        warn_user(
+            f"more traverses miss by over {_GROSS:g} times what is allowed", of=path.name, count=len(gross) - _LISTED
+        )
     return misses[0] if gross else ""
 
 

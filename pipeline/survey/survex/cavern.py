@@ -118,18 +118,22 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
             fix_junctions(source, program, _run)
             status, output = _run(command)
         elif declination_deg is not None:
-            warn_user(f"{path.name}: --declination changes nothing: no declination is computed")
+            warn_user("--declination changes nothing: no declination is computed", of=path.name, option="--declination")
         if status != 0 or not result.is_file():
             raise InputError(_problem(path, source, status, output, written))
         if loops:
-            warn_user(f"{path.name}: {loops:,} loops are closed by sparse least squares with the weights of Survex")
+            warn_user(
+                "loops are closed by sparse least squares with the weights of Survex", of=path.name, count=f"{loops:,}"
+            )
         _require_sound(path, source, output, written)
         warn_of_computed(path, _version(output), computed_declinations(output))
         doubt = warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)
         hanging = hanging_stations(output)
         if hanging:
             some = ", ".join(written.message(station) for station in hanging[:3])
-            warn_user(f"{path.name}: {len(hanging)} pieces hang on no fixed station and are left out: that of {some}")
+            warn_user(
+                f"pieces hang on no fixed station and are left out: that of {some}", of=path.name, count=len(hanging)
+            )
         try:
             survey = read_3d(result)
         except InputError as error:
@@ -148,8 +152,10 @@ def _require_sound(path: Path, source: Path, output: str, written: Written) -> N
     if beyond is not None:
         count = sum(_BEYOND_CIRCLE.match(line) is not None for line in output.splitlines())
         warn_user(
-            f"{path.name}: {count} compass readings are beyond 360 deg and go on round the circle, 364 as 4; the "
-            f"first is {beyond.rpartition('/')[2]}"
+            "compass readings are beyond 360 deg and go on round the circle, 364 as 4; the first is "
+            f"{beyond.rpartition('/')[2]}",
+            of=path.name,
+            count=count,
         )
     turned = _named(_CONVERGENCE, path, source, output, written)
     if turned is not None:

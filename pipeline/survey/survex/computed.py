@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pyproj
 
-from pipeline.remarks import Remark, warn_user
+from pipeline.remarks import warn_user
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.survex.convergence import convergence_deg
 
@@ -43,12 +43,15 @@ def warn_of_computed(path: Path, version: tuple[int, ...], found: list[Computed]
     values = [f"{one.degrees:.1f} deg on {one.date}" for one in (ordered[0], ordered[-1])]
     text = " to ".join(dict.fromkeys(values))
     by = f"Survex {'.'.join(map(str, version))}"
-    warn_user(Remark(f"{path.name}: declinations are computed by {model} of {by}: {text}", "", _OPTION))
+    warn_user(f"declinations are computed by {model} of {by}: {text}", of=path.name, option=_OPTION)
     beyond = {one.date for one in ordered if last is not None and int(one.date[:4]) >= last}
     if beyond:
         off = "in 2026 IGRF-13 is 0.2 deg off in central Europe, 4 m a km"
         warn_user(
-            Remark(f"{path.name}: {len(beyond)} dates are after the last year of {model}, {last}; {off}", "", _OPTION)
+            f"dates are after the last year of {model}, {last}; {off}",
+            of=path.name,
+            count=len(beyond),
+            option=_OPTION,
         )
 
 

@@ -208,7 +208,7 @@ class _Converter:
     def _grade(self, _: Shots, line: TherionLine) -> None:
         for name in " ".join(word.strip("[]") for word in line.words[1:]).split():
             if name not in self.grades:
-                warn_user(f"{line.path.name}: grade {name[:40]} is not defined; readings have the usual deviations")
+                warn_user(f"grade {name[:40]} is not defined; readings have the usual deviations", of=line.path.name)
             self._add(line, self.grades.get(name, []))
 
     def _add(self, line: TherionLine, texts: list[str]) -> None:
@@ -227,7 +227,7 @@ class _Converter:
         degrees = stated.on(self.date)
         if not self.date and stated.needs_date:
             warn_user(
-                f"{line.path.name}: a centreline without a date takes {degrees:.2f} deg, the mean of its declinations"
+                f"a centreline without a date takes {degrees:.2f} deg, the mean of its declinations", of=line.path.name
             )
         self.made.add(line, f"*declination {degrees - self._convergence():.6f} degrees")
 

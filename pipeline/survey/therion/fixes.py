@@ -85,8 +85,10 @@ class Fixes:
             apart = max(float(np.linalg.norm(fix.place - place)) for fix in fixes)
             if apart > _EXACT_M:
                 warn_user(
-                    f"{first.line.path.name}: {len(fixes)} places of station {first.station[:60]} are stated; their "
-                    f"mean is taken, {apart:.4g} m from the farthest"
+                    f"places of station {first.station[:60]} are stated; their mean is taken, {apart:.4g} m from "
+                    "the farthest",
+                    of=first.line.path.name,
+                    count=len(fixes),
                 )
 
 

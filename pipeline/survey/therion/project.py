@@ -51,4 +51,4 @@ def project_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:
         elif line.words[0] in _NOT_APPLIED:
             unused.append(one_line(" ".join(line.words), 60))
     for text in dict.fromkeys(unused):
-        warn_user(f"{path.name}: `{text}` is not applied; all sources are read")
+        warn_user(f"`{text}` is not applied; all sources are read", of=path.name)

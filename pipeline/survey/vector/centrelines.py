@@ -21,7 +21,7 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import floor_rules
 from pipeline.survey.passages.stray_heights import require_elevations
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.vector.level_fields import level_advice
+from pipeline.survey.vector.level_fields import by_levels
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
 from pipeline.types import Georeference
 
@@ -141,8 +141,11 @@ def _parts(
         left_out = sorted({of_shape[of[k]] for k in set(numbers) - set(kept)})
         names = ", ".join(one_line(name, 40) or "no name" for name in left_out[:_NAMED])
         warn_user(
-            f"{path.name}: {len(numbers) - len(kept)} lines of {len(left_out)} layers without an elevation are left "
-            f"out: {names}; --elevation LAYER=M states one"
+            f"lines of {len(left_out)} layers without an elevation are left out: {names}",
+            of=path.name,
+            count=len(numbers) - len(kept),
+            option="--elevation",
+            advice="--elevation LAYER=M states one",
         )
     twice = content.is_duplicate or [False] * len(content.shapes)
     flags = [LegFlag.DUPLICATE if twice[of[k]] else LegFlag(0) for k in kept]
@@ -164,11 +167,12 @@ def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
     if not points:
         return lines
     x, y, z = next(iter(points.values()))[0][1]
-    text = (
-        f"{path.name}: lines cross at {sum(map(len, points.values())) // 2} places without a common point and less "
-        f"than {most:g} m over each other; they meet there, the first at ({x:.1f}, {y:.1f}, {z:.1f})"
+    warn_user(
+        f"lines cross at {sum(map(len, points.values())) // 2} places without a common point and less than {most:g} m "
+        f"over each other; they meet there, the first at ({x:.1f}, {y:.1f}, {z:.1f})",
+        of=path.name,
+        **by_levels(fields),
     )
-    warn_user("; ".join([text, *level_advice(fields)]))
     made, number = [], 0
     for line in lines:
         rows = []
@@ -201,9 +205,12 @@ def _joined(path: Path, lines: list[Line], snap_m: float) -> tuple[list[Line], l
     if near:
         (x, y, z), apart = near[0]
         warn_user(
-            f"{path.name}: {len(near)} ends are less than {_NEAR_M:g} m from another line and do not join it, the "
-            f"first at ({x:.1f}, {y:.1f}, {z:.1f}), {apart:.2f} m away; --snap M joins ends nearer than M "
-            f"(survey.snap_m = {snap_m:g})"
+            f"ends are less than {_NEAR_M:g} m from another line and do not join it, the first at ({x:.1f}, "
+            f"{y:.1f}, {z:.1f}), {apart:.2f} m away; --snap M joins ends nearer than M (survey.snap_m = "
+            f"{snap_m:g})",
+            of=path.name,
+            count=len(near),
+            option="--snap, survey.snap_m",
         )
 
     def place(point: tuple[int, int]) -> np.ndarray:

@@ -53,7 +53,10 @@ def require_walls_alone(path: Path, content: Shapes, snap_m: float, widths_m: tu
         if has_pillars:
             name = one_line(frame_layers[0], 60)
             warn_user(
-                f"{path.name}: the rectangle on layer {name!r} is read as the wall round pillars; --layer chooses"
+                f"the rectangle on layer {name!r} is read as the wall round pillars",
+                of=path.name,
+                option="--layer",
+                advice="--layer chooses",
             )
     if not framed and ruled < _GRID_LINES:
         return

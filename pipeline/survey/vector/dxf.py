@@ -212,7 +212,7 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
     wide = sum(isinstance(entity, LWPolyline | Polyline) and entity.has_width for entity, _ in pieces)
     if wide:
         way = "--half-width takes them as the middles of drifts"
-        warn_user(f"{path.name}: {wide} polylines have a width, which is not read; {way}")
+        warn_user(f"polylines have a width, which is not read; {way}", of=path.name, count=wide)
     read = {id(entity) for entity, _ in pieces}
     others = count_kinds([e for e in chosen if id(e) not in read]) | annotations
     if not pieces:  # what is missing is then the plan

@@ -40,21 +40,27 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
     if flat:
         x, y = flat[0].dxf.insert.vec2
         warn_user(
-            f"{path.name}: {len(flat)} block references have a scale of 0, read as 1; the first is "
-            f"{_name(flat[0])} at ({x:.1f}, {y:.1f})"
+            f"block references have a scale of 0, read as 1; the first is {_name(flat[0])} at ({x:.1f}, {y:.1f})",
+            of=path.name,
+            count=len(flat),
         )
     clipped = [insert for insert in references if XClip(insert).is_clipping_enabled]
     if clipped:
         x, y = clipped[0].dxf.insert.vec2
         warn_user(
-            f"{path.name}: {len(clipped)} block references are clipped, and are read whole; the first is "
-            f"{_name(clipped[0])} at ({x:.1f}, {y:.1f}); explode and trim them in CAD, or choose layers by --layer"
+            f"block references are clipped, and are read whole; the first is {_name(clipped[0])} at ({x:.1f}, "
+            f"{y:.1f}); explode and trim them in CAD, or choose layers by --layer",
+            of=path.name,
+            count=len(clipped),
+            option="--layer",
         )
     absent = absent_drawings(drawing)
     if absent:
         warn_user(
-            f"{path.name}: {len(absent)} drawings that it refers to are not in the file, and are not read: "
-            f"{first_few(absent, _NAMED)}; bind the external references in CAD"
+            "drawings that it refers to are not in the file, and are not read: "
+            f"{first_few(absent, _NAMED)}; bind the external references in CAD",
+            of=path.name,
+            count=len(absent),
         )
     return _without_annotations(drawing)
 
@@ -72,8 +78,11 @@ def shown(path: Path, drawing: Drawing, entities: list[DXFEntity]) -> list[DXFEn
         return entities
     names = sorted({one_line(str(e.dxf.layer), 40) for e in entities if str(e.dxf.layer).lower() in hidden})
     warn_user(
-        f"{path.name}: {len(entities) - len(kept)} entities on layers that are off or frozen are not read: "
-        f"{first_few(names, _NAMED)}; --layer NAME reads a layer"
+        f"entities on layers that are off or frozen are not read: {first_few(names, _NAMED)}; --layer "
+        "NAME reads a layer",
+        of=path.name,
+        count=len(entities) - len(kept),
+        option="--layer",
     )
     return kept
 

@@ -66,13 +66,15 @@ def unit_of(path: Path, drawing: Drawing) -> Unit | None:
     """Return the unit that a drawing states, None if it states none or one that is not read, with a warning."""
     if drawing.modelspace().get_geodata() is not None:
         warn_user(
-            f"{path.name}: states its place on the Earth (GEODATA), which is not read; coordinates are the drawing's"
+            "states its place on the Earth (GEODATA), which is not read; coordinates are the drawing's", of=path.name
         )
     code = int(drawing.header.get("$INSUNITS", 0))
     if code in _OTHER_UNITS:
         warn_user(
-            f"{path.name}: states its unit as {_OTHER_UNITS[code]} ($INSUNITS = {code}), which is not read; scale it "
-            "to metres in CAD, or --unit states m, cm, mm, ft or in"
+            f"states its unit as {_OTHER_UNITS[code]} ($INSUNITS = {code}), which is not read; scale it "
+            "to metres in CAD, or --unit states m, cm, mm, ft or in",
+            of=path.name,
+            option="--unit",
         )
     unit = _UNITS.get(code)
     shown = int(drawing.header.get("$LUNITS", 2))
@@ -83,5 +85,9 @@ def unit_of(path: Path, drawing: Drawing) -> Unit | None:
         what, way = "is drawn in English units ($MEASUREMENT = 0)", "ft"
     if what:
         stated = f"the unit {unit}" if unit else "no unit ($INSUNITS)"
-        warn_user(f"{path.name}: states {stated} and {what}, which changes nothing; --unit {way} reads it so")
+        warn_user(
+            f"states {stated} and {what}, which changes nothing; --unit {way} reads it so",
+            of=path.name,
+            option="--unit",
+        )
     return unit

@@ -83,9 +83,9 @@ def _first_column(source: bytes, sql: str) -> list[Any]:
 def warn_of_kinds(path: Path, kinds: Mapping[str, int]) -> None:
     """Warn of shapes whose measures are dropped, and of curves that are read as chords."""
     if kinds.get(MEASURED):
-        warn_user(f"{path.name}: {kinds[MEASURED]} shapes have measures (M); they are not read, x, y and z are")
+        warn_user("shapes have measures (M); they are not read, x, y and z are", of=path.name, count=kinds[MEASURED])
     if kinds.get(CURVE):
-        warn_user(f"{path.name}: {kinds[CURVE]} shapes have curves; arcs are read as chords of 4 degrees")
+        warn_user("shapes have curves; arcs are read as chords of 4 degrees", of=path.name, count=kinds[CURVE])
 
 
 def flags_of(columns: Mapping[str | None, Sequence[Any]], count: int) -> list[frozenset[str]]:
@@ -116,12 +116,15 @@ def without_flagged(path: Path, content: Shapes, flags: Sequence[frozenset[str]]
         text = " and ".join(f"{count} {_NAMES[name]} ({name})" for name, count in left_out.items())
         if sum(left_out.values()) == len(flags):
             raise InputError(f"{path}: holds no drifts: {text}")
-        warn_user(f"{path.name}: {text} of {len(flags)} shots are no drifts, and are left out")
+        warn_user(f"{text} of {len(flags)} shots are no drifts, and are left out", of=path.name)
     found = replace(content, is_duplicate=[DUPLICATE in one for one in flags])
     found = found.only([not one & set(_NAMES) for one in flags])
     if (twice := sum(found.is_duplicate)) > 0:
         warn_user(
-            f"{path.name}: {twice} shots flagged {DUPLICATE} were measured before; --half-width M reads them as ties, "
-            "not as passages of their own"
+            f"shots flagged {DUPLICATE} were measured before; --half-width M reads them as ties, not as "
+            "passages of their own",
+            of=path.name,
+            count=twice,
+            option="--half-width",
         )
     return found

@@ -38,6 +38,12 @@ def level_advice(fields: list[str]) -> list[str]:
     return [f"--level-by FIELD keeps levels apart by the value of a property ({_listed(fields)})"] if fields else []
 
 
+def by_levels(fields: list[str], other: str = "") -> dict[str, str]:
+    """Return the options of a remark that keep levels apart, and its advice: another one, and `level_advice`."""
+    advice = [*filter(None, [other]), *level_advice(fields)]
+    return {"option": ", ".join(text.split()[0] for text in advice), "advice": "; ".join(advice)}
+
+
 def text_of(value: Any) -> str:
     """Return the value of a property as the name of a level; empty if there is none."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
@@ -84,8 +90,11 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
         )
     listed = ", ".join(sorted(names, key=elevations.__getitem__)[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
     warn_user(
-        f"{path.name}: {len(names)} levels by {one_line(field, 40)} ({listed}), taken as elevations in metres; "
-        "--elevation VALUE=M states others"
+        f"levels by {one_line(field, 40)} ({listed}), taken as elevations in metres",
+        of=path.name,
+        count=len(names),
+        option="--elevation",
+        advice="--elevation VALUE=M states others",
     )
     return elevations
 
@@ -108,6 +117,9 @@ def warn_of_overlaps(path: Path, content: Shapes, moved: Sequence[BaseGeometry],
     over_m2 = float(shapely.area([shapely.make_valid(shape) for shape in moved]).sum()) - joined.area
     if over_m2 < max(_OVERLAP_M2, _OVERLAP_SHARE * joined.area):
         return
-    by_layer = ["--elevation LAYER=M keeps layers apart"] if len(set(content.layer_of)) > 1 else []
-    text = f"{path.name}: {over_m2:.0f} m2 of its areas lie over others and are joined with them as one level"
-    warn_user("; ".join([text, *by_layer, *level_advice(content.fields)]))
+    warn_user(
+        "of its areas lie over others and are joined with them as one level",
+        of=path.name,
+        count=f"{over_m2:.0f} m2",
+        **by_levels(content.fields, "--elevation LAYER=M keeps layers apart" if len(set(content.layer_of)) > 1 else ""),
+    )

@@ -44,7 +44,7 @@ def fill_elevations(path: Path, content: Shapes, none_at: float) -> Shapes:
     if missing.all():
         raise InputError(f"{path}: --no-elevation {none_at:g}: no point has another elevation")
     if not missing.any():
-        warn_user(f"{path.name}: --no-elevation {none_at:g}: no point has this elevation")
+        warn_user(f"--no-elevation {none_at:g}: no point has this elevation", of=path.name, option="--no-elevation")
         return content
     starts = np.flatnonzero(np.diff(ring, prepend=-1))
     for a, b in pairwise([*starts.tolist(), len(points)]):
@@ -56,8 +56,9 @@ def fill_elevations(path: Path, content: Shapes, none_at: float) -> Shapes:
     lines = len(np.unique(ring[bare]))
     others = f"; {lines} lines without any take those of the nearest lines" if lines else ""
     warn_user(
-        f"{path.name}: {missing.sum()} of {len(points)} points have no elevation, and take theirs from their own lines"
-        f"{others}"
+        f"points have no elevation, and take theirs from their own lines{others}",
+        of=path.name,
+        count=f"{missing.sum()} of {len(points)}",
     )
     return replace(content, shapes=list(shapely.set_coordinates(shapes, points)))
 

@@ -40,7 +40,7 @@ def warn_of_others(path: Path, content: Shapes) -> None:
     """
     if content.shapes:
         if content.others:
-            warn_user(f"{path.name}: not read, as they are no lines or areas: {_listed(content.others)}")
+            warn_user(f"not read, as they are no lines or areas: {_listed(content.others)}", of=path.name)
         return
     if content.others:
         found = {XREF if kind.startswith(XREF) else kind for kind in content.others}

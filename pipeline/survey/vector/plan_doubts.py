@@ -10,7 +10,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import floor_rules
-from pipeline.survey.vector.level_fields import level_advice
+from pipeline.survey.vector.level_fields import by_levels
 from pipeline.survey.vector.shapes import Shapes
 
 _FLAT = 1e-3  # of a section's length, that its points lie beside its plane
@@ -74,11 +74,12 @@ def warn_of_crossings(path: Path, content: Shapes) -> None:
         return
     crossings = shapely.STRtree(lines).query(lines, predicate="crosses").shape[1] // 2
     if crossings:
-        text = (
-            f"{path.name}: {crossings} pairs of its lines cross each other, as centrelines do; they are read as walls; "
-            "--half-width M reads them as centrelines"
+        warn_user(
+            "pairs of its lines cross each other, as centrelines do; they are read as walls",
+            of=path.name,
+            count=crossings,
+            **by_levels(content.fields, "--half-width M reads them as centrelines"),
         )
-        warn_user("; ".join([text, *level_advice(content.fields)]))
 
 
 def _single_lines(content: Shapes) -> list[shapely.Geometry]:

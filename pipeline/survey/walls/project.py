@@ -90,7 +90,7 @@ def copy_of(path: Path) -> WallsCopy:
     reader = _Reader(copy, lines)
     reader.read()
     if reader.absent:
-        warn_user(f"{path}: {reader.absent} survey files lie in folders that are not there; they are left out")
+        warn_user("survey files lie in folders that are not there; they are left out", of=path, count=reader.absent)
     size = sum(file.stat().st_size for file in copy.surveys)
     if size > reader_limits().text_bytes:
         raise InputError(

@@ -134,8 +134,10 @@ def with_sections(survey: SolvedSurvey, files: list[tuple[Path, str]]) -> Solved
                 passages.append(Passage(np.array(at, np.int64), np.array([lrud for _, lrud in rows])))
     if unknown:
         warn_user(
-            f"{files[0][0].name}: {len(unknown)} cross-sections are of no station that Survex has and are left out: "
-            f"the first is that of {next(iter(unknown))[:60]}"
+            "cross-sections are of no station that Survex has and are left out: the first is that of "
+            f"{next(iter(unknown))[:60]}",
+            of=files[0][0].name,
+            count=len(unknown),
         )
     return replace(survey, passages=(*survey.passages, *passages))
 

@@ -113,7 +113,7 @@ class _VolumeDraft:
 def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     if network.repairs:
-        warn_user(f"compile3d: repaired are {first_few(network.repairs, _NAMED, '; ')}")
+        warn_user(f"repaired are {first_few(network.repairs, _NAMED, '; ')}", of="compile3d")
     _warn_of_lowered(network)
     require_flat_leg(network)
     solved = solve_floors(network)
@@ -129,9 +129,11 @@ def _warn_of_lowered(network: SurveyNetwork) -> None:
         tall = np.where(lowered, network.lrud_m[:, :, 2:].sum(axis=2), np.inf)
         leg, end = np.unravel_index(tall.argmin(), tall.shape)
         warn_user(
-            f"compile3d: {len(np.unique(network.shots[lowered]))} stations without a measured roof have a lower one, "
-            f"as floors pass over them: {tall[leg, end]:.2f} m over the floor at "
-            f"{network.names[network.shots[leg, end]]}, with {ROCK_M:g} m of rock over it"
+            "stations without a measured roof have a lower one, as floors pass over them: "
+            f"{tall[leg, end]:.2f} m over the floor at {network.names[network.shots[leg, end]]}, with "
+            f"{ROCK_M:g} m of rock over it",
+            of="compile3d",
+            count=len(np.unique(network.shots[lowered])),
         )
 
 
@@ -170,10 +172,11 @@ def _warn(built: BuiltVolume) -> None:
     """Print what of the survey is built, and where the volume is closed."""
     share = 100 * built.built_m / max(built.piece_m, 1e-9)
     warn_user(
-        f"compile3d: built as one volume are {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed, {share:.1f} % "
-        f"of this piece of {built.piece_m:.0f} m"
+        f"built as one volume are {built.built_m:.0f} m of {built.surveyed_m:.0f} m surveyed, "
+        f"{share:.1f} % of this piece of {built.piece_m:.0f} m",
+        of="compile3d",
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:
             named = first_few([end.station for end in ends], _NAMED)
-            warn_user(f"compile3d: {len(ends)} {what} closed by rock: {named}")
+            warn_user(f"{what} closed by rock: {named}", of="compile3d", count=len(ends))

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from benchmarks.files import options_of
 from pipeline.errors import InputError
 from pipeline.params.stated import state
-from pipeline.remarks import options_of
 from pipeline.survey.detect import detect_survey
 from tests.house.test_messages import modules, texts_of
 from tests.project import ROOT

@@ -110,7 +110,7 @@ def test_the_section_that_is_detected_is_a_survey_section(tmp_path, points):
 def test_what_is_guessed_is_listed_with_its_option(tmp_path, points):
     with collect_remarks() as said:
         detect_survey(write(tmp_path / "a.laz", points))
-    text = " ".join(remark.what for remark in said)
+    text = " ".join(remark.line() for remark in said)
     assert re.search(
         r"read as metres, 14\.\d+ x 4\.\d+ x 3\.\d+ m, its passages [23]\.\d+ m across; --unit states", text
     )
@@ -127,14 +127,14 @@ def test_a_world_in_feet_with_y_up_is_noticed_as_a_scan_and_as_a_solid_and_chang
     for name in ("a.obj", "a.las"):
         with collect_remarks() as said:
             found = detect_survey(tmp_path / name)
-        text = " ".join(remark.what for remark in said)
+        text = " ".join(remark.line() for remark in said)
         assert "most level surfaces face along its y axis; z is taken as up; --up y turns it" in text
         assert re.search(r"its passages 1\d\.\d m across; in feet they are 3\.\d+ m across: --unit ft", text)
         assert found.values["unit"] in (None, "m")
         assert found.values["up"] is None
         with collect_remarks() as said:
             detect_survey(tmp_path / name, StatedOptions(unit="ft", up="y"))
-        assert not re.search("y axis|in feet", " ".join(remark.what for remark in said))
+        assert not re.search("y axis|in feet", " ".join(remark.line() for remark in said))
 
 
 def test_points_that_no_unit_brings_near_are_called_broken(tmp_path, points):
@@ -148,7 +148,7 @@ def test_a_hole_of_the_scan_is_listed_with_place_and_width(tmp_path, points):
     path = write(tmp_path / "a.las", points[np.linalg.norm(points - [7, 2, 0], axis=1) > 1.0])
     with collect_remarks() as said:
         read(path)
-    assert "1 holes of the scan, at most 3 m wide (--close M), are closed" in " ".join(remark.what for remark in said)
+    assert "1 holes of the scan, at most 3 m wide (--close M), are closed" in " ".join(remark.line() for remark in said)
 
 
 def test_points_behind_walls_are_listed_and_purple_on_the_plan(tmp_path, points):
@@ -156,7 +156,7 @@ def test_points_behind_walls_are_listed_and_purple_on_the_plan(tmp_path, points)
     path = write(tmp_path / "a.las", np.concatenate([points, far]))
     with collect_remarks() as said:
         read_of = read_unlimited(PARAMS.model_copy(update={"file": path.as_posix()}))
-    assert re.search(r"\d+ voxels with points lie behind the walls", " ".join(remark.what for remark in said))
+    assert re.search(r"\d+ voxels with points lie behind the walls", " ".join(remark.line() for remark in said))
     plan, frame = read_of.plan, read_of.survey.frame
     purple = np.argwhere((plan == (160, 60, 140)).all(axis=2))[:, ::-1]
     x, y = frame.to_mine(purple).T

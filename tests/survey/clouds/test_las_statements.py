@@ -56,7 +56,7 @@ def found_in(path, **options):
     """Return the mean places of points, m, as they lie about the first of them, and the remarks."""
     with collect_remarks() as remarks:
         found = read_points(ScanFile(path.as_posix(), options.get("unit_m"), "z", None, 0.001))
-    return found, [remark.what for remark in remarks]
+    return found, [remark.line() for remark in remarks]
 
 
 def require_same(found, wanted_m):
@@ -147,7 +147,7 @@ def test_feet_of_the_shared_scan_are_listed_and_its_size_is_right():
     with collect_remarks() as remarks:
         detect_survey(SHARED / "feet-by-crs.las", StatedOptions())
         scan = read_points(ScanFile((SHARED / "feet-by-crs.las").as_posix(), None, "z", None, 0.01))
-    lines = [remark.what for remark in remarks]
+    lines = [remark.line() for remark in remarks]
     assert not any("states no unit;" in line for line in lines)
     assert np.ptp(scan.cloud.points_m, axis=0)[:2] == pytest.approx([22.0, 18.7], abs=0.05)
 

@@ -68,8 +68,8 @@ def test_a_mine_in_a_system_whose_axes_point_south_and_west_is_not_mirrored(tmp_
         (found,), georeference = locate(path, read_geodata(path, None), None, None)
     there = shapely.transform(found, lambda p: p + georeference.origin)
     assert there.hausdorff_distance(wanted) < 0.01
-    assert not told or any(told in remark.what for remark in remarks)
-    assert told or not any("axes" in remark.what for remark in remarks)
+    assert not told or any(told in remark.line() for remark in remarks)
+    assert told or not any("axes" in remark.line() for remark in remarks)
 
 
 @pytest.mark.parametrize("suffix", [".gpkg", ".shp", ".geojson"])
@@ -131,7 +131,7 @@ def test_heights_have_the_unit_and_the_direction_of_their_own_axis(tmp_path, crs
     rise, run = abs(ends[1, 2] - ends[0, 2]), np.linalg.norm(ends[1, :2] - ends[0, :2])
     assert (rise, run) == pytest.approx((6.0, 120.0), abs=0.01)
     assert legs.datum_m + ends[:, 2].min() == pytest.approx(100.0, abs=0.01)
-    listed = [remark.what for remark in remarks if "its coordinate system states" in remark.what]
+    listed = [remark.line() for remark in remarks if "its coordinate system states" in remark.line()]
     assert len(listed) == (crs != "EPSG:32611")
     assert not listed or ("no unit of heights" in listed[0]) == ("+" not in crs)
 

@@ -71,7 +71,7 @@ def test_the_user_unit_of_a_page_in_packed_objects_is_found(tmp_path, data):
 def test_the_user_unit_is_listed_and_counts_for_the_resolution_that_fits(tmp_path):
     with collect_remarks() as remarks:
         assert fitting_dpi(bar_page(tmp_path / "a.pdf", (8, 6), UserUnit=10), 1) == 91
-    lines = [remark.what for remark in remarks]
+    lines = [remark.line() for remark in remarks]
     assert "a.pdf: page 1 states a UserUnit of 10: its units are 10/72 inch" in lines
     assert any("page of 80 x 60 in" in line for line in lines)
 
@@ -102,4 +102,6 @@ def test_a_measure_of_a_page_is_listed_as_not_read(tmp_path):
     measure = {"Type": PdfParser.PdfName("Viewport"), "BBox": [0, 0, 576, 432]}
     with collect_remarks() as remarks:
         read_page(bar_page(tmp_path / "a.pdf", VP=[PdfParser.PdfDict(measure)]), 1, DPI, 200.0)
-    assert any("page 1 states a measure or a georeference (VP, LGIDict), which is not read" in r.what for r in remarks)
+    assert any(
+        "page 1 states a measure or a georeference (VP, LGIDict), which is not read" in r.line() for r in remarks
+    )

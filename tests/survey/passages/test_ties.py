@@ -108,7 +108,7 @@ def test_an_entrance_is_open_whichever_of_its_names_the_legs_have():
     whole, piece = read(path)
     assert whole.entrances == ("mine.1",)
     assert piece.entrances == ["mine.1"]
-    assert lines_of(whole_in_frame(piece, PARAMS, (0.0, 0.0)).entrances) == ["mine.1"]
+    assert lines_of(whole_in_frame(piece, (0.0, 0.0)).entrances) == ["mine.1"]
 
 
 @pytest.mark.parametrize("piece", ["portal", "mine.1"])

@@ -19,7 +19,7 @@ TEE = np.array([[0, 0, 0], [3, 0, 0], [3, 1, 0], [2, 1, 0], [2, 3, 0], [1, 3, 0]
 def read(path):
     with collect_remarks() as remarks:
         found = read_triangles(path, path.read_bytes())
-    return found, " ".join(remark.what for remark in remarks)
+    return found, " ".join(remark.line() for remark in remarks)
 
 
 def metres_of(found):
@@ -266,4 +266,4 @@ def test_a_solid_that_states_its_unit_is_detected_without_a_guess(tmp_path):
     with collect_remarks() as remarks:
         found = detect_survey(path, StatedOptions())
     assert (found.values["kind"], found.values["unit"]) == ("solid", "ft")
-    assert not [remark.what for remark in remarks if "states no unit" in remark.what]
+    assert not [remark.line() for remark in remarks if "states no unit" in remark.line()]

@@ -23,7 +23,7 @@ def read(path, **values):
 def remarks_of(path, **values):
     with collect_remarks() as found:
         detect_survey(path, StatedOptions(**values))
-    return " ".join(remark.what for remark in found)
+    return " ".join(remark.line() for remark in found)
 
 
 def test_the_plan_is_the_view_from_above(tmp_path):

@@ -58,7 +58,7 @@ def test_a_model_of_therion_has_the_measured_distances_to_walls():
 def test_a_model_of_therion_says_what_of_it_is_not_read():
     with collect_remarks() as remarks:
         solve_file(FOLDER / "cave.lox")
-    assert [remark.what for remark in remarks] == ["cave.lox: not read: 2 wall surfaces of scraps"]
+    assert [remark.line() for remark in remarks] == ["cave.lox: not read: 2 wall surfaces of scraps"]
 
 
 def test_a_model_of_therion_is_detected_as_a_survey(tmp_path):
@@ -89,7 +89,7 @@ def test_the_file_of_a_therion_project_is_read_by_its_sources(tmp_path, name):
     shutil.copy(FOLDER / "thconfig", tmp_path / name)
     with collect_remarks() as remarks:
         assert placed(solve_file(tmp_path / name)) == placed(solve_file(FOLDER / "cave.th"))
-    assert [remark.what for remark in remarks] == [f"{name}: `select cave` is not applied; all sources are read"]
+    assert [remark.line() for remark in remarks] == [f"{name}: `select cave` is not applied; all sources are read"]
     assert survey_files(tmp_path / name) == [tmp_path / name, tmp_path / "cave.th"]
     assert detect_survey(tmp_path / name, StatedOptions()).values["file"] == name
 

@@ -53,7 +53,7 @@ def test_a_list_of_points_is_refused_and_read_with_the_legs_that_the_refusal_ask
     steps = np.diff(leg.positions_m, axis=0)
     assert steps == pytest.approx(np.array([[39.95, 0.78], [0.95, 39.5]]))
     assert leg.heights_m[:, 0] == pytest.approx([412.3, 412.1, 411.95])
-    assert any("as easting_m" in remark.what and "as northing_m" in remark.what for remark in said)
+    assert any("as easting_m" in remark.line() and "as northing_m" in remark.line() for remark in said)
     found = detect_survey(path, StatedOptions(half_width_m=2.0))
     assert found.values["origin"][:2] == [3456780.0, 5712340.0]
 
@@ -194,7 +194,7 @@ def test_the_unit_in_a_columns_name_is_read(tmp_path, unit, metres):
         (leg,) = read_stations(path)
     assert leg.positions_m[1] == pytest.approx((1000 * metres, 500 * metres))
     assert leg.walls_m == pytest.approx(np.full((2, 2), 60 * metres))
-    assert any(f"x_{unit} as easting_{unit}, Y ({unit}) as northing_{unit}" in remark.what for remark in said)
+    assert any(f"x_{unit} as easting_{unit}, Y ({unit}) as northing_{unit}" in remark.line() for remark in said)
 
 
 def test_a_unit_that_is_not_known_is_refused_and_the_option_reads_the_column(tmp_path):
@@ -223,7 +223,7 @@ def test_points_have_the_unit_that_their_columns_state(tmp_path, head, metres):
     with collect_remarks() as said:
         scan = thinned_scan(params.model_copy(update={"file": path.as_posix()}), 0.01, look=True)
     assert np.ptp(scan.cloud.points_m, axis=0) == pytest.approx(np.full(3, 5.0), abs=0.1)
-    assert (f"a unit of {metres:g} m" in " ".join(remark.what for remark in said)) == (metres != 1.0)
+    assert (f"a unit of {metres:g} m" in " ".join(remark.line() for remark in said)) == (metres != 1.0)
 
 
 def test_points_of_two_units_and_rows_that_are_counted_are_refused(tmp_path):

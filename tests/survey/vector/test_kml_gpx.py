@@ -40,7 +40,7 @@ def read(path, text=None, layers=None):
         path.write_text(text)
     with collect_remarks() as remarks:
         content = (read_gpx if path.suffix == ".gpx" else read_kml)(path, layers)
-    return content, " ".join(remark.what for remark in remarks)
+    return content, " ".join(remark.line() for remark in remarks)
 
 
 @pytest.mark.parametrize(("name", "driver"), [("a.kml", "KML"), ("b.kml", "LIBKML"), ("a.kmz", "LIBKML")])

@@ -90,7 +90,7 @@ def test_of_the_units_that_are_tried_only_the_chosen_one_is_warned_about(tmp_pat
     pyogrio.raw.write(tmp_path / "mm.gpkg", shapes, [], [], geometry_type="Polygon", crs=None)
     with collect_remarks() as remarks:
         assert detect_here(str(tmp_path / "mm.gpkg"), {}).values["values"]["unit"] == "mm"
-    assert [remark.what.partition(" of its")[0] for remark in remarks if "lie over" in remark.what] == [
+    assert [remark.line().partition(" of its")[0] for remark in remarks if "lie over" in remark.line()] == [
         "mm.gpkg: 120 m2"
     ]
 

@@ -49,7 +49,7 @@ def test_splays_and_legs_on_the_surface_are_no_drifts_and_are_counted(shots):
     with collect_remarks() as remarks:
         content = read_shapes(shots, None)
     assert [line.length for line in content.shapes] == pytest.approx([40, 40, 40])
-    lines = [remark.what for remark in remarks]
+    lines = [remark.line() for remark in remarks]
     assert any(
         "2 splays (_SPLAY) and 1 legs on the surface (_SURFACE) of 6 shots are no drifts" in line for line in lines
     )

@@ -40,7 +40,9 @@ def read_gpx(path: Path, layers: list[str] | None, level_by: str | None = None) 
         shown.append((shape if has_elevations else shapely.force_2d(shape), layer, values))
     if flat and flat < len(shown):
         warn_user(
-            f"{path.name}: {flat} of {len(shown)} lines have points without an elevation; they are read without any"
+            "lines have points without an elevation; they are read without any",
+            of=path.name,
+            count=f"{flat} of {len(shown)}",
         )
     waypoints = sum(plain_name(child) == "wpt" for child in root)
     return found.content(shown, {"waypoints": waypoints} if waypoints else {})

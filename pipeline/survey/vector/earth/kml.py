@@ -55,8 +55,9 @@ def read_kml(path: Path, layers: list[str] | None, level_by: str | None = None) 
         shown.append((shape, layer, values))
     if modes:
         warn_user(
-            f"{path.name}: {modes} shapes have heights that are no elevations (altitudeMode is not absolute); they are "
-            "not read"
+            "shapes have heights that are no elevations (altitudeMode is not absolute); they are not read",
+            of=path.name,
+            count=modes,
         )
     elements = [plain_name(element) for root in roots for element in root.iter()]
     named = [name for name in _ELSEWHERE if name in elements and not (len(files) > 1 and name == _LINK)]

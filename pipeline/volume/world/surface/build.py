@@ -80,8 +80,9 @@ def displaced_rock(
     if len(rock.crossings):
         place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)
         warn_user(
-            f"surface: in the 32 bits of meshes facets of the volume cross or touch at {count} places, the first "
-            f"{place} m; the visible rock has no relief there"
+            f"in the 32 bits of meshes facets of the volume cross or touch at {count} places, the first "
+            f"{place} m; the visible rock has no relief there",
+            of="surface",
         )
     return rock
 
@@ -104,8 +105,10 @@ def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
             "the rock (preset=light)"
         )
     warn_user(
-        f"surface: {size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing_m:g} m apart "
-        f"instead of {rough.spacing_m:g} m"
+        f"{size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing_m:g} m "
+        f"apart instead of {rough.spacing_m:g} m",
+        of="surface",
+        option="surface.rough.most_faces",
     )
     return spacing_m
 
@@ -132,7 +135,10 @@ def _relief(params: SurfaceParams) -> Relief:
     if params.rock is None:
         return choose_bands(params, measure_sources(params))
     if params.reference != "published":
-        warn_user(f"surface.reference = {params.reference}: the rock of a volume is as configured, not fitted to it")
+        warn_user(
+            f"surface.reference = {params.reference}: the rock of a volume is as configured, not fitted to it",
+            option="surface.reference",
+        )
     return configured_rock(params.rock)
 
 
