@@ -107,7 +107,7 @@ def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays]) -> Surv
             hits += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(own, run, not leg.surveyed[k + 1])]
         _fill(at, walls[:, side], known[:, side], hits, ~leg.surveyed)
         stations = [(s, w, int(o)) for s, w, o in zip(at.tolist(), walls[:, side], known[:, side], strict=True)]
-        sides.append(_widened(list(_faded(sorted([*stations, *hits]))), free[:, :2] * (1, sign)))
+        sides.append(list(_faded(sorted([*stations, *hits]))))
     floor = _floor_of(leg, at, free)
     extra = _apart(at, [*sides, floor])
     return _roofed(_refined(leg, at, extra, sides, floor, known), free)
@@ -121,14 +121,22 @@ def _floor_of(leg: SurveyLeg, at: np.ndarray, free: np.ndarray) -> list[Knot]:
     """
     assert leg.heights_m is not None
     down = np.nan_to_num(leg.heights_m[:, 2])
-    sources = np.where(leg.surveyed, Source.MEASURED, Source.ASSUMED).tolist()
     shot = np.searchsorted(at, free[:, 0]).clip(1, len(at) - 1) - 1
     is_flat = np.abs(np.diff(leg.heights_m[:, 0])) <= np.diff(at)
     low = free[is_flat[shot]][:, [0, 2]] * (1, -1)
-    stations = np.flatnonzero(leg.surveyed)
-    near = stations[np.abs(low[:, :1] - at[stations]).argmin(axis=1)]
-    low[:, 1] = np.minimum(low[:, 1], down[near] + _STEEPEST * np.abs(low[:, 0] - at[near]))
-    return _widened(list(zip(at.tolist(), down.tolist(), sources, strict=True)), low)
+    own = np.flatnonzero(leg.surveyed)
+    near = own[np.abs(low[:, :1] - at[own]).argmin(axis=1)]
+    apart = np.abs(low[:, 0] - at[near])
+    low[:, 1] = np.minimum(low[:, 1], down[near] + _STEEPEST * apart)
+    low, knots = low[apart >= _APART_M], sorted(zip(at.tolist(), down.tolist(), strict=True))
+    while len(low):
+        short = low[:, 1] - np.interp(low[:, 0], *np.array(knots).T)
+        where, depth = low[short.argmax()].tolist()
+        if short.max() < _INSIDE_M:
+            break
+        knots = sorted([*knots, (where, depth)])
+        low = low[np.abs(low[:, 0] - where) >= _APART_M]
+    return [(where, depth, int(Source.INTERPOLATED)) for where, depth in knots]
 
 
 def _roofed(leg: SurveyLeg, free: np.ndarray) -> SurveyLeg:
@@ -171,30 +179,6 @@ def _walls_of(hits: list[tuple[float, float, float]], run_m: float, is_face: boo
             continue
         taken.append((along, aside, tilt))
         yield along, aside
-
-
-def _widened(knots: list[Knot], free: np.ndarray) -> list[Knot]:
-    """Return knots, with further ones so that no wall is before places (n, 2) m along and aside that splays passed."""
-    free = free[free[:, 1] > 0]
-    for _ in range(len(free)):
-        s, w, _ = np.array(knots).T
-        short = free[:, 1] - np.interp(free[:, 0], s, w)
-        worst = int(short.argmax())
-        if short[worst] < _INSIDE_M:
-            break
-        where, width = free[worst].tolist()
-        beside = [k for k, knot in enumerate(knots) if abs(knot[0] - where) < _APART_M]
-        if beside:
-            k = min(beside, key=lambda one: abs(knots[one][0] - where))
-            if knots[k][1] < width and knots[k][2] != Source.MEASURED:
-                knots[k] = (knots[k][0], width, Source.INTERPOLATED)
-                continue
-            free = np.delete(free, worst, axis=0)
-            if not len(free):
-                break
-            continue
-        knots = sorted([*knots, (where, width, int(Source.INTERPOLATED))])
-    return knots
 
 
 def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot], is_face: np.ndarray) -> None:
