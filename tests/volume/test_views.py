@@ -58,6 +58,15 @@ def test_floors_stay_as_they_are_under_what_was_seen():
     assert beyond[2] - seen_m(volume, beyond, [0, 0, -1]) >= middle[2] - 1.0 + SILL_M - 0.02
 
 
+def test_a_splay_that_ends_deeper_than_the_floor_beyond_its_walls_is_free():
+    deep = [1.3, 4.0, -2.0]
+    network = network_of_splays({0: LEVEL, 1: [*LEVEL, [1.2, 1.0, 0.0], deep], 2: LEVEL})
+    station = network.places_m[network.names.index("b")]
+    assert seen_m(solve_floors(network), station, deep) == pytest.approx(np.linalg.norm(deep), abs=0.1)
+    without = solve_floors(replace(network, splays_m=np.zeros((0, 2, 3))))
+    assert seen_m(without, station, deep) < np.linalg.norm(deep) - 0.3
+
+
 def test_no_view_goes_through_a_window_into_another_passage():
     places = [*PLACES, (0.0, 9, 5), (16, 9, 5)]
     aside = {0: LEVEL, 1: [*LEVEL, [0.5, 8.5, 4.6]], 2: LEVEL, 3: LEVEL, 4: LEVEL}

@@ -81,7 +81,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     rows, sides = with_sides(path, rows, half_width_m, bool(splays))
     rows = _with_one_floor(path, plan, rows)
     _warn_of_floors(path, rows)
-    rows, floors = fill_down(rows, plan.places)
+    rows, floors = fill_down(rows, plan.places, hits.depths())
     sources = [
         np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
         for (nodes, _), known in zip(rows, sides, strict=True)

@@ -155,3 +155,15 @@ class SplayHits:
                         best[side] = off
                         found[k, side] = abs(aside)
         return found
+
+    def depths(self) -> dict[int, float]:
+        """Return how far, m, below nodes splays reached about them, where they did; steep shots have no floor there."""
+        found: dict[int, float] = {}
+        for (a, b), splays in self.shots.items():
+            way = self.places_m[b] - self.places_m[a]
+            run = float(np.hypot(*way[:2]))
+            for along, _, rise in splays.free if abs(way[2]) <= run else ():
+                for node, far in ((a, along), (b, run - along)):
+                    if far <= AT_STATION_M and rise < 0:
+                        found[node] = max(found.get(node, 0.0), -rise)
+        return found

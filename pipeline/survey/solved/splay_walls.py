@@ -126,24 +126,33 @@ def agree_on_floors(rows: Rows, places_m: np.ndarray) -> tuple[Rows, list[tuple[
     return agreed, differ
 
 
-def fill_down(rows: Rows, places_m: np.ndarray) -> tuple[Rows, dict[int, Source]]:
+def fill_down(rows: Rows, places_m: np.ndarray, least_m: dict[int, float]) -> tuple[Rows, dict[int, Source]]:
     """Return the rows with a distance down to the floor at every node, and how it is known; nan if no node has one.
 
     Between nodes where it was measured it varies linearly along the survey's legs, so that all legs that meet at a
     station have one floor. Beyond the last of these it is the median of the measured ones: the depth of a chamber says
-    nothing of the passages that lead out of it.
+    nothing of the passages that lead out of it. Where it is less than what splays reached below a node, `least_m` (m),
+    that counts as if it were measured.
     """
-    known: dict[int, float] = {}
+    measured_down: dict[int, float] = {}
     graph: nx.Graph = nx.Graph()
     for nodes, walls in rows:
-        known |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
+        measured_down |= {n: float(d) for n, d in zip(nodes, walls[:, 3], strict=True) if np.isfinite(d)}
         nx.add_path(graph, nodes)
+    least_m = {node: least for node, least in least_m.items() if node in graph and node not in measured_down}
     sources = dict.fromkeys(graph, Source.ASSUMED)
-    if not known:
+    if not measured_down and not least_m:
         return rows, sources
-    between = _interpolated(graph, known, places_m)
-    down = dict.fromkeys(graph, float(np.median(list(known.values())))) | known | between
-    sources |= dict.fromkeys(between, Source.INTERPOLATED) | dict.fromkeys(known, Source.MEASURED)
+    usual = float(np.median(list(measured_down.values()))) if measured_down else 0.0
+    known, deeper = measured_down, dict[int, float]()
+    while True:
+        known = known | deeper
+        between = _interpolated(graph, known, places_m)
+        down = dict.fromkeys(graph, usual) | known | between
+        deeper = {node: least for node, least in least_m.items() if node not in known and least > down[node]}
+        if not deeper:
+            break
+    sources |= dict.fromkeys([*between, *known], Source.INTERPOLATED) | dict.fromkeys(measured_down, Source.MEASURED)
     filled = [(nodes, np.column_stack([walls[:, :3], [down[node] for node in nodes]])) for nodes, walls in rows]
     return filled, sources
 

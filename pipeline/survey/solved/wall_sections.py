@@ -18,6 +18,7 @@ _SHOULDER = 0.6  # of a section's height, up to which it is as wide as at its st
 _STEEPER = 0.2  # rise over length of a splay more than that of another: it may hit the roof
 _INSIDE_M = 0.1  # a wall so much nearer than one that a splay passed is no wall of the passage
 _NEAR_M = 5.0  # along the survey, from a station without a measured wall to hits that it is interpolated between
+_STEEPEST = 1.0  # rise over run, of the ways down from the floors of stations to what splays passed
 _FADE_M = 2.0  # along the survey from a measured wall to an assumed one, at least
 
 
@@ -106,9 +107,36 @@ def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays]) -> Surv
             hits += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(own, run, not leg.surveyed[k + 1])]
         _fill(at, walls[:, side], known[:, side], hits, ~leg.surveyed)
         stations = [(s, w, int(o)) for s, w, o in zip(at.tolist(), walls[:, side], known[:, side], strict=True)]
-        sides.append(_widened(list(_faded(sorted([*stations, *hits]))), free[:, :2] * (1, sign)))
-    extra = _apart(at, sides)
-    return _roofed(_refined(leg, at, extra, sides, known), free)
+        sides.append(list(_faded(sorted([*stations, *hits]))))
+    floor = _floor_of(leg, at, free)
+    extra = _apart(at, [*sides, floor])
+    return _roofed(_refined(leg, at, extra, sides, floor, known), free)
+
+
+def _floor_of(leg: SurveyLeg, at: np.ndarray, free: np.ndarray) -> list[Knot]:
+    """Return how far the floor is down along a leg, so that it is not over places (n, 3) m that splays passed.
+
+    The places are along the leg, to its left and over it. The floors of stations stay, as legs that meet share them;
+    between them the floor goes down at 45 deg at most, and over places of steep shots it stays.
+    """
+    assert leg.heights_m is not None
+    down = np.nan_to_num(leg.heights_m[:, 2])
+    shot = np.searchsorted(at, free[:, 0]).clip(1, len(at) - 1) - 1
+    is_flat = np.abs(np.diff(leg.heights_m[:, 0])) <= np.diff(at)
+    low = free[is_flat[shot]][:, [0, 2]] * (1, -1)
+    own = np.flatnonzero(leg.surveyed)
+    near = own[np.abs(low[:, :1] - at[own]).argmin(axis=1)]
+    apart = np.abs(low[:, 0] - at[near])
+    low[:, 1] = np.minimum(low[:, 1], down[near] + _STEEPEST * apart)
+    low, knots = low[apart >= _APART_M], sorted(zip(at.tolist(), down.tolist(), strict=True))
+    while len(low):
+        short = low[:, 1] - np.interp(low[:, 0], *np.array(knots).T)
+        where, depth = low[short.argmax()].tolist()
+        if short.max() < _INSIDE_M:
+            break
+        knots = sorted([*knots, (where, depth)])
+        low = low[np.abs(low[:, 0] - where) >= _APART_M]
+    return [(where, depth, int(Source.INTERPOLATED)) for where, depth in knots]
 
 
 def _roofed(leg: SurveyLeg, free: np.ndarray) -> SurveyLeg:
@@ -153,30 +181,6 @@ def _walls_of(hits: list[tuple[float, float, float]], run_m: float, is_face: boo
         yield along, aside
 
 
-def _widened(knots: list[Knot], free: np.ndarray) -> list[Knot]:
-    """Return knots, with further ones so that no wall is before places (n, 2) m along and aside that splays passed."""
-    free = free[free[:, 1] > 0]
-    for _ in range(len(free)):
-        s, w, _ = np.array(knots).T
-        short = free[:, 1] - np.interp(free[:, 0], s, w)
-        worst = int(short.argmax())
-        if short[worst] < _INSIDE_M:
-            break
-        where, width = free[worst].tolist()
-        beside = [k for k, knot in enumerate(knots) if abs(knot[0] - where) < _APART_M]
-        if beside:
-            k = min(beside, key=lambda one: abs(knots[one][0] - where))
-            if knots[k][1] < width and knots[k][2] != Source.MEASURED:
-                knots[k] = (knots[k][0], width, Source.INTERPOLATED)
-                continue
-            free = np.delete(free, worst, axis=0)
-            if not len(free):
-                break
-            continue
-        knots = sorted([*knots, (where, width, int(Source.INTERPOLATED))])
-    return knots
-
-
 def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot], is_face: np.ndarray) -> None:
     """Fill in walls (n,) of stations that are assumed, of hits near them on either side; of a face, of the nearest."""
     knots = sorted(
@@ -216,9 +220,9 @@ def _apart(at: np.ndarray, sides: list[list[Knot]]) -> list[float]:
 
 
 def _refined(
-    leg: SurveyLeg, at: np.ndarray, extra: list[float], sides: list[list[Knot]], known: np.ndarray
+    leg: SurveyLeg, at: np.ndarray, extra: list[float], sides: list[list[Knot]], floor: list[Knot], known: np.ndarray
 ) -> SurveyLeg:
-    """Return a leg with places between its stations at some lengths along it."""
+    """Return a leg with places between its stations at some lengths along it, and its floor as deep as stated."""
     assert leg.heights_m is not None
     where = np.sort(np.concatenate([at, extra]))
     row = np.searchsorted(at, where, side="right") - 1
@@ -227,7 +231,8 @@ def _refined(
     share = ((where - at[first]) / (at[last] - at[first]))[:, None]
     positions = leg.positions_m[first] * (1 - share) + leg.positions_m[last] * share
     heights = leg.heights_m[first] * (1 - share) + leg.heights_m[last] * share
-    heights[is_station] = leg.heights_m[row[is_station]]
+    heights[:, 2] = np.interp(where, *np.array(floor).T[:2])
+    heights[is_station, :2] = leg.heights_m[row[is_station], :2]
     sources = np.minimum(known[first], known[last])
     sources = np.where(sources == Source.MEASURED, Source.INTERPOLATED, sources)
     wide = np.zeros((len(where), 2))

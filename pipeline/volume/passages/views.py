@@ -2,10 +2,12 @@
 
 A view is a solid about a station, whose surface goes through the ends of its splays. In other directions it is as far
 away as the splays beside them say, and near the station where there are none. Views widen passages where these stop a
-splay, over their floors alone.
+splay. Floors to drive on stay, with a sill about them.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import manifold3d
 import networkx as nx
@@ -15,7 +17,11 @@ from scipy.spatial import ConvexHull
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.network import SurveyNetwork
 
+if TYPE_CHECKING:
+    from pipeline.volume.union import Solid
+
 SILL_M = 0.15  # over floors, where views begin: robots drive out of a passage nowhere
+BESIDE_M = 0.3  # about floors, as far as the sill goes: beyond it views may be deeper
 _DIRECTIONS = 40  # about 30 deg from one to the next
 _REACH_RAD = 0.7  # from a splay, as far as it says where the wall is
 _BESIDE_RAD = 0.17  # from a splay, at least, in other directions
@@ -24,9 +30,8 @@ _ALONE = 0.5  # weight of the station itself, beside those of the splays
 _LEAST_M = 0.05  # of a view in any direction, and of a splay
 _ROCK = 1.3  # of the sections of passages that are not near along the survey: views end before these
 _STRAY = 0.5  # of the way to the near passages: a splay that ends so near to another one went through a window
-_DEEP_M = 100.0
+_DEEP_M = 100.0  # under floors, where no view goes
 _LEAST_M2 = 1e-12  # of a line
-_STEEPEST = 1.0  # rise over run of a leg whose floor views begin over
 _SHORT_M = 0.1  # before the end of a splay, where a passage stops it
 _FLOOR_NZ = -0.7  # of the normal of a floor, which no splay moves
 _AHEAD_M = 0.02  # of a station, where rays begin: it may be on the wall behind it
@@ -34,7 +39,7 @@ _START_M = 0.01  # between the start of a splay and its station
 
 
 def with_views(
-    passages: manifold3d.Manifold, network: SurveyNetwork, sections: list[np.ndarray], numbers: dict[int, int]
+    passages: manifold3d.Manifold, network: SurveyNetwork, pieces: list[Solid], numbers: dict[int, int]
 ) -> manifold3d.Manifold:
     """Return the passages with views of the splays that their walls stop.
 
@@ -43,8 +48,8 @@ def with_views(
     passages : Manifold
         The solid of legs and stations.
     network : SurveyNetwork
-    sections : list of (n, k, 3) float64, m
-        Of each leg.
+    pieces : list of Solid
+        Those of the legs, in their order, first.
     numbers : dict
         The numbers of the legs next to the views' facets are entered by manifold3d's.
     """
@@ -61,7 +66,7 @@ def with_views(
         away, own = np.linalg.norm(network.places_m - starts[number], axis=1), station == number
         if away.min() <= _START_M and int(away.argmin()) in graph:
             steps = np.diff(network.splays_m[own], axis=1)[:, 0]
-            found += _view(network, graph, int(away.argmin()), steps, stopped[own], sections, numbers)
+            found += _view(network, graph, int(away.argmin()), steps, stopped[own], pieces, numbers)
     return manifold3d.Manifold.batch_boolean(found, manifold3d.OpType.Add)
 
 
@@ -86,7 +91,7 @@ def _view(
     station: int,
     steps: np.ndarray,
     stopped: np.ndarray,
-    sections: list[np.ndarray],
+    pieces: list[Solid],
     numbers: dict[int, int],
 ) -> list[manifold3d.Manifold]:
     """Return the view about the `stopped` splays among steps (k, 3) m from a station; none if none counts."""
@@ -103,21 +108,10 @@ def _view(
     corners, faces = star(steps, stopped)
     row = _ways_m(network.ends_m[near], (place + corners)[faces].mean(axis=1)).argmin(axis=1)
     view = _of_legs(place + corners, faces, near[row], numbers)
-    aside = network.lrud_m[near, :, :2].max(axis=(1, 2))
-    np.maximum.at(aside, row, _ways_m(network.ends_m[near], place + corners)[faces, row[:, None]].max(axis=1))
-    grades = network.grades
-    under = [
-        (shot, ground)
-        for shot, wide in zip(near.tolist(), aside.tolist(), strict=True)
-        if grades[shot] <= _STEEPEST
-        for ground in _grounds(network.floors_m[shot], wide)
-    ]
-    ends = np.argwhere(network.shots == station)
-    shot, end = max(ends.tolist(), key=lambda one: float(network.floors_m[*one, 2]))
-    under.append((shot, _square(network.floors_m[shot, end], float(length.max()))))
+    under = [(shot, _ground(network, shot)) for shot in near.tolist() if pieces[shot].is_drivable]
     for shot in others.tolist():
-        middle = sections[shot].mean(axis=(0, 1))
-        under.append((shot, middle + _ROCK * (sections[shot].reshape(-1, 3) - middle)))
+        corners = pieces[shot].sections.reshape(-1, 3)
+        under.append((shot, corners.mean(axis=0) + _ROCK * (corners - corners.mean(axis=0))))
     bodies = [view]
     for shot, points in under:
         bodies.append(manifold3d.Manifold.hull_points(points).as_original())
@@ -171,26 +165,15 @@ def _of_legs(corners: np.ndarray, faces: np.ndarray, legs: np.ndarray, numbers: 
     return manifold3d.Manifold(mesh)
 
 
-def _grounds(floors: np.ndarray, aside_m: float) -> list[np.ndarray]:
-    """Return the corners (8, 3) m of the ground under a leg, beside it and about its ends, up to the sill.
-
-    `floors` (2, 3) m are the floor at its ends.
-    """
-    step = floors[1, :2] - floors[0, :2]
-    left = np.array([-step[1], step[0]]) / np.linalg.norm(step) * aside_m
-    corners = np.concatenate([floors[:, :2] + left, floors[::-1, :2] - left])
-    return [_block(corners, floors[[0, 1, 1, 0], 2] + SILL_M), *(_square(floor, aside_m) for floor in floors)]
-
-
-def _square(floor: np.ndarray, aside_m: float) -> np.ndarray:
-    """Return the corners (8, 3) m of the ground about a place (3,) m of a floor, up to the sill."""
-    corners = floor[:2] + aside_m * np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
-    return _block(corners, np.full(4, floor[2] + SILL_M))
-
-
-def _block(corners: np.ndarray, high_m: np.ndarray) -> np.ndarray:
-    """Return the corners (8, 3) m of a block under a quadrilateral (4, 2) m with heights (4,) m."""
-    return np.concatenate([np.column_stack([corners, high_m - deep]) for deep in (0.0, _DEEP_M)])
+def _ground(network: SurveyNetwork, shot: int) -> np.ndarray:
+    """Return the corners (8, 3) m of the ground under a leg's floor and a little beyond it, up to the sill."""
+    floors, across, walls = network.floors_m[shot], network.across[shot], network.lrud_m[shot, :, :2] + BESIDE_M
+    ahead = floors[1, :2] - floors[0, :2]
+    ahead *= BESIDE_M / np.linalg.norm(ahead)
+    ends = floors[:, :2] + np.array([-ahead, ahead])
+    corners = np.concatenate([ends + walls[:, :1] * across, (ends - walls[:, 1:] * across)[::-1]])
+    high = floors[[0, 1, 1, 0], 2] + SILL_M
+    return np.concatenate([np.column_stack([corners, high - deep]) for deep in (0.0, _DEEP_M)])
 
 
 def _ways_m(ends_m: np.ndarray, places: np.ndarray) -> np.ndarray:

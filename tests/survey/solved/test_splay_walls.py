@@ -55,18 +55,29 @@ def test_the_distance_down_is_linear_along_the_legs_and_the_same_for_all_legs_of
     places = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0], [10, 30, 0], [0, 0, 50], [5, 0, 50]])
     one, two, apart = np.full((3, 4), NAN), np.full((2, 4), NAN), np.full((2, 4), NAN)
     one[0, 3], one[2, 3] = 1.0, 2.0
-    rows, sources = fill_down([([0, 1, 2], one), ([1, 3], two), ([4, 5], apart)], places)
+    rows, sources = fill_down([([0, 1, 2], one), ([1, 3], two), ([4, 5], apart)], places, {})
     assert [sources[node] for node in range(6)] == [2, 1, 2, 0, 0, 0]
     np.testing.assert_allclose(rows[0][1][:, 3], [1, 1.5, 2], atol=1e-6)
     np.testing.assert_allclose(rows[1][1][:, 3], [1.5, 1.5], atol=1e-6)
     np.testing.assert_allclose(rows[2][1][:, 3], 1.5, atol=1e-6)  # the median of the measured ones
 
 
+def test_a_floor_that_nobody_measured_is_not_over_what_splays_reached():
+    places = np.column_stack([10.0 * np.arange(5), np.zeros(5), np.zeros(5)])
+    walls = np.full((5, 4), NAN)
+    walls[[0, 2], 3] = 1.0, 2.0
+    (filled,), sources = fill_down([(list(range(5)), walls)], places, {0: 9.0, 1: 1.2, 4: 3.0})
+    assert filled[1][:, 3].tolist() == pytest.approx([1.0, 1.5, 2.0, 2.5, 3.0])  # 1: deep enough; 0: as measured
+    assert [sources[k] for k in range(5)] == [Source.MEASURED, 1, Source.MEASURED, 1, 1]
+    (filled,), _ = fill_down([([0, 1], np.full((2, 4), NAN))], places, {1: 0.7})
+    assert filled[1][:, 3].tolist() == [0.0, 0.7]
+
+
 def test_the_depth_of_a_chamber_is_not_carried_into_passages_that_nobody_measured():
     places = np.column_stack([10.0 * np.arange(7), np.zeros(7), np.zeros(7)])
     walls, ring = np.full((7, 4), NAN), np.full((4, 4), NAN)
     walls[:4, 3] = 1.0, 1.0, NAN, 5.0  # and none at three stations beyond the chamber
-    (filled, loop), _ = fill_down([(list(range(7)), walls), ([3, 5, 6, 3], ring)], places)
+    (filled, loop), _ = fill_down([(list(range(7)), walls), ([3, 5, 6, 3], ring)], places, {})
     np.testing.assert_allclose(filled[1][:, 3], [1, 1, 3, 5, 1, 1, 1])
     np.testing.assert_allclose(loop[1][:, 3], [5, 1, 1, 5])
 

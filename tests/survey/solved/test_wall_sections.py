@@ -127,6 +127,19 @@ def test_an_assumed_roof_is_over_what_splays_passed_and_a_measured_one_stays():
     assert way_to_wall(triangles, places[1] + np.array([-0.1, 0, 0]), [0, 0, 1]) == pytest.approx(1.0, abs=0.1)
 
 
+def test_an_assumed_floor_is_under_what_splays_reached_and_no_steeper_than_45_deg():
+    level = [[0, 1.0, 0], [0, -1.0, 0]]
+    deep = {0: [*level, [0, 0, -1.0], [4.0, 0.9, -2.0], [9.5, 0.9, -2.0]], 1: [*level, [0, 0, -1.0]]}
+    legs, triangles = built(survey_of([(0.0, 0, 0), (10, 0, 0)], [(0, 1)], deep))
+    floor = dict(zip(legs[0].stations, legs[0].heights_m[:, 2], strict=True))
+    assert floor["a"] == floor["b"] == pytest.approx(1.0)
+    (leg,), start = legs, legs[0].positions_m[legs[0].stations.index("a")]
+    at = np.linalg.norm(leg.positions_m - start, axis=1)
+    assert np.interp(4.0, at, leg.heights_m[:, 2]) == pytest.approx(2.0, abs=0.01)
+    assert np.interp(9.5, at, leg.heights_m[:, 2]) == pytest.approx(1.5, abs=0.1)
+    assert way_to_wall(triangles, [4.0, 0, 0], [0, 0, -1]) == pytest.approx(2.0, abs=0.02)
+
+
 def test_sections_of_a_table_are_built_as_they_are():
     places = [(0.0, 0, 0), (10, 0, 1), (20, 5, 2)]
     lrud = np.array([[1.0, 2, 2, 1], [1.5, 1, 2, 1], [1, 1, 3, 0.5]])
