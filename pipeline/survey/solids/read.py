@@ -131,10 +131,10 @@ def _simplified(
         if len(faces) <= MOST_FACETS:
             return vertices, faces, 0.0, tolerance_m
         # Not `simplify` of manifold3d: with a tolerance of 0.5 mm it moved corners by 4.4 mm.
-        *found, moved_m = decimated(vertices, faces, tolerance_m, MOST_FACETS, within=EXACT)
-        moved_m = max(moved_m, float(distances(found[0], vertices, faces).max()))
+        fewer, fewer_faces, moved_m = decimated(vertices, faces, tolerance_m, MOST_FACETS, within=EXACT)
+        moved_m = max(moved_m, float(distances(fewer, vertices, faces).max()))
         if moved_m <= tolerance_m:
-            return *found, moved_m, tolerance_m
+            return fewer, fewer_faces, moved_m, tolerance_m
         if is_stated:
             return vertices, faces, 0.0, tolerance_m
     tolerance_m = tolerance_m if is_stated else max(tolerance_m, _SCANNED_M)
