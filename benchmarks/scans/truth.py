@@ -21,7 +21,6 @@ from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.params.compile3d import Compile3dParams
-from pipeline.survey.solids.read import KEPT_M
 from pipeline.types import ClosedMesh
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.world.compile import compile_volume
@@ -29,6 +28,7 @@ from tests.heights import table
 
 _HEIGHT_M = 3.2  # of level mines
 _SIZE_M, _WIDTH_M, _RIB_M, _PILLAR_M, _SPACING_M = (40.0, 70.0), (4.0, 6.0), 0.15, 8.0, 24.0  # of their plans
+_FLAT_M = 0.001  # of facets that are one, or nearly
 _STEP_M = 1.0  # of the scanner between two turns of it
 _OVER_M = 1.3  # of the scanner over the floor
 _VEHICLE_M = 3.5  # from the end of a drift to the middle of a vehicle
@@ -70,8 +70,8 @@ def truth_of(seed: int) -> tuple[str, manifold3d.Manifold]:
 
 
 def mesh_of(solid: manifold3d.Manifold) -> ClosedMesh:
-    """Return a solid as stage 1 hands it on."""
-    mesh = solid.simplify(KEPT_M).to_mesh64()
+    """Return the mesh of a solid, without facets that its shape does not need."""
+    mesh = solid.simplify(_FLAT_M).to_mesh64()
     vertices, faces = np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
     return ClosedMesh(vertices, faces, 0.0)
 

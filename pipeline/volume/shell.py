@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.geometry.facets.separation import ROUNDING_M, ConvexBodies, Facets
 from pipeline.volume.keyed import near_facets, of_facets
-from pipeline.volume.rock.depth import deepest
+from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import ON_PLANE_M
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.polygons import polygons_of
@@ -190,7 +190,7 @@ class _Shell:
     def _deepest(self, parts: list[ShellPart]) -> ShellPart | None:
         """Return the part that is deepest behind its facet, of those that are hardly in the free space."""
         for part in sorted(parts, key=lambda part: -part.depth_m):
-            if deepest([part.corners], self._tile, self._space, self._facets.corners).depth_m <= HARDLY_M:
+            if not is_deeper(part.corners, HARDLY_M, self._tile, self._space, self._facets.corners):
                 return part
         return None
 

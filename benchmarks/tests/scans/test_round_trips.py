@@ -23,6 +23,13 @@ def test_a_mine_is_the_same_in_every_unit_and_axis(mine, name, variant):
     assert holds(judge((0, name, variant)))
 
 
+@pytest.mark.parametrize("name", ["a.obj", "a.stl"])
+def test_a_spiral_decline_of_nearly_flat_facets_keeps_its_place(name):
+    row = judge((3, name, "ft, in a national grid"))
+    assert row["kind"] == "spiral decline"
+    assert row["off_mm"] < 0.01
+
+
 def test_a_mine_that_is_two_millimetres_off_is_not_the_same(mine, monkeypatch):
     def moved(path, vertices, faces, entity):
         shifted = vertices.copy()

@@ -37,5 +37,6 @@ class SolidSurveyParams(SurfaceSurveyParams):
         default=0.001,
         gt=0,
         le=0.5,
-        description="the mesh is simplified: up to 1 mm all of it moves by no more than this, else four fifths of it",
+        description="a mesh of more than 20,000 facets is simplified, no corner of it by more than this; beyond 1 mm "
+        "any mesh is, and four fifths of it move by no more than this",
     )

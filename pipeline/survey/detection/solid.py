@@ -40,7 +40,7 @@ def detect_solid(path: Path, stated: StatedOptions) -> Detection:
     remarks = {
         "origin": "of the mine frame, in the file's coordinates",
         "close_m": "holes up to this width are closed, m",
-        "simplify_m": "the mesh is simplified; beyond 0.001 as a scan: four fifths of it move by no more than this, m",
+        "simplify_m": "no corner moves by more if facets are many; beyond 0.001 four fifths, as of scans, m",
         "up": "axis of the file that points up; null: as the file or its format states, else z",
     }
     width_m = 2 * read.workings.area / read.workings.length

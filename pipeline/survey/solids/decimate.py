@@ -11,17 +11,23 @@ from pipeline.geometry.ray_scene import ray_scene
 
 # Of 100 vertices so many move by no more than so many tolerances. The rest are those of edges, which noise rounds.
 _WITHIN = ((0.8, 1.0), (0.99, 3.0))
+EXACT = ((1.0, 1.0),)  # all of them by no more than one tolerance
 _SHRINK = 0.7  # of facets from one try to the next
 _LEAST = 200
 _TRIES = 40
 
 
 def decimated(
-    vertices: np.ndarray, faces: np.ndarray, tolerance_m: float, most_facets: int
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    tolerance_m: float,
+    most_facets: int,
+    within: tuple[tuple[float, float], ...] = _WITHIN,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return a closed mesh with as few facets as a tolerance allows, at most `most_facets`, and more only if they fold.
 
-    The third is within how far of it eight of ten vertices are, m: more than the tolerance where `most_facets` are few.
+    The third is within how far of it the first share of `within` of vertices is, m: more than the tolerance where
+    `most_facets` are few.
 
     Parameters
     ----------
@@ -29,6 +35,7 @@ def decimated(
     tolerance_m : float
         Of ten vertices eight are nearer to the surface that is returned; of a hundred 99 are three times as near.
     most_facets : int
+    within : pairs of a share of the vertices and how many tolerances they move by at most
 
     Raises
     ------
@@ -44,9 +51,9 @@ def decimated(
         found = _closed(*fast_simplification.simplify(about, faces.astype(np.int32), target_count=wanted))
         if found is not None:
             off = distances(about, *_mesh_of(found))
-            if best is not None and any(np.quantile(off, share) > most * tolerance_m for share, most in _WITHIN):
+            if best is not None and any(np.quantile(off, share) > most * tolerance_m for share, most in within):
                 break
-            best, moved_m = found, float(np.quantile(off, _WITHIN[0][0]))
+            best, moved_m = found, float(np.quantile(off, within[0][0]))
         elif best is not None:
             break
         wanted = int(wanted * _SHRINK)

@@ -45,22 +45,50 @@ def deepest(parts: Iterable[np.ndarray], free: Tile, inside: Inside, corners: np
     cells = np.concatenate([np.zeros((0, 4, 3)), *(_cells_of(part, free) for part in parts)])
     depth, place = 0.0, cells[:1].mean(axis=(0, 1)) if len(cells) else np.zeros(3)
     while len(cells):
-        middles = cells.mean(axis=1)
-        from_rock, facet = inside.nearest(middles)
-        deeper = np.flatnonzero(from_rock > depth)
-        for at in deeper[np.argsort(-from_rock[deeper], kind="stable")]:  # a solid angle takes long
-            if inside.are_free(middles[at : at + 1]).all():
-                depth, place = float(from_rock[at]), middles[at]
-                break
-        reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
-        beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
-        apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)
-        most = np.minimum(from_rock + reach, apart)
+        middles, from_rock, most = _bounds(cells, inside, corners)
+        found = _deepest_free(middles, from_rock, inside, depth)
+        if found is not None:
+            depth, place = float(from_rock[found]), middles[found]
         left = most > depth + _KNOWN_M
         if left.sum() > _TOGETHER:
             return Depth(float(most.max()), middles[most.argmax()])
         cells = _halves(cells[left])
     return Depth(depth, place)
+
+
+def is_deeper(part: np.ndarray, than_m: float, free: Tile, inside: Inside, corners: np.ndarray) -> bool:
+    """Return whether a part (k, 3) m reaches deeper into the free space than `than_m`, to 0.1 mm, as `deepest` does.
+
+    The search ends at the first place that is deeper, and leaves out what cannot be: a small part of the search for
+    how deep it is.
+    """
+    cells = _cells_of(part, free)
+    while len(cells):
+        middles, from_rock, most = _bounds(cells, inside, corners)
+        left = most > than_m + _KNOWN_M
+        if left.sum() > _TOGETHER or _deepest_free(middles, from_rock, inside, than_m) is not None:
+            return True
+        cells = _halves(cells[left])
+    return False
+
+
+def _bounds(cells: np.ndarray, inside: Inside, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the middles (n, 3) m of tetrahedra, how far (n,) m they are from rock, and any place of them is at most."""
+    middles = cells.mean(axis=1)
+    from_rock, facet = inside.nearest(middles)
+    reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
+    beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
+    apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)
+    return middles, from_rock, np.minimum(from_rock + reach, apart)
+
+
+def _deepest_free(middles: np.ndarray, from_rock: np.ndarray, inside: Inside, than_m: float) -> int | None:
+    """Return the number of the deepest place that is in the free space and deeper than `than_m`."""
+    deeper = np.flatnonzero(from_rock > than_m)
+    for at in deeper[np.argsort(-from_rock[deeper], kind="stable")].tolist():  # a solid angle takes long
+        if inside.are_free(middles[at : at + 1]).all():
+            return int(at)
+    return None
 
 
 def _cells_of(part: np.ndarray, free: Tile) -> np.ndarray:

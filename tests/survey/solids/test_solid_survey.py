@@ -10,6 +10,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
+from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
 from tests.survey.solids.test_solid_files import crossing_tunnels
 
@@ -74,6 +75,20 @@ def test_a_dense_mesh_is_simplified_to_as_many_facets_as_a_world_holds(tmp_path)
     found = detect_survey(tmp_path / "a.ply")
     assert len(ball.faces) > 20_000
     assert found.values["simplify_m"] == 0.03
+
+
+def test_of_a_mesh_that_is_simplified_by_a_millimetre_no_corner_moves_by_more(tmp_path):
+    box = trimesh.creation.box([20, 4, 3])
+    for _ in range(6):
+        box = box.subdivide()
+    rough_m = 2e-4 * np.random.default_rng(0).standard_normal(box.vertices.shape)
+    write(tmp_path / "a.obj", box.vertices + rough_m, box.faces)
+    solid = read(tmp_path / "a.obj").solid
+    assert len(box.faces) > 40_000
+    assert len(solid.faces) < 20_000
+    shift = [0, 0, solid.datum_m]
+    assert distances(box.vertices + rough_m - shift, solid.vertices, solid.faces.astype(int)).max() < 0.001
+    assert "no corner moves by more than" in remarks_of(tmp_path / "a.obj")
 
 
 def test_the_section_that_is_detected_reads_the_same_solid(tmp_path):
