@@ -70,7 +70,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     continued = plan.between(rows)
     rows += [(nodes, np.full((len(nodes), 4), np.nan)) for nodes, _ in continued]
     hits = SplayHits([nodes for nodes, _ in rows], plan.places, splays)
-    rows = [(nodes, plan.with_splays(nodes, walls, hits, splays)) for nodes, walls in rows]
+    rows = [(nodes, plan.with_splays(nodes, walls, hits)) for nodes, walls in rows]
     first = len(rows) - len(continued)
     rows[first:] = [
         (nodes, np.where(np.isfinite(walls), walls, ends))
@@ -87,7 +87,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         for (nodes, _), known in zip(rows, sides, strict=True)
     ]
     legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
-    steps = {plan.names[node]: found for node, found in splays.items()}
+    steps = {plan.names[node]: found for node, found in hits.splays.items()}
     legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
@@ -153,11 +153,11 @@ class _StationPlan:
             found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), tuple(known)))
         return found
 
-    def with_splays(
-        self, nodes: Nodes, walls: np.ndarray, hits: SplayHits, splays: dict[int, np.ndarray]
-    ) -> np.ndarray:
+    def with_splays(self, nodes: Nodes, walls: np.ndarray, hits: SplayHits) -> np.ndarray:
         """Return the distances left, right, up and down (n, 4) m of a row of nodes, with those of splays where nan."""
-        found = np.column_stack([hits.sides(nodes, self._headings(nodes)), heights_of([splays.get(k) for k in nodes])])
+        found = np.column_stack(
+            [hits.sides(nodes, self._headings(nodes)), heights_of([hits.splays.get(k) for k in nodes])]
+        )
         return np.where(np.isfinite(walls), walls, found)
 
     def between(self, passages: Rows) -> Rows:
