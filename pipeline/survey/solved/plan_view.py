@@ -70,7 +70,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     continued = plan.between(rows)
     rows += [(nodes, np.full((len(nodes), 4), np.nan)) for nodes, _ in continued]
     hits = SplayHits([nodes for nodes, _ in rows], plan.places, splays)
-    rows = [(nodes, plan.with_splays(nodes, walls, hits, splays)) for nodes, walls in rows]
+    rows = [(nodes, plan.with_splays(nodes, walls, hits)) for nodes, walls in rows]
     first = len(rows) - len(continued)
     rows[first:] = [
         (nodes, np.where(np.isfinite(walls), walls, ends))
@@ -78,7 +78,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     _warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
-    rows, sides = with_sides(path, rows, half_width_m, bool(splays))
+    rows, sides = with_sides(path, rows, half_width_m, sum(map(len, splays.values())))
     rows = _with_one_floor(path, plan, rows)
     _warn_of_floors(path, rows)
     rows, floors = fill_down(rows, plan.places, hits.depths())
@@ -87,7 +87,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         for (nodes, _), known in zip(rows, sides, strict=True)
     ]
     legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
-    steps = {plan.names[node]: found for node, found in splays.items()}
+    steps = {plan.names[node]: found for node, found in hits.splays.items()}
     legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
@@ -155,11 +155,11 @@ class _StationPlan:
             found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), tuple(known)))
         return found
 
-    def with_splays(
-        self, nodes: Nodes, walls: np.ndarray, hits: SplayHits, splays: dict[int, np.ndarray]
-    ) -> np.ndarray:
+    def with_splays(self, nodes: Nodes, walls: np.ndarray, hits: SplayHits) -> np.ndarray:
         """Return the distances left, right, up and down (n, 4) m of a row of nodes, with those of splays where nan."""
-        found = np.column_stack([hits.sides(nodes, self._headings(nodes)), heights_of([splays.get(k) for k in nodes])])
+        found = np.column_stack(
+            [hits.sides(nodes, self._headings(nodes)), heights_of([hits.splays.get(k) for k in nodes])]
+        )
         return np.where(np.isfinite(walls), walls, found)
 
     def between(self, passages: Rows) -> Rows:
@@ -207,13 +207,11 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(
-    path: Path, rows: Rows, half_width_m: float | None, of_sides: bool = False
-) -> tuple[Rows, list[np.ndarray]]:
+def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int = 0) -> tuple[Rows, list[np.ndarray]]:
     """Return the rows with both sides of every station, and how each side (n, 2) is known (`Source`).
 
-    Warnings count the stations whose sides were not measured. `of_sides` takes the median side as the usual one where
-    no station has both.
+    Warnings count the stations whose sides were not measured, and say of how many others, and of how many `splays`, the
+    usual side comes. With splays it is the median side where no station has both.
 
     Raises
     ------
@@ -224,7 +222,7 @@ def with_sides(
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
     if farthest > most:
         raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
-    usual = half_width_m or usual_half_width_m(rows, of_sides)
+    usual = half_width_m or usual_half_width_m(rows, splays > 0)
     if usual is None and not np.isfinite(sides).all():
         raise InputError(
             f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
@@ -232,10 +230,13 @@ def with_sides(
     filled = [fill_sides(walls, usual or 0.0) for _, walls in rows]
     total = sum(len(nodes) for nodes, _ in rows)
     if count := sum(one.have(Source.ASSUMED) for one in filled):
-        source = "as stated" if half_width_m else "half the median width of the others; --half-width M states another"
+        known = np.isfinite(sides).reshape(-1, 2)
+        both = int(known.all(axis=1).sum())
+        found = f"half the median width of the {both} with both" if both else f"the median of {known.sum()} walls"
+        found += f", in a survey of {splays} splays" * (splays > 0) + "; --half-width M states another"
         warn_user(
             f"stations of passages have no measured wall beside them; {usual:.2f} m is taken on each side "
-            f"without one, {source}",
+            f"without one, {'as stated' if half_width_m else found}",
             of=path.name,
             count=f"{count} of {total}",
         )

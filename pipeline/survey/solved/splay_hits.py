@@ -68,30 +68,34 @@ class SplayHits:
         graph: nx.Graph = nx.Graph()
         for (a, b), way in zip(self._shots.tolist(), self._way, strict=True):
             graph.add_edge(a, b, length=float(np.linalg.norm(way)))
+        self.splays = dict[int, np.ndarray]()  # (k, 3) m by node, without those through windows
         for node in sorted(splays.keys() & set(graph)):
-            self._assign(graph, node, splays[node])
+            reach = float(np.linalg.norm(splays[node], axis=1).max())
+            ways = nx.single_source_dijkstra_path_length(graph, node, cutoff=reach, weight="length")
+            far = np.full(len(places_m), np.inf)
+            far[list(ways)] = list(ways.values())
+            own = [step for step in splays[node] if self._enter_splay(far[self._shots].min(axis=1), node, step)]
+            self.splays[node] = np.array(own).reshape(-1, 3)
 
-    def _assign(self, graph: nx.Graph, node: int, steps: np.ndarray) -> None:
-        """Enter the splays from a node, (k, 3) m; those that go up or down alone measure no wall."""
-        reach = float(np.linalg.norm(steps, axis=1).max())
-        ways = nx.single_source_dijkstra_path_length(graph, node, cutoff=reach, weight="length")
-        far = np.full(len(self.places_m), np.inf)
-        far[list(ways)] = list(ways.values())
-        far = far[self._shots].min(axis=1)
-        for step in steps[np.abs(steps[:, 2]) <= np.hypot(steps[:, 0], steps[:, 1])]:
-            length, place = float(np.linalg.norm(step)), self.places_m[node] + step
-            near = np.flatnonzero(far <= length)
-            apart, others = self._apart(near, place[None])[0], np.flatnonzero(far > length)
-            if apart.min() < _ON_LINE_M:
-                continue  # it measures a station or a line, and no wall
-            if self._apart(others, place[None]).min(initial=np.inf) < _STRAY * apart.min():
-                self.strays += 1
-                continue
-            self._enter(node, step, place, int(near[apart.argmin()]))
-            share = np.append(np.arange(_SAMPLE_M, length, _SAMPLE_M), length)[:, None] / length
-            passed = self.places_m[node] + share * step
-            for shot, spot in zip(near[self._apart(near, passed).argmin(axis=1)].tolist(), passed, strict=True):
-                self.shots[self._pair(shot)].free.append(self._beside(shot, spot))
+    def _enter_splay(self, far_m: np.ndarray, node: int, step: np.ndarray) -> bool:
+        """Enter a splay (3,) m from a node, and return whether it ends in its own passage.
+
+        One that is steeper than 45 deg measures no wall. Shots are `far_m` (m,) m away along the survey.
+        """
+        length, place = float(np.linalg.norm(step)), self.places_m[node] + step
+        near, others = np.flatnonzero(far_m <= length), np.flatnonzero(far_m > length)
+        apart = self._apart(near, place[None])[0]
+        if self._apart(others, place[None]).min(initial=np.inf) < _STRAY * apart.min():
+            self.strays += 1
+            return False
+        if abs(step[2]) > np.hypot(step[0], step[1]) or apart.min() < _ON_LINE_M:
+            return True  # it measures no wall, but a height, a station or a line
+        self._enter(node, step, place, int(near[apart.argmin()]))
+        share = np.append(np.arange(_SAMPLE_M, length, _SAMPLE_M), length)[:, None] / length
+        passed = self.places_m[node] + share * step
+        for shot, spot in zip(near[self._apart(near, passed).argmin(axis=1)].tolist(), passed, strict=True):
+            self.shots[self._pair(shot)].free.append(self._beside(shot, spot))
+        return True
 
     def _pair(self, shot: int) -> tuple[int, int]:
         a, b = self._shots[shot].tolist()

@@ -29,7 +29,6 @@ _PARALLEL_RAD = 0.035  # of splays, of which the shortest counts: it ends at wha
 _ALONE = 0.5  # weight of the station itself, beside those of the splays
 _LEAST_M = 0.05  # of a view in any direction, and of a splay
 _ROCK = 1.3  # of the sections of passages that are not near along the survey: views end before these
-_STRAY = 0.5  # of the way to the near passages: a splay that ends so near to another one went through a window
 _DEEP_M = 100.0  # under floors, where no view goes
 _LEAST_M2 = 1e-12  # of a line
 _SHORT_M = 0.1  # before the end of a splay, where a passage stops it
@@ -99,9 +98,7 @@ def _view(
     ways = nx.single_source_dijkstra_path_length(graph, station, cutoff=float(length.max()), weight="length")
     near = np.flatnonzero(np.isin(network.shots, list(ways)).any(axis=1))
     others = np.setdiff1d(np.flatnonzero(_ways_m(network.ends_m, place[None])[0] < 2 * length.max()), near)
-    apart = _ways_m(network.ends_m[near], place + steps).min(axis=1)
-    beside = _ways_m(network.ends_m[others], place + steps).min(axis=1, initial=np.inf)
-    counts = (length > _LEAST_M) & (beside >= _STRAY * apart)
+    counts = length > _LEAST_M
     stopped, steps = stopped[counts], steps[counts]
     if not stopped.any():
         return []

@@ -109,6 +109,15 @@ def test_what_is_measured_holds_on_its_side_and_the_rest_is_assumed():
     assert leg.known[at, 1 - side] == Source.ASSUMED
 
 
+def test_the_remark_on_assumed_walls_says_of_how_many_stations_and_splays_they_come(capsys):
+    splays = {1: [[0, 3.0, 0], [0, -2.0, 0]]}
+    survey = survey_of([(0.0, 0, 0), (10, 0, 0), (20, 0, 0)], [(0, 1), (1, 2)], splays)
+    built(survey, None)
+    assert "2.50 m is taken on each side without one, half the median width of the 1 with both, in a survey of 2 " in (
+        capsys.readouterr().err
+    )
+
+
 def test_a_passage_goes_on_to_the_face_that_splays_hit_ahead_of_its_end():
     places = [(0.0, 0, 0), (10, 0, 2)]
     ahead = {1: [[4.0, 0.2, 0.3], [3, 1.5, 0], [3.5, -1, 0], [0, 0, -1]]}
