@@ -34,6 +34,7 @@ from minexplore.sensors.table import check_sensors, observed_space
 from minexplore.splits import SIZES, mine_name, parse_name, world_folder
 from minexplore.task import TaskParams, coerce_params
 from minexplore.tasks.exploration import STARTS
+from minexplore.world import World
 
 _MOST = 4096  # robots of a vector: each has a world of its own in memory
 
@@ -84,11 +85,11 @@ class FamilyEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
         modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
         self.metadata = {**MineEnv.metadata, "render_modes": modes}  # of its own: `SyncVectorEnv` writes its mode there
         self.task = coerce_params(TaskParams, arguments.get("task"))
-        robot, sensors = find_robot(arguments.get("robot")), check_sensors(arguments.get("sensors", ()))
+        self.robot, sensors = find_robot(arguments.get("robot")), check_sensors(arguments.get("sensors", ()))
         goal = arguments.get("goal")
         self._options = _options_of(goal)
-        self.observation_space = observed_space(observations_of(self.task, robot, goal), sensors)
-        self.action_space = commands_of(robot)
+        self.observation_space = observed_space(observations_of(self.task, self.robot, goal), sensors)
+        self.action_space = commands_of(self.robot)
         self.mine: str | None = None
         self._inner: MineEnv | None = None
         self._closed = False
@@ -138,6 +139,11 @@ class FamilyEnv(Timed, gymnasium.Env, gymnasium.utils.EzPickle):
     def capture(self, sensor: str) -> Any:
         """Return what a sensor reads in the present mine; see `MineEnv.capture`."""
         return self._begun("capture").capture(sensor)
+
+    @property
+    def world(self) -> World:
+        """Return the present mine."""
+        return self._begun("asking for the world").world
 
     def _begun(self, call: str) -> MineEnv:
         if self._closed:

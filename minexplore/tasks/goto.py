@@ -23,6 +23,7 @@ SUCCESS, SLACK, COLLISION = 10.0, 0.01, 1.0  # of the reward
 GOAL = "goal"  # the option of a reset
 _FARTHEST_M = 1000.0  # that an observation holds
 _DRAWS = 100  # goals that are tried for a start at a distance
+_ROOM_M = 0.1  # beside the robot at a start or a goal that is drawn; nearer to rock it may begin in contact
 _STRAY_M = 1.0  # a start that is farther from all places that the robot reaches is none
 _DISTANCE = Span(0.0, 100_000.0)
 
@@ -68,7 +69,8 @@ class GoTo(Exploration):
 
     ## Start and goal
     By the episode's seed: a place that the robot reaches, drawn with equal chance, is the goal, and one that is 10 to
-    100 m from it along the drifts is the start; yaw uniform in [-pi, pi). Both lie within the task's `region_m`.
+    100 m from it along the drifts is the start; yaw uniform in [-pi, pi). Both lie within the task's `region_m`, with
+    0.1 m of room beside the robot.
     `reset(options=...)` takes what exploration takes for the start, and `goal`: the name of a station of
     `topology.json`, or x, y, in a volume also z (m, mine frame). It is then the nearest place that the robot reaches,
     which must be within `radius_m`; in a volume, of the floor under it. Where options give the start, the goal is drawn
@@ -121,6 +123,9 @@ class GoTo(Exploration):
         self.ways = ways_in(world, robot)
         from_anchor = self.ways.places_m[:, :2] - world.record["spawn"]["anchor_m"][:2]
         self._inside = np.hypot(*from_anchor.T) <= task.region_m
+        self._inside &= self.ways.clearance_m >= robot.radius_m + _ROOM_M
+        if not self._inside.any():
+            raise ValueError(f"{GOAL}: {world.folder}: no place with {robot.radius_m + _ROOM_M:g} m to rock; want one")
         self._fields: list[WayField | None] = [None] * batch.count
         self.goal = np.zeros(batch.count, dtype=int)
         self.goal_m, self.last_m = np.zeros((batch.count, 3)), np.zeros((batch.count, 3))
