@@ -1,8 +1,5 @@
 """The table of the layout, on a project of five modules."""
 
-import pytest
-
-from baselines.base.errors import BaselineError
 from benchmarks.tables.layout import ProjectFiles, Way, layout_table
 from stages.__main__ import STAGES
 
@@ -14,13 +11,6 @@ TEXTS = {
     "tests/test_a.py": "plan = 2\n",
     "pipeline/tests/test_b.py": "plan = 3\n\n",
 }
-
-
-def test_lines_and_classes_are_counted():
-    files = ProjectFiles(TEXTS)
-    assert files.lines("tests") == 3
-    assert files.fullest()[1] == 1  # __init__.py does not count
-    assert (files.crowded(), files.lines("pipeline"), files.classes()) == (0, 6, 2)
 
 
 def test_constants_that_are_numbers_and_modules_that_one_other_imports_are_counted():
@@ -50,8 +40,3 @@ def test_a_folder_of_sixteen_modules_is_counted():
     many = few | {f"pipeline/b/m{number}.py": "" for number in range(15)}
     assert ProjectFiles(many).crowded() == 1
     assert "| folders of more than 15 modules | 0 | 1 |" in layout_table(ProjectFiles(few), ProjectFiles(many))
-
-
-def test_a_commit_that_a_clone_does_not_have_is_named_with_what_to_do():
-    with pytest.raises(BaselineError, match="f00df00d: not a commit of this clone; `git fetch --unshallow`"):
-        ProjectFiles.at("f00df00d")
