@@ -67,7 +67,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     # Worlds
     _python("worlds", "setup", "pipeline worlds --light --count 10", "artifacts/families"),
     Benchmark("splits", "setup", _ALL_SPLITS, "data/families/splits.csv", 50),
-    _python("wheel-log", "setup", "benchmarks.wheel_log", ""),
+    _python("wheel-log", "setup", "benchmarks.sensors.wheel_log", ""),
     _python("odometry-fit", "setup", "benchmarks.sensors.odometry_fit", "minexplore/sensing/odometry.json"),
     _python("roughness", "setup", _ROUGHNESS, "data/chilean_mine/roughness.json"),
     _python("corpus", "all", "benchmarks.corpus", "artifacts/corpus", 15),
