@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.worlds.random_bends import KEPT, KINDS, judge, least_share, robots_parts
 from pipeline.survey.passages.legs import SurveyLeg, shots_of
 from pipeline.survey.passages.sections import sections_of, widths_kept
 from pipeline.survey.passages.workings import build_workings
-from tests.survey.passages.random_bends import KEPT, KINDS, judge, least_share, robots_parts
 
 
 def leg_of(places, walls=(2.0, 2.0)):

@@ -5,29 +5,17 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.worlds.chassis_flood import flood
+from benchmarks.worlds.reach import narrow_mine
+from benchmarks.worlds.reach_drives import ReachDrives
+from minexplore.physics.robot import RobotParams
 from minexplore.world import load_world
 from tests.heights import HEADER
-from tests.minexplore.volume.reach_drives import ReachDrives
 from tests.volume_worlds import VolumeWorld
 from tests.volumes import build_volume
 
 _CELL_M = 2.0
 _ROOM_M, _PIT_M = 6.0, 3.0
-
-
-def narrow_mine(seed, width_m=None):
-    """Return the station table of a passage as wide as stated, else 0.75 to 1.2 m, that winds between two chambers."""
-    rng = np.random.default_rng(seed)
-    wide = rng.uniform(0.75, 1.2) if width_m is None else width_m  # 0.98 m of seed 1, 0.79 m of 3, 1.17 m of 4
-    widths = [3.0] * 2 + [wide] * 8 + [3.0] * 2
-    place, heading, rows = np.zeros(3), rng.uniform(0, 2 * np.pi), []
-    for k, width in enumerate(widths):
-        x, y, z = place.tolist()
-        rows.append(f"A,p{k},{x:.3f},{y:.3f},{width / 2:.4f},{width / 2:.4f},{z:.3f},2,0\n")
-        heading += rng.uniform(-0.25, 0.25)
-        run = 4.0 if k in (0, len(widths) - 2) else rng.uniform(3, 8)
-        place = place + run * np.array([np.cos(heading), np.sin(heading), rng.uniform(-0.1, 0.1)])
-    return HEADER + "".join(rows)
 
 
 def ledge(width_m, path):
@@ -47,7 +35,7 @@ def last_station(table):
     return np.array([float(east), float(north), float(height)])
 
 
-@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 4))])
+@pytest.mark.parametrize("seed", [1, 3, 4])  # 0.98, 0.79 and 1.17 m wide
 def test_a_robot_drives_to_every_cell_of_a_narrow_mine_and_to_none_beyond(tmp_path, seed):
     table = narrow_mine(seed)
     drives = ReachDrives(load_world(build_volume(table, tmp_path)))
@@ -68,6 +56,14 @@ def test_a_passage_narrower_than_a_robot_ends_its_reach_and_stops_it(tmp_path):
     assert drives.drive().beyond_m < _CELL_M
 
 
+def test_a_flood_of_contacts_and_the_spans_reach_the_same_cells(tmp_path):
+    wide = HEADER + "A,1,0,0,1,1,0,3,0\nA,2,20,3,1,1,-2,3,0\nA,3,30,12,1.5,1,0,3,0\n"
+    drives = ReachDrives(load_world(build_volume(wide, tmp_path)))
+    cells = drives.cells_at(flood(drives.world, RobotParams()).from_place(drives.anchor_m))
+    assert (cells[:, 0] >= 0).all()
+    assert len(np.unique(cells[:, 0])) >= 0.9 * drives.grid.total
+
+
 @pytest.mark.parametrize(("width_m", "is_passed"), [(0.62, False), (0.8, True)])
 def test_a_ledge_beside_a_pit_is_passed_where_castors_have_floor_whichever_way_a_robot_turns(
     tmp_path, width_m, is_passed
@@ -76,6 +72,9 @@ def test_a_ledge_beside_a_pit_is_passed_where_castors_have_floor_whichever_way_a
     drives = ReachDrives(load_world(world.bundle))
     east = drives.spans.roomiest_m[drives.standing, 0]
     assert (np.ptp(east) > 2 * _ROOM_M) == is_passed
+    flooded = flood(drives.world, RobotParams()).from_place(drives.anchor_m)
+    assert (np.ptp(flooded[:, 0]) > 2 * _ROOM_M) == is_passed
+    assert (drives.cells_at(flooded)[:, 0] >= 0).mean() > 0.98
     found = drives.drive()
     assert found.arrived == found.cells > 5
     assert found.beyond_m < _CELL_M

@@ -1,20 +1,27 @@
 """Random level surveys whose legs bend sharply: how wide they are built, and whether robots get along them.
 
 Legs are 5 to 100 m long and turn by 20 to 160 deg; walls are 2 m to each side, uneven, or at the stations on the left.
-Widths are measured here, by sections of the outline.
+Tables are read and built as `python -m pipeline new` does. Widths are measured here, by sections of the outline.
 """
 
 from __future__ import annotations
 
+import argparse
+import sys
+import tempfile
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from baselines.base.markdown import markdown_table, write_table
 from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.workings import build_workings
+from pipeline.survey.stations.table import read_stations
 
+TABLE = Path("docs/evidence/parts/random-bends.md")
 KINDS = ("2 m to each wall", "0.5 to 3 m to each wall", "stations on the left wall, 1 to 4 m to the right one")
 KEPT = 0.95
 _LEGS, _LENGTH_M, _TURN_DEG = (3, 8), (5.0, 100.0), (20.0, 160.0)
@@ -39,6 +46,13 @@ def traverse(kind: str, rng: np.random.Generator) -> SurveyLeg:
         KINDS[2]: lambda: np.column_stack([np.zeros(count + 1), rng.uniform(1.0, 4.0, count + 1)]),
     }[kind]()
     return SurveyLeg("1", [f"s{number}" for number in range(count + 1)], places, walls)
+
+
+def table_of(leg: SurveyLeg) -> str:
+    """Return a survey as a table of stations."""
+    rows = zip(leg.stations, leg.positions_m.tolist(), leg.walls_m.tolist(), strict=True)
+    lines = [f"{leg.name},{name},{x:.4f},{y:.4f},{left:.4f},{right:.4f}" for name, (x, y), (left, right) in rows]
+    return "\n".join(["leg,station,easting_m,northing_m,left_m,right_m", *lines]) + "\n"
 
 
 def least_share(leg: SurveyLeg, free: BaseGeometry) -> float:
@@ -66,6 +80,31 @@ def robots_parts(free: BaseGeometry) -> int:
 
 def judge(kind: str, seed: int) -> tuple[float, int]:
     """Return the least share of a random survey's width, and how many parts robots have."""
-    leg = traverse(kind, np.random.default_rng(seed))
-    free = build_workings([leg])
-    return least_share(leg, free), robots_parts(free)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "survey.csv"
+        path.write_text(table_of(traverse(kind, np.random.default_rng(seed))))
+        legs = read_stations(path)
+    free = build_workings(legs)
+    return least_share(legs[0], free), robots_parts(free)
+
+
+def main() -> int:
+    """Measure all surveys and write the table; the exit code is 1 if one is narrower or in parts."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks random-bends", description=__doc__)
+    parser.add_argument("--count", type=int, default=500, help="surveys of each kind")
+    count, rows, is_good = parser.parse_args().count, [], True
+    for kind in KINDS:
+        found = [judge(kind, seed) for seed in range(count)]
+        shares, parts = zip(*found, strict=True)
+        narrow, parted = sum(share < KEPT for share in shares), sum(part != 1 for part in parts)
+        rows.append((kind, count, f"{min(shares):.3f}", narrow, parted))
+        is_good &= not narrow and not parted
+    heads = ("walls", "surveys", "least width, of the survey's", f"under {KEPT:g}", "in parts for a robot of 0.70 m")
+    text = markdown_table(heads, rows)
+    write_table(TABLE, text)
+    print(text)
+    return 0 if is_good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
