@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.fuzzing.builders import Files
 from benchmarks.fuzzing.case_alarm import Alarm, HangError
 from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.samples import SAMPLES
-from benchmarks.fuzzing.saved import Files
 from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.resume import Row
 from pipeline.errors import MineError, UnexpectedError

@@ -67,7 +67,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     # Worlds
     _python("worlds", "setup", "pipeline worlds --light --count 10", "artifacts/families"),
     Benchmark("splits", "setup", _ALL_SPLITS, "data/families/splits.csv", 50),
-    _python("wheel-log", "setup", "benchmarks.wheel_log", ""),
+    _python("wheel-log", "setup", "benchmarks.sensors.wheel_log", ""),
     _python("odometry-fit", "setup", "benchmarks.sensors.odometry_fit", "minexplore/sensing/odometry.json"),
     _python("roughness", "setup", _ROUGHNESS, "data/chilean_mine/roughness.json"),
     _python("corpus", "all", "benchmarks.corpus", "artifacts/corpus", 15),
@@ -93,7 +93,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("holdout", "setup", _HOLDOUT, "artifacts/proof/holdout.json"),
     _python("replay", "all", _REPLAY, "artifacts/proof"),
     Benchmark("figures", "all", _FIGURES, _PARTS + "evidence-figures.md", 25),
-    _page("leave-out-sweeps", "setup", "benchmarks.comparisons.leave_out_sweeps", 3, "corrected-plan"),
     _page("claims", "setup", "benchmarks.claims", 0.2),
     # Speed
     _page("bench", "setup", "benchmarks.speed.time_env", 3, "env-speed", one_thread=True),

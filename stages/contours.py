@@ -14,7 +14,7 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError, ParamsError
-from pipeline.geometry.floor.plan_floors import plan_floors
+from pipeline.geometry.floor.network_heights import plan_floors
 from pipeline.geometry.floor.simplified_outline import (
     NetworkGrid,
     SimplifiedOutline,

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from pydantic import ValidationError
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from baselines.base.errors import BaselineError
+
+T = TypeVar("T")
 
 _MOST_SHOWN = 80  # characters of a value
 _OURS = (  # pydantic's words, and ours
@@ -35,3 +42,21 @@ def first_refusal(error: ValidationError) -> str:
         return f"{place} is missing"
     shown = repr(first["input"])[:_MOST_SHOWN]
     return f"{place} = {shown}: {problem}" if place else f"{shown}: {problem}"
+
+
+def read_kept(path: Path, kind: TypeAdapter[T], empty: T, wanted: str) -> T:
+    """Return what a JSON file keeps; `empty` without the file.
+
+    Raises
+    ------
+    BaselineError
+        If the file cannot be read, or holds something else than is `wanted`.
+    """
+    if not path.is_file():
+        return empty
+    try:
+        return kind.validate_json(path.read_bytes())
+    except ValidationError as error:
+        raise BaselineError(f"{path}: no {wanted} ({first_refusal(error)})") from error
+    except OSError as error:
+        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error

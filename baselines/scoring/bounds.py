@@ -7,11 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 import minexplore
-from baselines.base.errors import BaselineError
-from baselines.base.refusals import first_refusal
+from baselines.base.refusals import read_kept
 from baselines.base.result_file import RESULTS, replace_text
 
 BOUNDS = RESULTS / "bounds.json"
@@ -55,15 +54,7 @@ def read_bounds(path: Path | None = None) -> dict[str, Bound]:
     BaselineError
         If the file cannot be read, or holds something else.
     """
-    path = path or BOUNDS
-    if not path.is_file():
-        return {}
-    try:
-        return _BOUNDS.validate_json(path.read_bytes())
-    except ValidationError as error:
-        raise BaselineError(f"{path}: no bounds ({first_refusal(error)})") from error
-    except OSError as error:
-        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
+    return read_kept(path or BOUNDS, _BOUNDS, {}, "bounds")
 
 
 def write_bound(env_id: str, bound: Bound) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
-from baselines.base.errors import BaselineError
 from baselines.base.markdown import markdown_table
-from baselines.base.refusals import first_refusal
+from baselines.base.refusals import read_kept
 from baselines.base.result_file import RESULTS, replace_text
 from baselines.explorers import EXPLORERS
 
@@ -41,15 +40,7 @@ def read_degraded(path: Path | None = None) -> dict[str, dict[str, Senses]]:
     BaselineError
         If the file cannot be read, or holds something else.
     """
-    path = path or DEGRADED
-    if not path.is_file():
-        return {}
-    try:
-        return _KEPT.validate_json(path.read_bytes())
-    except ValidationError as error:
-        raise BaselineError(f"{path}: no drives by worse senses ({first_refusal(error)})") from error
-    except OSError as error:
-        raise BaselineError(f"{path}: cannot be read ({error.strerror})") from error
+    return read_kept(path or DEGRADED, _KEPT, {}, "drives by worse senses")
 
 
 def keep_drives(env_id: str, policy: str, senses: str, drives: Drives, path: Path | None = None) -> None:

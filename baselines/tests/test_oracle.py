@@ -63,7 +63,7 @@ def test_no_explorer_beats_the_bound_and_the_tour_comes_near(tee_id):
     env = make_env(tee_id, 1)
     network = time_network(CoverageProblem.of(env.robots), 2.0)
     horizon = env.task.max_steps * env.task.control_s
-    walks = {t: best_walk(network, t) for t in np.linspace(0, horizon, 4)}
+    walks = {t: best_walk(network, t) for t in np.linspace(0, horizon, 3)}
     bounds = {t: walk.most for t, walk in walks.items()}
     tour = OracleTour(1, env.task, env.robot, plan_tour(network, walks[horizon], env.world))
     reached = []

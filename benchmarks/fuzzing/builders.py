@@ -22,6 +22,13 @@ LAUGHS = b"a: &a [x, x, x, x, x, x, x, x, x]\n" + b"".join(
 )
 
 
+def saved(name: str, write: Callable[[Path], Any]) -> Files:
+    """Return the file of a name that a function writes, and behind it the files that it writes beside it."""
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / name)
+        return {p.name: p.read_bytes() for p in sorted(Path(folder).iterdir(), key=lambda p: p.name != name)}
+
+
 def png(
     width: int, height: int, depth: int = 8, colour: int = 0, more: bytes = b"", pixels: bytes | None = None
 ) -> bytes:

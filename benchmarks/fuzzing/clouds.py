@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.fuzzing.saved import Files, saved
+from benchmarks.fuzzing.builders import Files, saved
 
 
 def _cave() -> np.ndarray:

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import yaml
 
+from benchmarks.fuzzing.builders import Files, saved
 from benchmarks.fuzzing.clouds import CLOUDS, SCANS
-from benchmarks.fuzzing.saved import Files, saved
 from benchmarks.fuzzing.solids import SOLIDS
 from benchmarks.fuzzing.surveys import SAMPLES_3D
 from minexplore.bundle import FORMAT

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.fuzzing.saved import Files, saved
+from benchmarks.fuzzing.builders import Files, saved
 
 
 def _drift(name: str) -> Files:

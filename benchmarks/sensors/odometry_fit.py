@@ -16,7 +16,7 @@ import numpy as np
 from minexplore.sensing.odometry import OdometryFit
 
 OUT = Path("minexplore/sensing/odometry.json")
-_WHEEL_BASE_M = 0.545  # of the log's robot, by the dataset
+WHEEL_BASE_M = 0.545  # of the log's robot, by the dataset
 _ROBOT_STANDS_M = 1e-6  # of travel in a row
 _SMOOTH = 21  # rows, 2 s: what turns slower is steering
 
@@ -36,7 +36,7 @@ def fit_odometry(times_s: np.ndarray, travel_m: np.ndarray, start: np.ndarray, e
     way_m, turned = float(np.linalg.norm(end[:2] - start[:2])), float(end[2] - start[2])
     travel = travel_m.mean(axis=1)
     counted = float(travel.sum())
-    turn = (travel_m[:, 1] - travel_m[:, 0]) / _WHEEL_BASE_M
+    turn = (travel_m[:, 1] - travel_m[:, 0]) / WHEEL_BASE_M
     moving = travel > _ROBOT_STANDS_M
     smooth = np.convolve(turn, np.ones(_SMOOTH) / _SMOOTH, mode="same")
     noise = (turn - smooth)[moving]

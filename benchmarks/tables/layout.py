@@ -1,4 +1,4 @@
-"""The project's layout at two commits: modules a folder, lines, names, pages, and the way of three artifacts.
+"""The project's layout at two commits: modules a folder, lines, names, and the way of three artifacts.
 
 `python -m benchmarks layout` compares the commit before the folders were cut with the present one.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import ast
 import io
-import re
 import subprocess
 import sys
 import tarfile
@@ -118,28 +117,6 @@ class ProjectFiles:
             found = sum(loaded_modules(DEFAULT_BUNDLE.resolve(), root).values())
         return f"{found:,}" if found else "-"
 
-    def registries(self) -> int:
-        """Return how many public constants of the product are dicts of functions, classes or their results."""
-        return sum(_is_registry(node) for tree in self.trees.values() for node in tree.body)
-
-    def targets(self) -> int:
-        """Return how many targets the Makefile has; the six stages share a rule."""
-        rules = re.findall(r"^([a-z][a-z -]*|\$\(STAGES\)):(?!=)", self.texts["Makefile"], flags=re.M)
-        return sum(6 if rule == "$(STAGES)" else len(rule.split()) for rule in rules)
-
-    def contracts(self) -> int:
-        """Return how many import contracts hold."""
-        return self.texts["pyproject.toml"].count("[[tool.importlinter.contracts]]")
-
-    def pages(self) -> int:
-        """Return how many pages the site's menu has."""
-        _, _, menu = self.texts["mkdocs.yml"].partition("\nnav:")
-        return len(re.findall(r"^ .*\.md$", menu, flags=re.M))
-
-    def index_words(self) -> int:
-        """Return how many words the docs' first page has."""
-        return len(self.texts["docs/index.md"].split())
-
     def way(self, artifact: str) -> Way:
         """Follow an artifact through the modules that the stages import, stage by stage."""
         names = ARTIFACTS[artifact]
@@ -202,16 +179,7 @@ def _is_number(node: ast.expr) -> bool:
 
 
 def _is_text(name: str) -> bool:
-    return name.endswith(".py") or name in ("Makefile", "mkdocs.yml", "pyproject.toml", "docs/index.md")
-
-
-def _is_registry(node: ast.stmt) -> bool:
-    if not isinstance(node, ast.Assign | ast.AnnAssign) or not isinstance(node.value, ast.Dict):
-        return False
-    target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
-    values = node.value.values
-    is_public = isinstance(target, ast.Name) and target.id.isupper() and not target.id.startswith("_")
-    return is_public and len(values) > 1 and all(isinstance(v, ast.Name | ast.Attribute | ast.Call) for v in values)
+    return name.endswith(".py")
 
 
 def _identifiers(tree: ast.Module) -> Iterator[str]:
@@ -244,11 +212,6 @@ def layout_table(before: ProjectFiles, after: ProjectFiles) -> str:
         row("module constants that are numbers", lambda files: f"{files.number_constants():,}"),
         row("modules that one other imports", lambda files: str(files.with_one_importer())),
         row("lines loaded before the default's first observation", ProjectFiles.loaded_lines),
-        row("registries: public dicts of functions or classes", lambda files: str(files.registries())),
-        row("import contracts", lambda files: str(files.contracts())),
-        row("targets of `make`", lambda files: str(files.targets())),
-        row("pages in the site's menu", lambda files: str(files.pages())),
-        row("words of the docs' first page", lambda files: str(files.index_words())),
         *(row(f"`{artifact}`: modules, folders entered, returns", way(artifact)) for artifact in ARTIFACTS),
     ]
     return markdown_table(("", "before", "after"), rows)

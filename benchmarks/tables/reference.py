@@ -1,4 +1,4 @@
-"""Tables of the reference, from the code: options of `new`, what files state, configuration, limits, defences.
+"""Tables of the reference, from the code: options of `new`, what files state, configuration, limits.
 
 `python -m benchmarks.tables.reference` writes them between two marks of each page.
 """
@@ -12,7 +12,6 @@ from pathlib import Path
 
 from baselines.base.markdown import write_table
 from benchmarks.tables.configuration import configuration_table, noted_table
-from benchmarks.tables.defences import defence_table
 from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit
@@ -94,7 +93,6 @@ TABLES = {
     "reference/configuration.md": configuration_table,
     "reference/metrics.md": limits_table,
     "reference/heights.md": volume_limits_table,
-    "security.md": defence_table,
 }
 
 

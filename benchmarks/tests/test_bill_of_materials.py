@@ -2,14 +2,11 @@
 
 import json
 import sys
-import tomllib
 from importlib.metadata import distributions
 
 import pytest
 
 import minexplore
-from benchmarks.bill_of_materials import stated
-from tests.project import ROOT
 
 
 @pytest.mark.slow  # it reads the metadata of all packages
@@ -24,13 +21,3 @@ def test_the_list_names_the_project_with_its_version_and_all_packages_and_nothin
     assert str(project.folder) not in json.dumps(bill)
     found = {(part["name"], part["version"]) for part in bill["components"]}
     assert found == {(part.name, part.version) for part in distributions()}
-
-
-def test_the_version_of_the_project_is_stated_and_nothing_else_changes():
-    text = (ROOT / "pyproject.toml").read_text()
-    before, after = tomllib.loads(text)["project"], tomllib.loads(stated(text, "1.2.3"))["project"]
-    assert before.pop("dynamic") == ["version"]
-    assert after.pop("version") == "1.2.3"
-    assert before == after
-    with pytest.raises(ValueError, match="want one line"):
-        stated(stated(text, "1.2.3"), "1.2.3")

@@ -1,18 +1,15 @@
 """The corpus of a few worlds: what it holds, what describes it, and that it loads by name."""
 
-import csv
 import json
 import os
 import shutil
 from datetime import date
 
-import cv2
 import gymnasium
-import numpy as np
 import pytest
 
 import minexplore
-from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, copy_evidence, evidence_of, generated, with_heights
+from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, copy_evidence, generated, with_heights
 from benchmarks.corpus.metadata import read_entry, write_metadata
 from minexplore.splits import STYLES
 from pipeline.errors import ArtifactError
@@ -57,22 +54,6 @@ def test_croissant_reads_the_table_of_worlds(corpus):
     assert rows[0]["worlds/world_sha256"].decode() == entries[0].record["world_sha256"]
     assert rows[0]["worlds/bytes"] == entries[0].size
     assert rows[0]["worlds/certificate"] is True
-
-
-def test_a_source_with_a_comma_leaves_the_table_whole(corpus):
-    with (corpus[0] / "worlds.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [row["name"] for row in rows] == ["tee", "same"]
-    assert all(None not in row and None not in row.values() for row in rows)
-
-
-def test_the_evidence_has_the_pictures_that_a_world_has(tmp_path):
-    picture = tmp_path / "contours/evidence/contours.png"
-    picture.parent.mkdir(parents=True)
-    cv2.imwrite(str(picture), np.zeros((9, 9, 3), np.uint8))
-    found = list(evidence_of(tmp_path))
-    assert "contours/evidence/contours.png" in found
-    assert "validation/evidence/views.png" not in found
 
 
 @pytest.mark.parametrize("name", ["README.md", "corpus.json", "worlds.csv", "croissant.json"])

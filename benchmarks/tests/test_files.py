@@ -72,13 +72,6 @@ def test_the_worlds_of_a_folder_are_built_and_judged_and_the_project_stays_as_it
     assert "mine.csv" in capsys.readouterr().out
 
 
-def test_a_folder_that_is_not_there_and_a_wrong_option_are_one_line(tmp_path, capsys):
-    assert main([str(tmp_path / "none")]) == 2
-    assert capsys.readouterr().err == f"files: {tmp_path / 'none'}: no such folder\n"
-    assert main([str(tmp_path), "--px-per-m", "-1"]) == 2
-    assert "--px-per-m = -1.0" in capsys.readouterr().err
-
-
 def test_a_process_that_computes_too_long_is_ended_by_its_processor_time(monkeypatch):
     monkeypatch.setattr(files, "_TIME_S", 1)
     pid = os.fork()

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from benchmarks import judged_cases
-from benchmarks.judged_cases import CODE, JudgedCases, largest, least, span
+from benchmarks.judged_cases import CODE, JudgedCases, largest, span
 
 
 def cases(**changed):
@@ -41,20 +41,6 @@ def run(tmp_path, monkeypatch):
         return page.run("About.")
 
     return go
-
-
-def test_a_table_has_a_line_a_group_and_one_of_all_and_a_note():
-    page, _ = cases(note=lambda rows: f"{len(rows)} in all.")
-    rows = [{"kind": "odd", "off_mm": 2.0}, {"kind": "even", "off_mm": 4.5}, {"kind": "odd"}]
-    assert page.table(rows).splitlines()[2:] == [
-        "| odd | 2 | 2000 | 2 to 2 |",
-        "| even | 1 | 4500 | 4.5 to 4.5 |",
-        "| all | 3 | 4500 | 2 to 4.5 |",
-        "",
-        "3 in all.",
-    ]
-    assert least("off_mm")(rows) == "2"
-    assert span("none")(rows) == ""
 
 
 def test_a_run_goes_on_where_one_of_the_same_code_stopped_and_writes_the_page_of_the_whole_sample(tmp_path, run):

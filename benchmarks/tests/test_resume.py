@@ -25,18 +25,6 @@ def test_only_rows_that_are_missing_or_not_valid_are_measured(tmp_path):
     assert len(again) == 4
 
 
-def test_rows_of_an_interrupted_run_are_kept(tmp_path):
-    def measure(seeds):
-        yield {"seed": seeds[0]}
-        raise KeyboardInterrupt
-
-    path = tmp_path / "rows.jsonl"
-    try:
-        resume(path, [5, 6], measure, "row")
-    except KeyboardInterrupt:
-        assert [json.loads(line) for line in path.read_text().splitlines()] == [{"seed": 5}]
-
-
 def test_an_expected_error_is_one_line_and_exit_code_two(capsys):
     def fail():
         raise InputError("plan.png: missing")

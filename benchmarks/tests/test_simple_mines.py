@@ -4,7 +4,7 @@ import ezdxf.filemanagement
 import pytest
 import shapely
 
-from benchmarks.simple_mines import KINDS, SIMPLE_MINES, judge, random_mine
+from benchmarks.simple_mines import KINDS, judge, random_mine
 
 
 def test_kinds_take_turns_and_every_outline_is_one_valid_polygon_of_the_stated_size():
@@ -28,16 +28,6 @@ def test_a_drawing_is_written_in_its_own_unit(tmp_path):
     (line,) = drawing.modelspace().query("LWPOLYLINE").entities[:1]
     drawn = shapely.Polygon([point[:2] for point in line.get_points()])
     assert drawn.area * 0.3048**2 == pytest.approx(shapely.Polygon(mine.outline.exterior).area, rel=1e-6)
-
-
-def test_the_table_counts_what_passes_by_kind():
-    shape = {"kind": "box", "width_m": 2.0, "length_m": 50}
-    rows = [shape | {"case": code, "exit_code": code, "messages": ["", "too narrow"]} for code in (0, 2)]
-    rows += [{"case": 7, "kind": "levels, with heights", "exit_code": 0, "messages": []}]
-    text = SIMPLE_MINES.table(rows)
-    assert "| box | 2 | 1 | 2.00 to 2.00 | 50 to 50 |" in text
-    assert "| all | 3 | 2 |" in text
-    assert "- seed 2, a box: too narrow" in text
 
 
 @pytest.mark.slow

@@ -8,8 +8,7 @@ import pytest
 from benchmarks.comparisons.volume import throw_bodies
 from benchmarks.comparisons.volume.throw_bodies import mine_of, table_of, throw_everywhere
 from minexplore.floors.volume_arrays import FacetLabel
-from pipeline.errors import InputError
-from pipeline.volume.world.proof.region import region_of, regions_over
+from pipeline.volume.world.proof.region import regions_over
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +24,6 @@ def test_each_facet_is_a_target_in_one_region_with_the_parts_about_it(tee):
         behind = [facet for part in region.parts for facet in part.facets]
         assert region.targets.any()
         assert np.isin(np.flatnonzero(region.targets), behind).all()
-
-
-def test_a_region_of_parts_that_reach_too_little_has_more_of_them_so_that_bodies_are_thrown(tee):
-    for seed in range(3):
-        region = region_of(tee.volume, tee.parts, 2, np.random.default_rng(seed))
-        assert len(region.parts) > 2
-        assert region.targets.any()
 
 
 def test_no_body_gets_out_of_a_t_a_ball_is_pushed_at_each_facet_and_a_second_run_reads_what_the_first_one_kept(
@@ -52,8 +44,3 @@ def test_bodies_get_out_where_walls_have_no_parts(tee, tmp_path):
     rows = throw_everywhere(dataclasses.replace(tee, parts=shut), tmp_path / "regions.jsonl", 20_000, 500)
     assert sum(row["balls"]["escapes"] for row in rows) > 0
     assert sum(row["robots"]["escapes"] for row in rows) > 0
-
-
-def test_what_is_neither_a_case_nor_a_folder_is_refused_in_one_line_with_the_cases(tmp_path):
-    with pytest.raises(InputError, match=r"^no case 'tea' and no folder of a world; the cases are spiral, levels, tee"):
-        mine_of("tea", tmp_path)

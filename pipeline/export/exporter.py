@@ -17,7 +17,7 @@ from pipeline.export.checks.prove import Proof, prove
 from pipeline.export.checks.prove_volume import prove_volume
 from pipeline.export.extract import load_checked, read_scene
 from pipeline.export.extract_volume import arrays_of, read_volume_scene
-from pipeline.export.formats.known import require_format
+from pipeline.export.formats.table import require_format
 from pipeline.export.scene import ExportScene, ReadScene
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.params.validation import ValidationParams

@@ -37,6 +37,7 @@ from pipeline.export.scene import (
 )
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.remarks import warn_user
+from pipeline.volume.world.record import VolumeRecord
 
 ROCK = "rock"  # the material of walls and roofs in `mine.xml`
 _PARTS = (GeomGroup.COLLISION, GeomGroup.FLOOR, GeomGroup.ROOF)
@@ -67,7 +68,7 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
     materials = {material.name: material_of(material) for material in spec.materials}
     lights = [light_of(light) for light in spec.lights]
     surfaces = surfaces if has_visible_rock(world.record) else _bare(parts)
-    return ExportScene(_facts(record, licence), parts, surfaces, materials, lights, texture)
+    return ExportScene(facts_of(record, record.height_m, licence), parts, surfaces, materials, lights, texture)
 
 
 def load_checked(folder: Path) -> World:
@@ -78,7 +79,8 @@ def load_checked(folder: Path) -> World:
         raise ArtifactError(str(error)) from error
 
 
-def _facts(record: WorldRecord, licence: str) -> WorldFacts:
+def facts_of(record: WorldRecord | VolumeRecord, height_m: float, licence: str) -> WorldFacts:
+    """Return what an export states of a world besides its geometry."""
     return WorldFacts(
         name=record.name,
         format=record.format,
@@ -86,7 +88,7 @@ def _facts(record: WorldRecord, licence: str) -> WorldFacts:
         frames=record.frames,
         units=UNITS,
         T_world_mine=record.T_world_mine,
-        height_m=record.height_m,
+        height_m=height_m,
         areas=dataclasses.asdict(record.areas),
         licence=licence,
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import mujoco
 import numpy as np
 from pydantic import TypeAdapter
@@ -25,9 +23,9 @@ from minexplore.bundle import (
 from minexplore.floors.volume_arrays import FacetLabel, VolumeArrays
 from minexplore.pictures.shown import without_parts
 from minexplore.world import World
-from pipeline.export.extract import ROCK, flat_mesh, light_of, material_of
+from pipeline.export.extract import ROCK, facts_of, flat_mesh, light_of, material_of
 from pipeline.export.labels import FLOOR_LABEL, ROCK_LABEL, ROOF_LABEL, surface_label
-from pipeline.export.scene import UNITS, ConvexPart, ExportScene, Surface, WorldFacts, placed_part
+from pipeline.export.scene import ConvexPart, ExportScene, Surface, placed_part
 from pipeline.volume.world.model import part_names, zone_numbers
 from pipeline.volume.world.record import VolumeRecord
 
@@ -52,26 +50,12 @@ def read_volume_scene(world: World, licence: str) -> ExportScene:
     rock = sorted(mesh_of(name) for name in record.files if name.startswith(MESHES))
     spec = mujoco.MjSpec.from_string(without_parts(world.read(MODEL)))
     return ExportScene(
-        _facts(record, licence),
+        facts_of(record, round(record.volume.high_m - record.volume.low_m, 6), licence),
         _parts(record, arrays_of(world)),
         _floors(record, arrays_of(world)) + (_chunks(world, rock) if rock else _bare(arrays_of(world))),
         {material.name: material_of(material) for material in spec.materials},
         [light_of(light) for light in spec.lights],
         world.read(ROCK_TEXTURE) if has_visible_rock(world.record) else None,
-    )
-
-
-def _facts(record: VolumeRecord, licence: str) -> WorldFacts:
-    return WorldFacts(
-        name=record.name,
-        format=record.format,
-        world_sha256=record.world_sha256,
-        frames=record.frames,
-        units=UNITS,
-        T_world_mine=record.T_world_mine,
-        height_m=round(record.volume.high_m - record.volume.low_m, 6),
-        areas=dataclasses.asdict(record.areas),
-        licence=licence,
     )
 
 

@@ -32,7 +32,7 @@ from pipeline.metrics.rock.texture import (
     wall_wavelength_m,
 )
 from pipeline.params.validation import TextureReportParams
-from pipeline.proof.sampled import Sampled, number_of_points, sample_pieces
+from pipeline.proof.drawn_points import Sampled, number_of_points, sample_pieces
 from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
 
 _Heat = list[tuple[float, float, float]]  # easting and northing, m, and mean sigma, m

@@ -211,13 +211,3 @@ def _mesh_blocks(path: Path, points_per_unit2: float) -> Iterator[PointBlock]:
     count = min(max(LEAST_POINTS, int(wanted)), most)
     for block, first in enumerate(range(0, count, _BLOCK)):
         yield PointBlock(np.asarray(trimesh.sample.sample_surface(mesh, min(_BLOCK, count - first), seed=block)[0]))
-
-
-def _require_finite(path: Path, block: PointBlock) -> PointBlock:
-    bad = ~np.isfinite(block.points).all(axis=1)
-    if bad.any():
-        raise InputError(
-            f"{path}: {int(bad.sum())} of {len(block)} points are not finite "
-            f"(the first is number {int(bad.argmax()) + 1})"
-        )
-    return block

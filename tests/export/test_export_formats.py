@@ -16,8 +16,8 @@ from pipeline.errors import ArtifactError
 from pipeline.export.checks.pieces import triangle_area_m2
 from pipeline.export.checks.prove import prove
 from pipeline.export.checks.rays import RAYS
-from pipeline.export.formats.known import FORMATS
 from pipeline.export.formats.sdf import WORLD_FILE
+from pipeline.export.formats.table import FORMATS
 from pipeline.export.frames import turn_to
 from pipeline.export.scene import Files
 from tests.project import ROOT

@@ -12,7 +12,7 @@ from pipeline.export.checks.prove_volume import compare_parts, prove_volume
 from pipeline.export.exporter import EXPORT_RECORD, export_world
 from pipeline.export.extract import load_checked
 from pipeline.export.extract_volume import arrays_of, read_volume_scene
-from pipeline.export.formats.known import FORMATS
+from pipeline.export.formats.table import FORMATS
 from pipeline.export.scene import ReadScene, box_corners, placed_part
 from tests.composed import compose
 

@@ -18,7 +18,7 @@ from minexplore.bundle import MODEL, BundleError
 from pipeline.commands.exports import export_
 from pipeline.errors import ArtifactError, InputError, LimitError
 from pipeline.export.exporter import EXPORT_RECORD, export_world
-from pipeline.export.formats.known import FORMATS, require_format
+from pipeline.export.formats.table import FORMATS, require_format
 from pipeline.export.scene import ExportScene, Files
 from tests.mines import sealed
 from tests.project import ROOT

@@ -24,9 +24,6 @@ BANNED = {
 # *Sheet* is no word for a drawing, and no word for a floor. Data sheets and spreadsheets are what others call so.
 SHEET = r"(?i)(?<!data[ _-])(?<!spread)sheet(?! 3 of 7)"
 WHOLE = (*PRODUCT, "baselines", "benchmarks", "docs/adr/0016-workings-on-drawings.md")
-# Pages for readers, and words of floors that were a folded plan; data sheets and spreadsheets are what others call so.
-PAGES = ("docs/start.md", "docs/security.md", "docs/index.md", "docs/how-to", "docs/reference", "README.md")
-FOLDED = r"(?i)(?<!data)(?<!data )(?<!spread)\bsheets?\b|\bunfold|\bfold(?:s|ed floors?)?\b"
 PICTURES = {"Image", "Figure", "str", "None", "tuple[Image, tuple[int, int, int, int]]", "tuple[int, int, int, int]"}
 
 
@@ -66,29 +63,6 @@ def test_a_drawing_on_paper_is_no_sheet():
     assert not found
 
 
-@pytest.mark.parametrize("line", ["a sheet of three levels", "def draw_sheet(seed: int) -> Image:", "drawn-sheets"])
-def test_a_sheet_is_found_as_word_and_in_names(line):
-    assert lines_with(SHEET, line)
-
-
-def test_pages_for_readers_have_no_words_of_folded_floors():
-    found = [
-        f"{path.relative_to(ROOT)}:{line}" for path in files(PAGES) for line in lines_with(FOLDED, path.read_text())
-    ]
-    assert not found
-
-
-@pytest.mark.parametrize(
-    "line", ["a spiral has several sheets", "| sheet | a piece |", "it is folded floors", "to fold it"]
-)
-def test_a_word_of_folded_floors_is_found(line):
-    assert lines_with(FOLDED, line)
-
-
-def test_data_sheets_and_folders_are_no_words_of_folded_floors():
-    assert not lines_with(FOLDED, "its data sheet, a spreadsheet and a folder, folded on paper")
-
-
 def test_functions_that_draw_return_pictures():
     found = {
         path.relative_to(ROOT): names
@@ -96,24 +70,3 @@ def test_functions_that_draw_return_pictures():
         if path.suffix == ".py" and (names := painters_that_return_no_picture(path.read_text()))
     }
     assert not found
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "others are told by their places",
-        "_TOLD_M = 0.01",
-        "def tell_shafts(path):",
-        "which is said with its place",
-        "three pits, none of which is built",
-        'f"2 stations get the limit"',
-        "What loops do not close by is distributed",
-        '    """Say which are left out."""',
-    ],
-)
-def test_a_banned_word_is_found(line):
-    assert any(lines_with(pattern, line) for pattern in BANNED)
-
-
-def test_a_reader_that_is_named_as_a_painter_is_found():
-    assert painters_that_return_no_picture("def draw_sheets(path: Path) -> MultiPolygon: ...") == ["draw_sheets"]

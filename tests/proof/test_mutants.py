@@ -48,10 +48,10 @@ def test_a_good_world_is_proved(small, params):
 
 
 def test_random_mutants_are_refused_or_harmless(small, params):
-    verdicts = [judge(small, params, seed) for seed in range(40)]
+    verdicts = [judge(small, params, seed) for seed in range(16)]
     assert not [v for v in verdicts if v.outcome in (MISSED, CRASHED)]
     caught = [v for v in verdicts if v.outcome == CAUGHT]
-    assert len(caught) > 35
+    assert len(caught) > 13
     assert all("\n" not in v.reason and v.reason.startswith("w/") for v in caught), [v.reason for v in caught]
 
 

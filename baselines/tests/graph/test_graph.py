@@ -21,10 +21,10 @@ from baselines.graph.scenes import Scenes
 from baselines.graph.training.convoy import Convoy
 from baselines.graph.training.episodes import Decisions, Network, credits, join, sample
 from baselines.graph.training.fresh_ground import fresh_ground
-from baselines.graph.training.mines import make_simulator
 from baselines.graph.training.senses import Senses
 from baselines.graph.training.settings import compose_settings
 from baselines.graph.training.simulator import MapSimulator
+from baselines.graph.training.train import make_simulator
 from baselines.policies.policy_lookup import make_policy, trained_in
 from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy

@@ -1,11 +1,9 @@
 """The comparison with Therion and Survex, on solved surveys whose differences are known."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from benchmarks.comparisons.survey_programs import ProjectVerdict, compare, main, read_dump, read_positions, table
+from benchmarks.comparisons.survey_programs import compare, read_dump, read_positions
 from pipeline.survey.solved.model import SolvedSurvey
 
 
@@ -44,15 +42,6 @@ def test_a_station_elsewhere_or_missing_and_a_leg_too_many_are_different(ours, w
     found = compare(THEIRS, ours)
     assert found.verdict == "different"
     assert why in found.why
-
-
-def test_the_table_counts_verdicts_and_a_missing_program_is_named(tmp_path: Path, capsys):
-    found = table({"x.th": ProjectVerdict("equal", ""), "y.th": ProjectVerdict("different", "")})
-    assert "Of 2 files that their own program reads, 1 are read equally." in found
-    assert "| different | 1 |" in found
-    (tmp_path / "x.th").write_text("survey x\nendsurvey\n")
-    assert main([str(tmp_path), "--therion", "no-such-program"]) == 2
-    assert "no-such-program" in capsys.readouterr().err
 
 
 DUMP = """TITLE "x"

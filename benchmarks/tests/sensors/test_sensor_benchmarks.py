@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.sensors.rates import best_rate, own_rates
 from benchmarks.sensors.sweeps import compare_sweep, lost_by_incidence, spread_by_range
 from minexplore.sensing.scanners import load_pattern
 from minexplore.sensing.scanners.caster import shared_caster
@@ -45,13 +44,3 @@ def test_the_bins_that_are_taken_out_are_lost_where_the_world_says_and_a_wide_ga
     shares = [share for _, share in lost_by_incidence([real])]
     assert max(shares[:2]) < 0.1
     assert shares[2] > 0.5
-
-
-def test_a_rate_counts_the_fastest_try():
-    assert best_rate(lambda: sum(range(10_000)), 10_000, 3) > 1e6
-
-
-def test_clouds_cost_more_than_their_rays(world):
-    rows = {name: float(rate.replace(",", "")) for name, rate in own_rates(world, "vlp-16")}
-    assert len(rows) == 6
-    assert rows["MineXplore, a cloud, dusty"] < rows["MineXplore, ranges and faces"]

@@ -1,14 +1,12 @@
 """How `python -m benchmarks parity-gpu` counts, resumes and judges; these tests need neither Warp nor a GPU."""
 
-import json
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from benchmarks.speed.gpu_parity import Part, block_sizes, main, merge
-from benchmarks.speed.gpu_parity_page import compare_samples, rows, tables
+from benchmarks.speed.gpu_parity import Part, main
+from benchmarks.speed.gpu_parity_page import rows, tables
 from tests.project import ROOT
 
 LOOKS = {"rays": 100, "largest_difference_m": 2e-5, "rays_beyond_1_mm": 0, "cells_that_differ": 0}
@@ -40,38 +38,6 @@ def test_a_run_goes_on_where_the_last_one_stopped(tmp_path):
     assert run(100, head, tmp_path) == [0, 1, 2]
     assert run(100, head, tmp_path) == []
     assert run(170, head, tmp_path) == [3, 4]
-
-
-def test_blocks_of_other_code_or_of_another_device_are_measured_again(tmp_path):
-    for head in ({"device": "CPU", "code": "a"}, {"device": "CPU", "code": "b"}, {"device": "H100", "code": "b"}):
-        assert run(80, head, tmp_path) == [0, 1]
-    assert json.loads((tmp_path / "looks.jsonl").read_text().splitlines()[0]) == head
-
-
-def test_an_interrupted_part_keeps_its_whole_blocks(tmp_path):
-    def interrupt(block: int) -> dict:
-        if block == 2:
-            raise KeyboardInterrupt
-        return LOOKS
-
-    with pytest.raises(KeyboardInterrupt):
-        Part("looks", "rays", 1000, interrupt).blocks({}, tmp_path)
-    assert len((tmp_path / "looks.jsonl").read_text().splitlines()) == 3
-
-
-def test_a_block_of_more_robots_drives_each_of_them_as_long():
-    few, many = (block_sizes(robots, 10**6, 10**6, 10**6) for robots in (256, 1024))
-    assert many == tuple(4 * size for size in few)
-    assert block_sizes(256, 100, 200, 300) == (100, 200, 300)
-
-
-def test_blocks_are_added_but_for_the_largest_and_the_least():
-    found = merge([STRESS, STRESS | {"least_clearance_m": 0.1, "outside": 2}])
-    assert found["contacts"] == 1000
-    assert found["least_clearance_m"] == 0.1
-    assert found["outside"] == 2
-    assert merge([LOOKS, LOOKS | {"largest_difference_m": 1e-3}])["largest_difference_m"] == 1e-3
-    assert merge([EPISODES, EPISODES])["cpu"] == EPISODES["cpu"] * 2
 
 
 def test_every_limit_that_is_broken_is_shown():
@@ -109,11 +75,3 @@ def test_a_wrong_argument_is_named_before_anything_is_measured(monkeypatch, caps
         main()
     assert ended.value.code == 2
     assert message in capsys.readouterr().err
-
-
-def test_equal_samples_of_32_and_64_bits_are_no_difference():
-    one = [[7.0, k / 442] for k in (167, 167, 199, 240)] * 64
-    two = [[value, float(np.float32(coverage))] for value, coverage in one]
-    assert compare_samples({"cpu": one, "warp": two})["coverage"]["p"] == 1
-    less = [[value, coverage - 1 / 442] for value, coverage in two]
-    assert compare_samples({"cpu": one, "warp": less})["coverage"]["p"] < 0.01

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.speed.growth import CASES, GROWTH, LONG, exponent, holds, measure_file, row_of
+from benchmarks.speed.growth import LONG, exponent, measure_file, row_of
 from benchmarks.speed.stage_costs import STAGES
 from tests.heights import UNDER, table
 from tests.project import Project
@@ -19,25 +19,6 @@ def test_the_exponent_is_that_of_a_power_law_of_the_light_level_mines_from_three
     others = [grown(1, 400.0), grown(10, 9000.0, kind="rock"), grown(10, 900.0, style="levels")]
     assert exponent([*others, *(grown(km, 5 * km**1.1) for km in (3, 10, 30))]) == pytest.approx(1.1)
     assert exponent(others) is None
-
-
-def test_the_page_has_a_line_a_mine_and_how_time_grows():
-    text = GROWTH.table([grown(km, 5.0 * km) for km in (1, 3, 10)])
-    wanted = "| drift and crosscut, light, 10 km | 10.00 | 50.0 | 5.00 | 900 | validation | 180 | 5.00 | holds | 0.20 |"
-    assert wanted in text
-    assert "power of 1.00 (limit 1.15)." in text
-    assert "**missed**" in GROWTH.table([grown(km, 5.0 * km**1.3) for km in (3, 10)])
-
-
-def test_a_broken_certificate_and_too_much_memory_do_not_hold():
-    assert holds(grown(3, 15))
-    assert not holds(grown(3, 15, certificate=False))
-    assert not holds(grown(3, 15, peak_mb={"survey": 9000.0}))
-
-
-def test_the_sample_has_every_style_a_mine_with_rock_and_one_of_levels():
-    assert len({style for style, _, _ in CASES}) == 5
-    assert {kind for _, kind, _ in CASES} == {"light", "rock"}
 
 
 @pytest.mark.slow

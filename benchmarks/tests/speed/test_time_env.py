@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.speed.time_env import paired_steps_per_s, start_at_entrance, start_spread, tables
+from benchmarks.speed.time_env import paired_steps_per_s, start_at_entrance, start_spread
 from minexplore.envs.vector import MineVectorEnv
 
 
@@ -35,15 +35,3 @@ def test_robots_are_spread_over_the_mine(pair):
     assert apart.min() > 2.0
     free = pair[0].world.places_m(0.6)
     assert (np.ptp(places, axis=0) > 0.7 * np.ptp(free, axis=0)).all()
-
-
-def test_the_page_begins_with_robots_spread_over_the_mine_and_marks_what_misses_its_limit():
-    text, missed = tables({"vector_steps_per_s": 3000.0, "two_threads_vs_one": 1.37, "reset_ms": 0.04}, 2.06)
-    assert missed == ["two_threads_vs_one"]
-    rows = [line for line in text.splitlines() if line.startswith("| ")]
-    assert rows[1:] == [
-        "| vector_steps_per_s | 3,000.00 |  |",
-        "| two_threads_vs_one | 1.37 | >= 1.5 (missed) |",
-        "| reset_ms | 0.04 | <= 1 |",
-    ]
-    assert "a load average of 2.1" in text

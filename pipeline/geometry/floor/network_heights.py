@@ -7,15 +7,33 @@ import shapely
 from scipy.interpolate import LinearNDInterpolator
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
+from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.solved_heights import solve_heights
 from pipeline.geometry.polyline import arc_length
-from pipeline.types import DriftNetwork, Heights
+from pipeline.types import DriftNetwork, FloorMesh, Heights
 
 _NEAR_M = 15.0  # of a spot from the middle of its drift
 _SAME_M = 0.01
 _ALIKE_M, _STEP_M = 0.5, 0.3  # spots so near to each other along a drift count by their mean, and differ by no more
+
+
+def plan_floors(
+    outline: BaseGeometry, heights: Heights, network: DriftNetwork, start_m: tuple[float, float] | None
+) -> FloorMesh:
+    """Return the floor of a plan's outline (m, mine frame), whose heights are known in its drifts.
+
+    A grade begins at `start_m`, or where the main drift does.
+
+    Raises
+    ------
+    GeometryError
+        If a height is far from every drift, or contradicts another; the message names the place.
+    """
+    lines = floor_lines(heights, network, start_m or network.main_drift_m[0])
+    return build_floor(outline, lines, heights.datum_m)
 
 
 def floor_lines(heights: Heights, network: DriftNetwork, entrance_m: tuple[float, float]) -> list[np.ndarray]:

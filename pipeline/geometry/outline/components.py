@@ -31,10 +31,8 @@ def choose_component(workings: MultiPolygon, places_m: Places) -> Polygon:
         return max(components, key=lambda component: component.area)
     chosen = []
     for x, y in places_m:
-        distance = shapely.distance(components, shapely.Point(x, y))
-        if distance.min() > _NEAR_M:
-            raise GeometryError(_no_workings_at(x, y, float(distance.min())))
-        chosen.append(components[int(distance.argmin())])
+        distance_m = shapely.distance(components, shapely.Point(x, y))
+        chosen.append(components[_nearest((x, y), distance_m)])
     for (x, y), component in zip(places_m[1:], chosen[1:], strict=True):
         if component is not chosen[0]:
             raise GeometryError(_not_connected(places_m[0], (x, y), component.distance(chosen[0])))
@@ -58,10 +56,7 @@ def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
     centres = frame.to_mine(np.column_stack([cols, rows]) + 0.5)
     chosen = []
     for x, y in places_m:
-        distance = np.linalg.norm(centres - (x, y), axis=1)
-        if distance.min() > _NEAR_M:
-            raise GeometryError(_no_workings_at(x, y, float(distance.min())))
-        at = int(distance.argmin())
+        at = _nearest((x, y), np.linalg.norm(centres - (x, y), axis=1))
         chosen.append(int(labels[rows[at], cols[at]]))
     for place, label in zip(places_m[1:], chosen[1:], strict=True):
         if label != chosen[0]:
@@ -71,11 +66,15 @@ def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
     return labels == chosen[0]
 
 
-def _no_workings_at(x: float, y: float, distance_m: float) -> str:
-    return (
-        f"no workings at ({x:g}, {y:g}): the nearest are {distance_m:.1f} m away (at most {_NEAR_M:g} m); "
-        "contours.components chooses the part that is built"
-    )
+def _nearest(place_m: tuple[float, float], distance_m: np.ndarray) -> int:
+    """Return the index of the workings that a place selects, by their distances (k,) m from it."""
+    if distance_m.min() > _NEAR_M:
+        x, y = place_m
+        raise GeometryError(
+            f"no workings at ({x:g}, {y:g}): the nearest are {distance_m.min():.1f} m away (at most {_NEAR_M:g} m); "
+            "contours.components chooses the part that is built"
+        )
+    return int(distance_m.argmin())
 
 
 def _not_connected(one: tuple[float, float], other: tuple[float, float], gap_m: float) -> str:

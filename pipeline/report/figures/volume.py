@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 import trimesh
 from matplotlib import colormaps
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from minexplore.bundle import ROOF
 from pipeline.report.figures.deviation import add_deviation
-from pipeline.report.figures.levels import long_axis, times_as_high
 from pipeline.report.figures.scene import add_bands, coloured, look_at
-from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, name_axes, new_figure
+from pipeline.report.figures.style import OCHRE, STEEL, name_axes, new_figure
 from pipeline.types import METRIC, Georeference
 
 _WIDE_IN = 9.0
@@ -94,25 +93,6 @@ def _highest(places_m: np.ndarray, cell_m: float) -> tuple[np.ndarray, float, fl
     order = np.argsort(places_m[:, 2], kind="stable")
     top[row[order], column[order]] = places_m[order, 2]
     return top, float(west), float(south)
-
-
-def draw_section(floors_m: np.ndarray, roofs_m: np.ndarray, datum_m: float) -> Figure:
-    """Draw the floor and the roof (m, 2, 3) m of every leg, seen across the direction in which the mine is longest."""
-    along = long_axis(floors_m.reshape(-1, 3)[:, :2])
-    x, z, top = floors_m[:, :, :2] @ along, floors_m[:, :, 2] + datum_m, roofs_m[:, :, 2] + datum_m
-    walls = np.stack([np.column_stack([x, x[:, ::-1]]), np.column_stack([z, top[:, ::-1]])], axis=2)
-    wide, high = max(float(np.ptp(x)), 1.0), float(top.max() - z.min())
-    times = times_as_high(wide, high)
-    figure = new_figure(_WIDE_IN, float(np.clip(_WIDE_IN * times * high / wide + 0.9, 2.0, 10.0)))
-    axis = figure.add_subplot()
-    axis.add_collection(PolyCollection(list(walls), facecolor="#d9cbbf", edgecolor="none", alpha=0.5))
-    axis.add_collection(LineCollection(list(np.stack([x, top], axis=2)), colors=GREY, linewidths=0.4))
-    axis.add_collection(LineCollection(list(np.stack([x, z], axis=2)), colors=ROCK, linewidths=0.8))
-    bearing = np.degrees(np.arctan2(along[0], along[1])) % 360
-    axis.set(xlabel=f"distance along bearing {bearing:.0f}°, m", ylabel="elevation, m", aspect=times)
-    axis.set(xlim=(x.min() - 2, x.max() + 2), ylim=(z.min() - 1, top.max() + 1))
-    axis.set_title("floor brown, roof grey" + (f"; heights {times} times as large" if times > 1 else ""), fontsize=8)
-    return figure
 
 
 def facet_scene(

@@ -38,7 +38,7 @@ ELSEWHERE = {
     r"(make evidence|python -m benchmarks (stale|evidence).*)": "benchmarks/tests/test_freshness.py",
     r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
-    r"python -m benchmarks (replay|leave-out-sweeps)": "tests/proof/test_certificate.py; by what `make data` fetches",
+    r"python -m benchmarks replay": "tests/proof/test_certificate.py; by what `make data` fetches",
     r".*python -m benchmarks train.*": "baselines/tests/ppo/test_ppo.py: training, interruption, resumption, two nodes",
     r"python -m benchmarks worlds .*": "tests/commands/test_family.py, with small mines",
     r"python -m benchmarks curves": "baselines/tests/ppo/test_ppo.py; it draws the curves of long training",

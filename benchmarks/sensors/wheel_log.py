@@ -7,13 +7,13 @@ The log is that of the way from scan 01S to scan 02S of the Chilean mine, both o
 from __future__ import annotations
 
 import argparse
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-SEPARATION_M = 0.545  # of the wheels, as the dataset states it
+from benchmarks.sensors.odometry_fit import WHEEL_BASE_M, read_log, read_pose
+
 _CONTROL_S = 0.1  # the log's period and a control step
 _STEADY = (0.8, 1.2)  # of that period: other times are late, and their speeds wrong
 _STEP = 0.005  # the most that a scale changes in one of Newton's steps
@@ -40,28 +40,18 @@ class DriveFit:
     heading_error_rad: float
 
 
-def read_log(path: Path) -> WheelLog:
-    """Read a log with the columns times, left and right."""
-    with path.open() as file:
-        rows = [(float(row["times"]), float(row["left"]), float(row["right"])) for row in csv.DictReader(file)]
-    return WheelLog(*np.array(rows).T)
-
-
-def read_poses(path: Path, names: tuple[str, str]) -> np.ndarray:
-    """Read the surveyed poses (2, 3), x and y m and heading rad, of two scans."""
-    with path.open() as file:
-        found = {
-            row["pose_num"]: [float(row[f"{axis}_truth"]) for axis in ("x", "y", "theta")]
-            for row in csv.DictReader(file)
-        }
-    return np.array([found[name] for name in names])
+def read_drive(folder: Path) -> tuple[WheelLog, np.ndarray]:
+    """Return a log, and the surveyed poses (2, 3), x and y m and heading rad, where it begins and ends."""
+    time_s, travel_m = read_log(folder / "encoder_01M.csv")
+    poses = np.array([read_pose(folder / "scan_poses.csv", name) for name in ("01S", "02S")])
+    return WheelLog(time_s, *travel_m.T), poses
 
 
 def end_of(log: WheelLog, start: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """Return the pose (3,) that a log leads to from a pose (3,), with a scale (2,) for the wheels of either side."""
     left, right = log.left_m * scales[0], log.right_m * scales[1]
-    heading = start[2] + np.cumsum((right - left) / SEPARATION_M)
-    middle = heading - (right - left) / SEPARATION_M / 2
+    heading = start[2] + np.cumsum((right - left) / WHEEL_BASE_M)
+    middle = heading - (right - left) / WHEEL_BASE_M / 2
     way = (left + right) / 2
     return np.array([start[0] + way @ np.cos(middle), start[1] + way @ np.sin(middle), heading[-1]])
 
@@ -87,7 +77,7 @@ def _noise(log: WheelLog) -> tuple[float, float]:
     period = np.diff(log.time_s, prepend=np.nan)
     steady = (period > _STEADY[0] * _CONTROL_S) & (period < _STEADY[1] * _CONTROL_S)
     moving = steady & (log.left_m + log.right_m > 0)
-    turn = (log.right_m - log.left_m) / SEPARATION_M / period
+    turn = (log.right_m - log.left_m) / WHEEL_BASE_M / period
     kernel = np.ones(_MEAN_STEPS) / _MEAN_STEPS
     mean = np.convolve((log.left_m + log.right_m) / 2, kernel, "valid") / np.convolve(
         np.nan_to_num(period), kernel, "valid"
@@ -109,11 +99,8 @@ def _spread(values: np.ndarray, valid: np.ndarray) -> float:
 def main() -> None:
     """Print the fit."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks wheel-log", description=__doc__)
-    parser.add_argument("--log", type=Path, default=Path("../shared/data/chilean_mine/encoder_01M.csv"))
-    parser.add_argument("--poses", type=Path, default=Path("../shared/data/chilean_mine/scan_poses.csv"))
-    arguments = parser.parse_args()
-    log, poses = read_log(arguments.log), read_poses(arguments.poses, ("01S", "02S"))
-    found = fit(log, poses)
+    parser.add_argument("--data", type=Path, default=Path("data/raw"), help="folder of the log and the poses")
+    found = fit(*read_drive(parser.parse_args().data))
     print(f"travel_scale = {found.travel_scale:.3f}: way over ground by metre of wheel")
     print(f"side_ratio = {found.side_ratio:.4f}: of the right side's to the left side's")
     print(f"speed_noise_mps = {found.speed_noise_mps:.3f}")
