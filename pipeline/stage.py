@@ -18,7 +18,7 @@ from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file
 from pipeline.store.locks import hold_lock
 from pipeline.store.manifest import UNLISTED, Manifest, code_sha256, new_manifest, read_manifest
-from pipeline.store.mine_survey import MineSurvey, Model, open_survey, survey_files
+from pipeline.store.mine_survey import MineModel, MineSurvey, open_survey, survey_files
 from pipeline.store.registry import read_registry, verify_input
 from pipeline.store.written import Written
 
@@ -72,7 +72,7 @@ class Stage:
 
 def by_model(level: Callable[..., Any], volume: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that calls the one of the model that a mine is built in; nothing else asks for the model."""
-    table = {Model.LEVEL: level, Model.VOLUME: volume}
+    table = {MineModel.LEVEL: level, MineModel.VOLUME: volume}
 
     def run(params: Any, mine: MineSurvey, **inputs: Any) -> Any:
         return table[mine.model](params, mine, **inputs)

@@ -39,7 +39,7 @@ _RECORDS: dict[str, Any] = {
 _KINDS: dict[str, Any] = {_SURVEY: Survey, _PLAN: Image, WORKINGS: Workings, **_RECORDS}
 
 
-class Model(Enum):
+class MineModel(Enum):
     """What a mine is built as: walls about a level floor, or one closed volume."""
 
     LEVEL = "level"
@@ -67,10 +67,10 @@ class MineSurvey:
     workings: Workings | None = None
 
     @property
-    def model(self) -> Model:
+    def model(self) -> MineModel:
         """Return what the mine is built as: a plan without heights is level, all else is a volume."""
         is_level = isinstance(self.shape, DrawnPlan) and self.survey.heights is None
-        return Model.LEVEL if is_level else Model.VOLUME
+        return MineModel.LEVEL if is_level else MineModel.VOLUME
 
     @property
     def source(self) -> str:

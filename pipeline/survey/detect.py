@@ -88,8 +88,7 @@ def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None 
     """Detect how a file should be read in this process; `detect_survey` has limits."""
     with reading_by(FloorRules.model_validate(rules or {})):
         found = _detect(Path(path), StatedOptions.model_validate(stated))
-    values = {name: value for name, value in vars(found).items() if name != "picture"}
-    values["files"] = [str(file) for file in found.files]
+    values = {n: v for n, v in vars(found).items() if n != "picture"} | {"files": [str(f) for f in found.files]}
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 

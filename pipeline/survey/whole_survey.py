@@ -146,7 +146,7 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
             "floors that pass over it",
             of=path.name,
             count=f"{count} of {len(roofs)}",
-            option="compile3d.volume.roof_m=M",
+            option="compile3d.height_m, compile3d.volume.roof_m=M" if usual is None else "compile3d.volume.roof_m=M",
             advice="compile3d.volume.roof_m=M states another",
         )
     if between:

@@ -8,7 +8,7 @@ from tests.house.test_modules import PACKAGES, modules_of
 from tests.project import ROOT
 
 QUESTION = re.compile(
-    r"\bModel\.(?:LEVEL|VOLUME)\b|\bis_volume\(|\bVOLUME\)\.is_file\(|\bVOLUME_FORMAT ?==|== VOLUME_FORMAT\b"
+    r"\bMineModel\.(?:LEVEL|VOLUME)\b|\bis_volume\(|\bVOLUME\)\.is_file\(|\bVOLUME_FORMAT ?==|== VOLUME_FORMAT\b"
     r"|\bNO_(?:LEGS|SOLID|FLOORS|PICTURE)\b|none\.txt|\blen\((?:network|level_legs|floors)\)"
 )
 OF_A_SURVEY = {"pipeline/stage.py": 1, "pipeline/store/mine_survey.py": 1}  # the table, and what it is asked of
@@ -36,6 +36,6 @@ def test_the_question_stands_in_the_listed_places_alone():
 
 
 def test_a_stage_that_asks_for_itself_is_found():
-    assert questions_in("if mine.model is Model.LEVEL:\n    pass\n") == 1
+    assert questions_in("if mine.model is MineModel.LEVEL:\n    pass\n") == 1
     assert questions_in("if len(floors) or len(network) or len(solid):\n") == 1
     assert questions_in("if (volume / VOLUME).is_file():\n") == 1

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from pipeline.errors import ArtifactError
-from pipeline.store.mine_survey import MineSurvey, Model, open_survey, survey_arrays, survey_files, survey_of_arrays
+from pipeline.store.mine_survey import MineModel, MineSurvey, open_survey, survey_arrays, survey_files, survey_of_arrays
 from pipeline.types import ClosedMesh, DrawnFloors, DrawnPlan, FloorMesh, Heights, SurveyedLegs, Workings, text_array
 from tests.mines import TEE, frame_for, survey_of
 
@@ -66,9 +66,9 @@ def test_a_survey_is_read_as_it_was_written_and_has_no_file_of_what_it_has_not(o
 
 def test_a_plan_without_heights_is_level_and_all_else_is_a_volume():
     models = {of: MineSurvey(SURVEY, PICTURE, shape, seen).model for of, (shape, seen, _) in OF.items()}
-    assert {of for of, model in models.items() if model is Model.LEVEL} == {"a picture", "a drawing", "lines"}
+    assert {of for of, model in models.items() if model is MineModel.LEVEL} == {"a picture", "a drawing", "lines"}
     with_heights = replace(SURVEY, heights=Heights(grade=0.1))
-    assert MineSurvey(with_heights, PICTURE, DrawnPlan()).model is Model.VOLUME
+    assert MineSurvey(with_heights, PICTURE, DrawnPlan()).model is MineModel.VOLUME
 
 
 @pytest.mark.parametrize(

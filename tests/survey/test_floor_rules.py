@@ -9,7 +9,7 @@ from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
 from pipeline.params.reader_limits import FILE
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.stage import ARTIFACTS, is_fresh
-from pipeline.store.mine_survey import Model
+from pipeline.store.mine_survey import MineModel
 from pipeline.survey.load import read_survey
 from stages.survey import STAGE
 from tests.project import ROOT
@@ -56,9 +56,9 @@ def test_a_survey_is_read_by_its_own_rules(tmp_path, monkeypatch):
     (tmp_path / "data" / "registry.txt").write_text("")
     monkeypatch.chdir(tmp_path)
     section = {"kind": "passages", "name": "steep", "file": "data/steep.csv"}
-    assert read_survey(PassageSurveyParams.model_validate(section)).model is Model.VOLUME
+    assert read_survey(PassageSurveyParams.model_validate(section)).model is MineModel.VOLUME
     level = PassageSurveyParams.model_validate({**section, "flat_step_m": 10})
-    assert read_survey(level).model is Model.LEVEL
+    assert read_survey(level).model is MineModel.LEVEL
 
 
 def test_the_rules_of_one_survey_end_with_its_reading():

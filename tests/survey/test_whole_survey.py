@@ -6,7 +6,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.store.mine_survey import Model
+from pipeline.store.mine_survey import MineModel
 from pipeline.survey.detect import detect_here, detect_survey
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.solved_surveys import entrances_of
@@ -111,8 +111,8 @@ def test_a_survey_without_elevations_or_with_like_ones_stays_a_plan(tmp_path, ri
     head = "leg,station,easting_m,northing_m,left_m,right_m" + (",elevation_m" if rise else "")
     first = ",5" if rise else ""
     text = f"{head}\nA,1,0,0,2,2{first}\nA,2,9,0,2,2{rise}\n"
-    assert survey_of_table(text, tmp_path, flat_step_m=1.0).model is Model.LEVEL
-    assert survey_of_table(text, tmp_path, flat_step_m=0.0).model is (Model.VOLUME if rise else Model.LEVEL)
+    assert survey_of_table(text, tmp_path, flat_step_m=1.0).model is MineModel.LEVEL
+    assert survey_of_table(text, tmp_path, flat_step_m=0.0).model is (MineModel.VOLUME if rise else MineModel.LEVEL)
 
 
 @pytest.mark.parametrize("stated", [{"grade": 0.02}, {"heights": "data/spots.csv"}])

@@ -26,6 +26,7 @@ from pipeline.survey.solved.splay_walls import (
     splays_by_node,
     usual_half_width_m,
 )
+from pipeline.survey.solved.unmeasured import warn_of_floors, warn_of_strays
 from pipeline.survey.solved.wall_sections import with_hits
 from pipeline.types import Source
 
@@ -76,11 +77,11 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         (nodes, np.where(np.isfinite(walls), walls, ends))
         for (nodes, walls), (_, ends) in zip(rows[first:], continued, strict=True)
     ]
-    _warn_of_strays(path, hits.strays)
+    warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
     rows, sides = with_sides(path, rows, half_width_m, sum(map(len, splays.values())))
     rows = _with_one_floor(path, plan, rows)
-    _warn_of_floors(path, rows)
+    warn_of_floors(path, rows)
     rows, floors = fill_down(rows, plan.places, hits.depths())
     sources = [
         np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
@@ -102,17 +103,6 @@ def _splays_of(leg: SurveyLeg, steps: dict[str, np.ndarray]) -> np.ndarray:
         if name in steps
     ]
     return np.concatenate([np.zeros((0, 2, 3)), *found])
-
-
-def _warn_of_strays(path: Path, count: int) -> None:
-    """Warn of splays that end in a passage that is not near along the survey."""
-    if count:
-        warn_user(
-            "splays go through windows into passages that are not near along the survey; they measure no "
-            "wall of their own passage",
-            of=path.name,
-            count=count,
-        )
 
 
 def node_of_stations(survey: SolvedSurvey) -> tuple[np.ndarray, np.ndarray]:
@@ -239,6 +229,7 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int =
             f"without one, {'as stated' if half_width_m else found}",
             of=path.name,
             count=f"{count} of {total}",
+            option="" if half_width_m else "--half-width",
         )
     if count := sum(one.have(Source.INTERPOLATED) for one in filled):
         warn_user(
@@ -248,19 +239,6 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int =
             count=f"{count} of {total}",
         )
     return [(nodes, one.walls) for (nodes, _), one in zip(rows, filled, strict=True)], [one.sources for one in filled]
-
-
-def _warn_of_floors(path: Path, rows: Rows) -> None:
-    """Warn of stations whose distance down is interpolated along the survey, as others have one."""
-    nodes = {node for row, _ in rows for node in row}
-    known = {node for row, walls in rows for node, down in zip(row, walls[:, 3], strict=True) if np.isfinite(down)}
-    if known and len(known) < len(nodes):
-        warn_user(
-            "stations have no measured distance down to the floor; it is interpolated along the legs "
-            "between those that have one, and is their median beyond them",
-            of=path.name,
-            count=f"{len(nodes) - len(known)} of {len(nodes)}",
-        )
 
 
 def _warn_of_unsurveyed(path: Path, plan: _StationPlan) -> None:

@@ -211,8 +211,8 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
     pieces = [(drawn.entity, piece) for drawn in disassemble.to_primitives(kept) if (piece := _piece(drawn))]
     wide = sum(isinstance(entity, LWPolyline | Polyline) and entity.has_width for entity, _ in pieces)
     if wide:
-        way = "--half-width takes them as the middles of drifts"
-        warn_user(f"polylines have a width, which is not read; {way}", of=path.name, count=wide)
+        way, option = "--half-width takes them as the middles of drifts", "--half-width"
+        warn_user("polylines have a width, which is not read", of=path.name, count=wide, option=option, advice=way)
     read = {id(entity) for entity, _ in pieces}
     others = count_kinds([e for e in chosen if id(e) not in read]) | annotations
     if not pieces:  # what is missing is then the plan

@@ -39,7 +39,12 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
         assumed = sum(k.is_assumed for k in found.elsewhere)
         why = f", {assumed} of them under an assumed roof (up_m, compile3d.height_m)" if assumed else ", as surveyed"
         named = first_few(through, _NAMED)
-        warn_user(f"pairs of legs break through each other's floors{why}: {named}", of="validation", count=len(through))
+        warn_user(
+            f"pairs of legs break through each other's floors{why}: {named}",
+            of="validation",
+            count=len(through),
+            option="compile3d.height_m" if assumed else "",
+        )
     figures = {
         "error_mm": round(_MM * found.error_m, 6),
         "median_mm": round(_MM * found.median_m, 6),
