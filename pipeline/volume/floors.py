@@ -58,7 +58,7 @@ def _united(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     slabs = manifold3d.Manifold.batch_boolean(slabs_of(field, pieces, keys), manifold3d.OpType.Add)
     union = without_crumbs(manifold3d.Manifold.batch_boolean([slabs, *cut], manifold3d.OpType.Add))
     seen = dict[int, int]()
-    union = with_views(union, network, pieces, seen)
+    union = with_views(union, network, [(one.sections, one.is_drivable) for one in pieces], seen)
     keys |= {number: len(FacetLabel) * piece + FacetLabel.WALL for number, piece in seen.items()}
     vertices, faces, key = mesh_of(union, keys)
     return Volume(vertices, faces, key // len(FacetLabel), key % len(FacetLabel), pieces)

@@ -88,7 +88,7 @@ def unite(network: SurveyNetwork, pieces: list[Solid]) -> Volume:
     numbers: dict[int, int] = {}
     solids = solids_of(network, pieces, numbers)
     union = without_crumbs(manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add))
-    union = with_views(union, network, pieces, numbers)
+    union = with_views(union, network, [(one.sections, one.is_drivable) for one in pieces], numbers)
     return label_facets(union, pieces, numbers)
 
 

@@ -7,8 +7,6 @@ splay. Floors to drive on stay, with a sill about them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import manifold3d
 import networkx as nx
 import numpy as np
@@ -16,9 +14,6 @@ from scipy.spatial import ConvexHull
 
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.network import SurveyNetwork
-
-if TYPE_CHECKING:
-    from pipeline.volume.union import Solid
 
 SILL_M = 0.15  # over floors, where views begin: robots drive out of a passage nowhere
 BESIDE_M = 0.3  # about floors, as far as the sill goes: beyond it views may be deeper
@@ -38,7 +33,7 @@ _START_M = 0.01  # between the start of a splay and its station
 
 
 def with_views(
-    passages: manifold3d.Manifold, network: SurveyNetwork, pieces: list[Solid], numbers: dict[int, int]
+    passages: manifold3d.Manifold, network: SurveyNetwork, legs: list[tuple[np.ndarray, bool]], numbers: dict[int, int]
 ) -> manifold3d.Manifold:
     """Return the passages with views of the splays that their walls stop.
 
@@ -47,8 +42,8 @@ def with_views(
     passages : Manifold
         The solid of legs and stations.
     network : SurveyNetwork
-    pieces : list of Solid
-        Those of the legs, in their order, first.
+    legs : list of ((n, k, 3) float64, bool)
+        The sections of each leg, m, and whether it is flat enough to drive on.
     numbers : dict
         The numbers of the legs next to the views' facets are entered by manifold3d's.
     """
@@ -65,7 +60,7 @@ def with_views(
         away, own = np.linalg.norm(network.places_m - starts[number], axis=1), station == number
         if away.min() <= _START_M and int(away.argmin()) in graph:
             steps = np.diff(network.splays_m[own], axis=1)[:, 0]
-            found += _view(network, graph, int(away.argmin()), steps, stopped[own], pieces, numbers)
+            found += _view(network, graph, int(away.argmin()), steps, stopped[own], legs, numbers)
     return manifold3d.Manifold.batch_boolean(found, manifold3d.OpType.Add)
 
 
@@ -90,7 +85,7 @@ def _view(
     station: int,
     steps: np.ndarray,
     stopped: np.ndarray,
-    pieces: list[Solid],
+    legs: list[tuple[np.ndarray, bool]],
     numbers: dict[int, int],
 ) -> list[manifold3d.Manifold]:
     """Return the view about the `stopped` splays among steps (k, 3) m from a station; none if none counts."""
@@ -105,9 +100,9 @@ def _view(
     corners, faces = star(steps, stopped)
     row = _ways_m(network.ends_m[near], (place + corners)[faces].mean(axis=1)).argmin(axis=1)
     view = _of_legs(place + corners, faces, near[row], numbers)
-    under = [(shot, _ground(network, shot)) for shot in near.tolist() if pieces[shot].is_drivable]
+    under = [(shot, _ground(network, shot)) for shot in near.tolist() if legs[shot][1]]
     for shot in others.tolist():
-        corners = pieces[shot].sections.reshape(-1, 3)
+        corners = legs[shot][0].reshape(-1, 3)
         under.append((shot, corners.mean(axis=0) + _ROCK * (corners - corners.mean(axis=0))))
     bodies = [view]
     for shot, points in under:
