@@ -81,6 +81,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _page("random-bends", "setup", "benchmarks.worlds.random_bends", 3),
     _page("volumes", "setup", "benchmarks.comparisons.volume.random_volumes", 15),
     _python("volume-throws", "setup", "benchmarks.comparisons.volume.throw_bodies", "artifacts/bench/volume-throws", 5),
+    _page("one-model", "all", "benchmarks.comparisons.one_model.page", 10),
     _page("scans", "setup", "benchmarks.scans.judge", 20),
     _page("round-trips", "setup", "benchmarks.scans.round_trips", 1),
     _page("drawings", "setup", "benchmarks.pictures.judge_drawings", 7),

@@ -1,0 +1,1 @@
+"""One mine by two models: a level plan, and a closed volume."""
