@@ -28,8 +28,8 @@ REASONS = {  # why a package is not locked at its newest version
 }
 _HEAD = """# Locks
 
-`dev.txt` is the lock of `make setup`; `baselines.txt` and `gpu.txt` have all that it has, in versions that go with Ray, or
-with MuJoCo Warp and torch. `make lock` renews them, and `python -m benchmarks dependencies` this page.
+`dev.txt` is the lock of `make setup`; `baselines.txt` and `gpu.txt` have all that it has, in versions that go with Ray,
+or with MuJoCo Warp and torch. `make lock` renews them, and `python -m benchmarks dependencies` this page.
 
 | package | asked for | locked | newest | why not the newest |
 |---|---|---|---|---|
