@@ -20,7 +20,8 @@ _LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;\\]+)", re.MULTILINE)
 _WARP = "MuJoCo Warp follows MuJoCo's minor version"
 REASONS = {  # why a package is not locked at its newest version
     "gymnasium": "the extra `baselines` alone: Ray 2.60 pins 1.2.2",
-    "mujoco": "4.0 is not judged: contacts, rendering and every kept result have to be measured again",
+    "mujoco": "4.0.0 factorises sparse matrices wrongly, so that Newton may diverge; its makers mended it in 4.0.1, "
+    "which is to be judged",
     "mujoco-warp": _WARP,
     "opencv-python-headless": "5.0 is not judged: contours and pictures decide the default world's hash",
     "pillow": "moviepy wants less than 12",
