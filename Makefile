@@ -91,9 +91,9 @@ dag: setup  ## write dvc.yaml from the stages' declarations
 	@$(PY) -m stages > .dvc.yaml.new && mv .dvc.yaml.new dvc.yaml
 
 lock: setup  ## renew requirements/*.txt from pyproject.toml
-	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra baselines --overrides /dev/stdin \
-	  pyproject.toml --group dev -o requirements/baselines.txt
-	@uv pip compile -q $(LOCK) --extra export -c requirements/baselines.txt pyproject.toml --group dev -o requirements/dev.txt
-	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra gpu --overrides /dev/stdin \
-	  -c requirements/baselines.txt pyproject.toml --group dev -o requirements/gpu.txt
+	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra baselines --extra export \
+	  --overrides /dev/stdin pyproject.toml --group dev -o requirements/baselines.txt
+	@uv pip compile -q $(LOCK) --extra export pyproject.toml --group dev -o requirements/dev.txt
+	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra gpu --extra export \
+	  --overrides /dev/stdin -c requirements/baselines.txt pyproject.toml --group dev -o requirements/gpu.txt
 	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt

@@ -128,4 +128,5 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     Benchmark("env-page", "setup", _ENV_PAGE, "docs/reference/environment.md"),
     Benchmark("sbom", "setup", "python -m benchmarks.bill_of_materials", "artifacts/sbom.json"),
     _page("layout", "setup", "benchmarks.tables.layout", 1),
+    _python("dependencies", "setup", "benchmarks.tables.dependencies", "requirements/README.md"),
 )

@@ -8,8 +8,9 @@ extras=""
 for extra in baselines gpu; do
     if [ "${1:-dev}" = $extra ] || [ -e .venv/.$extra ]; then extras="$extras $extra"; fi
 done
-locks=requirements/dev.txt
+locks="" # that of an extra has all that dev has, in versions that go with the extra
 for extra in $extras; do locks="$locks requirements/$extra.txt"; done
+locks=${locks:-requirements/dev.txt}
 
 install() {
     if ! command -v apt-get >/dev/null 2>&1; then

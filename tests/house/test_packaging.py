@@ -116,3 +116,13 @@ def test_the_source_distribution_is_built_and_holds_the_packages(tmp_path):
         names = {name.partition("/")[2] for name in packed.getnames()}
     assert {"pyproject.toml", "minexplore/__init__.py", "pipeline/py.typed", "conf/config.yaml", "Makefile"} <= names
     assert not any(name.startswith(("artifacts/realism", ".venv")) for name in names)
+
+
+def test_the_page_of_dependencies_has_every_package_with_the_versions_of_the_locks():
+    from benchmarks.tables.dependencies import PAGE, asked, locked
+
+    rows = re.findall(r"^\| ([a-z][^|]*) \| ([^|]*) \| ([^|]*) \|", (ROOT / PAGE).read_text(), flags=re.M)[1:]
+    versions = locked()
+    assert len(rows) > 60
+    wanted = {(name, limits, ", ".join(versions.get(name, []))) for name, limits in asked().items()}
+    assert {tuple(cell.strip() for cell in row) for row in rows} == wanted
