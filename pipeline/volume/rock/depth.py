@@ -73,7 +73,7 @@ def is_deeper(part: np.ndarray, than_m: float, free: Tile, inside: Inside, corne
 
 
 def _bounds(cells: np.ndarray, inside: Inside, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the middles (n, 3) m of tetrahedra, how far (n,) m they are from rock, and any place at most."""
+    """Return the middles (n, 3) m of tetrahedra, how far (n,) m they are from rock, and what any place of them is."""
     middles = cells.mean(axis=1)
     from_rock, facet = inside.nearest(middles)
     reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)

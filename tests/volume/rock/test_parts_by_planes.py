@@ -13,6 +13,7 @@ from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
+from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.polygons import polygons_of
@@ -256,3 +257,12 @@ def test_a_direction_of_no_length_parts_a_body_from_no_facet(drift, number):
     found = facets.crossing(dataclasses.replace(bodies, directions=directions))
     assert set(wanted.body.tolist()) == set(range(len(bodies)))
     assert set(zip(wanted.body, wanted.facet, strict=True)) <= set(zip(found.body, found.facet, strict=True))
+
+
+@pytest.mark.parametrize("depth_m", [0.0, 0.0005, 0.0009, 0.0012, 0.002, 0.05])
+def test_whether_a_part_is_deeper_than_a_millimetre_is_known(drift, depth_m):
+    volume, _ = drift
+    roof = volume.vertices[:, 2].max()
+    part = np.array([[x, y, z] for x in (9, 11) for y in (-1, 1) for z in (roof - depth_m, roof + 0.3)])
+    corners, inside, tile = volume.vertices[volume.faces], Inside(volume), Tile.of(volume.solid)
+    assert is_deeper(part, 0.001, tile, inside, corners) == (depth_m > 0.001)
