@@ -23,7 +23,6 @@ __all__ = ["FAMILY", "ROBOT_TASKS", "WORLDS", "MineVecEnv", "Pose", "environment
 FAMILY = "MineXplore/Family-v0"
 _EXTRA = {"MineVecEnv": "sb3", "Pose": "placing.place", "place": "placing.place"}  # and the modules in `extra`
 _CORPUS = "corpus:"  # begins the name of a world of a corpus
-_GOAL = {"goal": {}, "task": {"max_steps": 3000}}  # what the task with a goal changes
 ENTRY_POINT, VECTOR_ENTRY_POINT = "minexplore.envs.env:MineEnv", "minexplore.backends:make_vector_env"
 
 # Built-in ids, with what each changes in the task. Two cores train on the entrance's short horizon within an hour.
@@ -112,8 +111,8 @@ def __getattr__(name: str) -> Any:
 
 def register_env(env_id: str, kwargs: dict[str, Any], one: str = ENTRY_POINT, many: str = VECTOR_ENTRY_POINT) -> None:
     """Register an environment, whose episodes end after its task's `max_steps`, and the same with a goal."""
-    goal = {**_GOAL, **kwargs, "task": {**_GOAL["task"], **kwargs.get("task", {})}}
-    goal_id = env_id.replace("/", "/GoTo-").replace("GoTo-World-", "GoTo-")
+    goal = {"goal": {}, **kwargs, "task": {"max_steps": 3000, **kwargs.get("task", {})}}
+    goal_id = re.sub(r"(?:World-)?([^/:]*)$", r"GoTo-\1", env_id, count=1)
     for name, given in ((env_id, kwargs), (goal_id, goal)):
         steps = given.get("task", {}).get("max_steps", TaskParams.max_steps)
         register(name, one, vector_entry_point=many, kwargs=given, max_episode_steps=steps)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -29,11 +29,12 @@ class TrainingEnv(VectorWrapper):
     def __init__(self, env: VectorEnv, observation: str, reward_scale: float, cell_bonus: float, seed: int) -> None:
         """Wrap a `MineVectorEnv` or a `MineGroup`."""
         super().__init__(env)
-        self._mine: MineVectorEnv | MineGroup = env.unwrapped
+        self._mine = cast(MineVectorEnv | MineGroup, env.unwrapped)
         self._scale, self._bonus, self._rng = reward_scale, cell_bonus, np.random.default_rng(seed)
         self._maps = MapObserver(self.num_envs, self._mine.task) if observation == "map" else None
         if self._maps is not None:
             plain, size = self._mine.single_observation_space, self._maps.size
+            assert isinstance(plain, gymnasium.spaces.Box)
             low = np.concatenate([plain.low, np.zeros(size, np.float32)])
             high = np.concatenate([plain.high, np.ones(size, np.float32)])
             self.single_observation_space = gymnasium.spaces.Box(low, high, dtype=np.float32)

@@ -183,4 +183,5 @@ def _register(name: str, folder: Path) -> None:
         raise BundleError(f"{_NAMESPACE}:{short}: another package has registered {short!r}")
     for env_id in (f"{_NAMESPACE}:{short}", short):
         gymnasium.registry.pop(env_id, None)
+        gymnasium.registry.pop(env_id.replace(short, f"GoTo-{short}"), None)
         register_env(env_id, {"world": str(folder)})

@@ -120,7 +120,7 @@ def enclosure_of(facets: VolumeFacets, built: Built) -> Enclosure:
 def certificate_of(twins: Twins) -> bool:
     """Return whether the volume's certificate holds, robots and balls included."""
     params = twins.config.validation.volume
-    return validate_volume(params, open_volume(twins.volume.folder), twins.surveyed, twins.slab).certificate.holds
+    return validate_volume(params, open_volume(twins.volume.folder), twins.slab).certificate.holds
 
 
 def rates(folders: tuple[Path, Path]) -> tuple[list[float], list[float]]:

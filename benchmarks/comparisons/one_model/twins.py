@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,26 +12,26 @@ from typing import Any
 import cv2
 import numpy as np
 import shapely
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 
 from benchmarks.worlds.small_world import finish_world
-from minexplore.bundle import CELLS, PARTS, VOLUME
+from minexplore.bundle import CELLS, CLEARANCE_GRID, PARTS, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.places import COLLISION, EXTENT, SPAWN
 from pipeline.store.codecs import decode
+from pipeline.store.mine_survey import MineSurvey, open_survey
 from pipeline.types import (
-    NO_LEGS,
     ClosedMesh,
+    DrawnPlan,
     DriftNetwork,
     Frame,
     FreeSpace,
     Occupancy,
     Scale,
     Survey,
-    SurveyedLegs,
-    Workings,
 )
 from pipeline.volume.areas import slab_of_outline
 from pipeline.volume.world.bundle import bundle_volume
@@ -41,6 +41,7 @@ from stages.contours import trace_free_space
 
 _LIGHT = ["preset=light", "realism.tilt_deg=0"]  # a slab of one plane leans with its world, as a level plan does
 _PX_PER_M, _MARGIN_M = 8.0, 4.0
+_NO_PIXELS = np.zeros((1, 1, 3), np.uint8)  # no stage after the second looks at the picture of a plan
 _BOX_M = 0.5  # of rock under the floor and over the roof, as a level world has it
 _SIZE_M, _WIDTH_M, _RIB_M, _PILLAR_M, _SPACING_M = (50.0, 90.0), (4.0, 6.0), 0.15, 8.0, 24.0  # of generated plans
 
@@ -59,7 +60,7 @@ class TracedPlan:
         """Read the default mine as stages 1 and 2 left it."""
         return cls(
             "default",
-            decode(folder / "survey/survey.json", Survey),
+            open_survey(folder / "survey/mine").survey,
             decode(folder / "contours/free_space.geojson", FreeSpace),
             decode(folder / "contours/topology.json", DriftNetwork),
         )
@@ -72,7 +73,7 @@ class TracedPlan:
         survey = Survey(name, "plan", frame, Scale(_PX_PER_M, "stated"), [], entrance_m, {}, ["plan.png"])
         grey = np.where(fill_polygon(workings, frame), 40, 255).astype(np.uint8)
         plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-        traced = trace_free_space(compose(_LIGHT).contours, plan, survey, Workings(MultiPolygon()))
+        traced = trace_free_space(compose(_LIGHT).contours, MineSurvey(survey, plan, DrawnPlan()))
         return cls(name, survey, traced["free_space"], traced["topology"])
 
     @classmethod
@@ -115,20 +116,16 @@ class Twins:
         return slab_of_outline(self.outline, 0.0, self.height_m)
 
     @cached_property
-    def surveyed(self) -> SurveyedLegs:
-        """Return what a volume takes of a survey that has no legs: where robots start."""
-        return replace(NO_LEGS, start_m=np.array(self.plan.survey.entrance_m or self.plan.network.main_drift_m[0]))
-
-    @cached_property
     def level(self) -> Built:
         """Return the world of prisms, with a box under its floor and one over its roof."""
         plan, folder = self.plan, self.folder / "level"
-        _, seconds = timed(lambda: compile_rock(self.config.compile3d, plan.free, plan.network, plan.survey))
         traced = {"free_space": plan.free, "topology": plan.network}
+        mine = MineSurvey(plan.survey, _NO_PIXELS, DrawnPlan())
+        _, seconds = timed(lambda: compile_rock(self.config.compile3d, mine, **traced, traced=self.folder))
         self._rock, _ = finish_world(self.config, plan.survey, traced, folder)
-        prisms = self._rock["collision"]
+        prisms = self._rock[COLLISION]
         corners = [np.asarray(prisms[k]) for k in range(len(prisms))]
-        west, south, east, north = self._rock["extent"].world_m
+        west, south, east, north = self._rock[EXTENT].world_m
         plan_box = np.array([(west, south), (east, south), (east, north), (west, north)])
         for low, high in ((-_BOX_M, 0.0), (self.height_m, self.height_m + _BOX_M)):
             corners.append(np.concatenate([np.column_stack([plan_box, np.full(4, z)]) for z in (low, high)]))
@@ -139,7 +136,8 @@ class Twins:
     @cached_property
     def volume(self) -> Built:
         """Return the world that is one volume."""
-        made, seconds = timed(lambda: compile_volume(self.config.compile3d, self.surveyed, self.slab))
+        start_m = list(self.plan.survey.entrance_m or self.plan.network.main_drift_m[0])
+        made, seconds = timed(lambda: compile_volume(self.config.compile3d, self.slab, start_m))
         folder = self.folder / "compiled"
         _write(folder, made)
         _write(self.folder / "volume", bundle_volume(self.config.realism, self.plan.survey, self.plan.free, folder))
@@ -151,7 +149,7 @@ class Twins:
     def grid(self) -> Occupancy:
         """Return the level world's grid."""
         assert self.level
-        grid: Occupancy = self._rock["occupancy"]
+        grid: Occupancy = self._rock[CLEARANCE_GRID]
         return grid
 
     @property
@@ -170,7 +168,7 @@ class Twins:
     def anchor_m(self) -> tuple[float, float]:
         """Return where robots start in the level world."""
         assert self.level
-        anchor: tuple[float, float] = self._rock["spawn"].anchor_m
+        anchor: tuple[float, float] = self._rock[SPAWN].anchor_m
         return anchor
 
 

@@ -36,6 +36,8 @@ def require_plain_yaml(path: Path) -> bytes:
     except OSError as error:
         raise ParamsError(f"{path}: cannot be read ({error.strerror})") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        if "nesting depth" in str(getattr(error, "problem", "")):  # its own limit of 1,000, while it looks ahead
+            raise ParamsError(f"{path}: nested more than {limits.nesting} deep (nesting in {FILE})") from error
         raise ParamsError(f"{path}: not YAML{_place_of(error)}") from error
     return data
 

@@ -66,6 +66,7 @@ def test_a_world_of_a_folder_is_read_where_it_is_and_has_an_id(folder, tee: Buil
     world = minexplore.load(f"corpus:{NAME}", folder)
     assert world.folder == folder / "worlds" / NAME / "world"
     assert drive(f"MineXplore/corpus:{NAME}-v0") == world.record["world_sha256"]
+    assert drive(f"MineXplore/corpus:GoTo-{NAME}-v0") == world.record["world_sha256"]
     assert json.loads(gymnasium.spec(f"{NAME}-v0").to_json())["kwargs"] == {"world": str(world.folder)}
 
 

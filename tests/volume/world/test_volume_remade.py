@@ -97,7 +97,7 @@ def test_a_solid_is_made_again_and_certified_without_its_file(solid):
     world = solid.opened()
     assert world.mine.leg.any()
     assert survey_alone(world, proof()) is None
-    require_remade(solid.bundle, world, proof(), None, solid.solid.datum_m)
+    require_remade(solid.bundle, world, proof(), None, solid.shape.datum_m)
     found = certify_alone(world, proof())
     assert found.holds
     assert not [name for name in found.clauses if name.startswith("floor.")]

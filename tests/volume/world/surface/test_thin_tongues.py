@@ -13,7 +13,6 @@ from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
 from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.relief_source import bounds_of
-from pipeline.types import NO_PICTURE
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock
@@ -113,7 +112,7 @@ def test_rock_about_a_thin_tongue_crosses_itself_nowhere_in_its_files_and_meets_
     assert len(rock.crossings) == 0
     assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
     assert np.std(rock.given_m) > 0.05  # it is rough elsewhere
-    chunks, _ = cut_rock(rock, SURFACE, NO_PICTURE, NO_COLOURS)
+    chunks, _ = cut_rock(rock, SURFACE, np.full((8, 8, 3), 255, np.uint8), NO_COLOURS)
     written = {name: dataclasses.replace(one, vertices=one.vertices.astype(np.float32)) for name, one in chunks.items()}
     vertices, faces = join_meshes(written)
     assert len(find_crossings(vertices, faces)) == 0
