@@ -16,6 +16,7 @@ CODE = ("pipeline", "minexplore", "stages", "baselines", "benchmarks", "docs")
 def test_a_finding_is_short_cleans_up_and_does_not_use_our_code(script):
     text = script.read_text()
     assert len(text.splitlines()) <= 60
+    assert os.access(script, os.X_OK)
     assert 'work=$(mktemp -d)\ntrap \'rm -rf "$work"\' EXIT\ncd "$work"\n' in text
     assert not re.search(r"import (minexplore|pipeline|stages)|from (minexplore|pipeline|stages)", text)
     text = re.sub(r'"\s*\n\s*"|" \\\n\s*"', "", text)
