@@ -81,19 +81,26 @@ class CoverageGrid:
         """
         row, col = cell
         number = row * self.reachable.shape[1] + col
-        flat = number if len(seen) == 1 else observer * self.reachable.size + number
-        view = seen.reshape(-1)
-        unseen = flat[self.reachable.reshape(-1)[number] > view[flat]]
-        if not len(unseen):
-            return np.zeros(len(seen), np.int64)
-        unseen.sort()
-        new = unseen[np.append(True, unseen[1:] != unseen[:-1])]
-        view[new] = True
-        return np.bincount(new // self.reachable.size, minlength=len(seen))
+        counts = self.reachable.reshape(-1)[number]
+        return mark_numbers(seen, observer[counts], number[counts])
 
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return a mask of cells as one of the plan's squares (rows, cols): here they are the same."""
         return cells
+
+
+def mark_numbers(seen: np.ndarray, observer: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Mark cells by their numbers in a row of `seen`, see `CellGrid.mark`."""
+    size = seen[0].size
+    flat = number if len(seen) == 1 else observer * size + number
+    view = seen.reshape(-1)
+    unseen = flat[~view[flat]]
+    if not len(unseen):
+        return np.zeros(len(seen), np.int64)
+    unseen.sort()
+    new = unseen[np.append(True, unseen[1:] != unseen[:-1])]
+    view[new] = True
+    return np.bincount(new // size, minlength=len(seen))
 
 
 @np.errstate(divide="ignore", invalid="ignore")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from minexplore.floors.volume_arrays import FloorSpans
-from minexplore.sensing.coverage import cut_at_lines
+from minexplore.sensing.coverage import cut_at_lines, mark_numbers
 
 _APART_M = 1.0  # floors of one square that are so far apart in height are two cells: no robot fits between them
+_NONE, _BY_HEIGHT = -1, -2  # instead of a square's cell
 _BESIDE_M = 0.3  # a cell is 2 m wide: its floor rises within it
 
 
@@ -38,6 +39,20 @@ class VolumeGrid:
         self.square = square[first]
         self._first = np.searchsorted(self.square, np.arange(self.shape[0] * self.shape[1] + 1)).astype(np.int32)
         self._most = int(np.diff(self._first).max())
+        self._cell_at = self._cells_of_squares(spans)
+
+    def _cells_of_squares(self, spans: FloorSpans) -> np.ndarray:
+        """Return the one cell of each square that holds all of its free space, `_NONE`, or `_BY_HEIGHT`."""
+        found = np.where(np.diff(self._first) == 0, _NONE, self._first[:-1])
+        at = np.floor((spans.places_m[:, :2] - self.origin_m) / self.cell_m).astype(int)
+        inside = ((at >= 0) & (at < self.shape[::-1])).all(axis=1)
+        square = (at[:, 1] * self.shape[1] + at[:, 0])[inside]
+        low, top = spans.floor_m[inside], (spans.floor_m + spans.headroom_m)[inside]
+        cell = np.maximum(found[square], 0)
+        beyond = (found[square] >= 0) & ((low < self.low_m[cell]) | (top > self.high_m[cell]))
+        found[square[beyond]] = _BY_HEIGHT
+        found[np.diff(self._first) > 1] = _BY_HEIGHT
+        return found
 
     def cells_crossed(
         self, starts_m: np.ndarray, ends_m: np.ndarray, longest_m: float
@@ -45,33 +60,39 @@ class VolumeGrid:
         """Return ray numbers and cells that segments (n, 3), or (1, 3), to (n, 3) m pass through.
 
         Each segment, no longer than `longest_m`, is cut at every grid line it crosses, and each piece names the cell
-        whose floor is the next under its middle, if the middle is under that cell's roof.
+        whose floor is the next under its middle, if the middle is under that cell's roof. Heights are asked for only in
+        squares whose free space is more than one cell.
         """
         piece, at, middle = cut_at_lines(self.origin_m, self.cell_m, starts_m[:, :2], ends_m[:, :2], longest_m)
         rows, cols = self.shape
         col, row = at[:, 0], at[:, 1]
-        inside = piece & (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
-        ray, share, square = inside.nonzero()[0], middle[inside], row[inside] * cols + col[inside]
-        start_m = np.broadcast_to(starts_m, ends_m.shape)[ray, 2]
-        z = start_m + share * (ends_m[ray, 2] - start_m)
+        # Seen as a number without sign, one below zero is beyond any end.
+        piece &= col.view(np.uint64) < cols
+        piece &= row.view(np.uint64) < rows
+        ray, square = piece.nonzero()[0], row[piece] * cols + col[piece]
+        cell = self._cell_at[square]
+        several = np.flatnonzero(cell == _BY_HEIGHT)
+        if len(several):
+            of, share = ray[several], middle[piece][several]
+            start_m = np.broadcast_to(starts_m, ends_m.shape)[of, 2]
+            cell[several] = self._cells_at(square[several], start_m + share * (ends_m[of, 2] - start_m))
+        found = cell >= 0
+        return ray[found], cell[found]
+
+    def _cells_at(self, square: np.ndarray, z_m: np.ndarray) -> np.ndarray:
+        """Return the cells (n,) of squares at heights (n,) m, or `_NONE`."""
         start, end = self._first[square], self._first[square + 1]
-        cell = np.full(len(ray), -1)
+        cell = np.full(len(square), _NONE)
         for k in range(self._most):
             at = np.flatnonzero(start + k < end)
             number = start[at] + k
-            over = z[at] > self.low_m[number]
+            over = z_m[at] > self.low_m[number]
             cell[at[over]] = number[over]
-        found = np.flatnonzero((cell >= 0) & (z < self.high_m[cell]))
-        return ray[found], cell[found]
+        return np.where((cell >= 0) & (z_m < self.high_m[cell]), cell, _NONE)
 
     def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
         """Mark cells as seen in `seen` (m, cells) by their observers; return how many are new to each (m,)."""
-        (number,) = cell
-        flat = observer * self.total + number
-        view = seen.reshape(-1)
-        new = np.unique(flat[~view[flat]])
-        view[new] = True
-        return np.bincount(new // self.total, minlength=len(seen))
+        return mark_numbers(seen, observer, *cell)
 
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return the squares (rows, cols) in which any of some cells, a mask (n,), lies."""

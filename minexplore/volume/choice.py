@@ -8,6 +8,7 @@ import numpy as np
 
 from minexplore.physics.robot import CASTOR_M
 from minexplore.rotations import rotation_matrices
+from minexplore.volume.flat import plane_quaternions
 from minexplore.volume.models import PARKED_M, VolumeModels, code_of
 from minexplore.volume.planes import TOLERANCE_M, FloorPlanes, FootPlanes
 
@@ -78,9 +79,10 @@ class PlaneChooser:
         gap = foot[..., 2] - under.heights(foot[..., :2])
         good = (under.error_m <= self.tolerance_m) & (np.abs(gap) < _GAP_M)
         good &= ((axes[:, 2, 2] > _LEAN) & (np.abs(qvel[:, 2]) < _RISE_MPS))[:, None]
-        places, quaternions = boxes_under(under)
+        places = np.concatenate([under.nodes_m, under.plane[..., 2:]], axis=2)
         places[~good] = np.broadcast_to(PARKED_M, places.shape)[~good]
-        return StepChoice(self._tiles(places_m, good, zones), places, quaternions, good, under)
+        turn = plane_quaternions(under.plane)
+        return StepChoice(self._tiles(places_m, good, zones), places, turn, good, under)
 
     def _on_parts(self, places_m: np.ndarray, zones: np.ndarray) -> StepChoice:
         """Return the choice for robots whose feet all touch the floor's parts."""
@@ -99,11 +101,3 @@ class PlaneChooser:
             those = (on_parts > 0) == is_exact
             tiles[those, 0] = self.models.number_of(places_m[those], is_exact)
         return tiles
-
-
-def boxes_under(under: FootPlanes) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (n, k, 3) m and quaternions (n, k, 4) of boxes whose upper faces are the planes under k feet."""
-    a, b, height = np.moveaxis(under.plane, 2, 0)
-    quaternions = np.stack([1 + np.sqrt(1 + a * a + b * b), b, -a, np.zeros_like(a)], axis=2)
-    quaternions /= np.sqrt((quaternions**2).sum(axis=2, keepdims=True))
-    return np.concatenate([under.nodes_m, height[..., None]], axis=2), quaternions

@@ -14,11 +14,12 @@ from minexplore.volume.cells import VolumeGrid
 from minexplore.volume.choice import PlaneChooser
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.creases import Creases
-from minexplore.volume.models import FEET, VolumeModels, code_of
+from minexplore.volume.models import FEET, NONE, VolumeModels, code_of
 from minexplore.volume.planes import FloorPlanes
 from minexplore.volume.standing import standing_spans
 from minexplore.world import World
 
+_UNKNOWN = -1
 _LOOK_M = 0.3  # over a place: a floor there is at or under it
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -37,24 +38,27 @@ class VolumeGround:
         except ValueError as error:
             raise ValueError(f"{world.folder}: {error}") from error
         usable = np.flatnonzero(spans.storey >= 0)
-        column = np.column_stack([spans.column, spans.row])[usable]
-        keys, first = np.unique(column, axis=0, return_inverse=True)
-        order = np.argsort(first.reshape(-1), kind="stable")
-        groups = np.split(usable[order], np.cumsum(np.bincount(first.reshape(-1)))[:-1])
-        self._in_column = dict(zip(map(tuple, keys.tolist()), groups, strict=True))
-        self._storey = np.zeros(count, int)  # of each robot
+        self._origin_m, self._cell_m = spans.origin_m, spans.cell_m
+        self._in_column: dict[tuple[int, int], list[tuple[float, int]]] = {}  # heights and numbers of spans
+        rows = np.column_stack([spans.column, spans.row])[usable].tolist()
+        for (column, row), floor_m, span in zip(rows, spans.floor_m[usable].tolist(), usable.tolist(), strict=True):
+            self._in_column.setdefault((column, row), []).append((floor_m, span))
+        self._span = [int(usable[0])] * count  # under each robot
+        self._storey, self._leg = spans.storey.astype(int), np.full(len(spans.storey), _UNKNOWN)
         near = np.hypot(*(spans.places_m[:, :2] - self.anchor_m[:2]).T) <= task.region_m
         self.grid = VolumeGrid(spans, self._standing & near, task.cell_m)
         self.models = VolumeModels(world, task, robot, whole)
         self.T_world_mine = self.models.T_world_mine
         self._columns = FloorColumns(self._facets)
         self._chooser = PlaneChooser(self.models, FloorPlanes(self._columns, Creases(self._facets)))
-        self._under = np.full(count, -1)  # facet under each robot when it was last looked for
         self._addresses: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def start_m(self) -> np.ndarray:
         """Return the model (2,) that robots have before they are placed."""
+        flat = self.models.flat_tiles(self.anchor_m[None] + [0.0, 0.0, self.robot.wheel_radius_m])[0]
+        if self.models.is_level:
+            return np.array([flat[0], 0])
         number = self.models.number_of(self.anchor_m[None], not self.models.has_planes)
         on_parts = np.zeros(1, int) if self.models.has_planes else np.full(1, (1 << len(FEET)) - 1)
         return np.append(number, code_of(on_parts, np.zeros((1, 2), int)))
@@ -89,9 +93,24 @@ class VolumeGround:
         qvel[robots, 2] = np.maximum(qvel[robots, 2], -FASTEST_FALL_MPS)
 
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Set the boxes under the feet of robots (k,) at places (k, 3) m; return the models (k, 2) to step them in."""
-        quat = stepper.qpos[robots, 3:7]
-        choice = self._chooser.choose(places_m, quat, stepper.qvel[robots, :6], self._wheel_zones(places_m, quat))
+        """Return the models (k, 2) to step robots (k,) at places (k, 3) m in."""
+        tiles = self.models.flat_tiles(places_m)
+        if (tiles != NONE).all():
+            return tiles
+        own = np.flatnonzero((tiles == NONE).any(axis=1))
+        zones = self._wheel_zones(places_m[own], stepper.qpos[robots[own], 3:7])
+        tiles[own, 1] = code_of(np.zeros(len(own), int), zones)
+        uneven = tiles[own, 0] == NONE
+        if uneven.any():
+            own = own[uneven]
+            tiles[own] = self._on_planes(stepper, robots[own], places_m[own], zones[uneven])
+        return tiles
+
+    def _on_planes(
+        self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray, zones: np.ndarray
+    ) -> np.ndarray:
+        """Set the boxes under the feet of robots whose floor is not one plane; return their models (k, 2)."""
+        choice = self._chooser.choose(places_m, stepper.qpos[robots, 3:7], stepper.qvel[robots, :6], zones)
         if self.models.has_planes:
             where, how = self._addresses or self._find_addresses(stepper)
             moved = choice.places + np.where(choice.on_plane[..., None], self.T_world_mine[:3, 3], 0.0)
@@ -126,28 +145,23 @@ class VolumeGround:
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
-        facet = self._follow(robots, places_m)
-        return {"floor": self._storeys(robots, places_m), "leg": self._facets.leg[facet].astype(int)}
+        cells = np.floor((places_m[:, :2] - self._origin_m) / self._cell_m).astype(int).tolist()
+        rows = zip(robots.tolist(), cells, places_m[:, 2].tolist(), strict=True)
+        spans = [self._span_under(robot, (cell[0], cell[1]), z) for robot, cell, z in rows]
+        return {"floor": self._storey[spans], "leg": self._leg_of(spans)}
 
-    def _storeys(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the storey (k,) of robots: that of their column's nearest floor with one, or the one before."""
-        spans = self.world.volume.spans  # type: ignore[union-attr]
-        cell = np.floor((places_m[:, :2] - spans.origin_m) / spans.cell_m).astype(int)
-        for robot, key, z in zip(robots.tolist(), map(tuple, cell.tolist()), places_m[:, 2].tolist(), strict=True):
-            own = self._in_column.get(key)
-            if own is not None:
-                self._storey[robot] = spans.storey[own[np.abs(spans.floor_m[own] - z).argmin()]]
-        return self._storey[robots]
+    def _span_under(self, robot: int, cell: tuple[int, int], height_m: float) -> int:
+        """Return a robot's span: the nearest in height of its column, or the one before if the column has none."""
+        own = self._in_column.get(cell)
+        if own is not None:
+            self._span[robot] = own[0][1] if len(own) == 1 else min(own, key=lambda span: abs(span[0] - height_m))[1]
+        found: int = self._span[robot]
+        return found
 
-    def _follow(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the facet (k,) under each robot; one that is still over its facet is not looked for."""
-        facet = self._under[robots]
-        on = self._columns.are_over(places_m[:, :2], facet)
-        above = places_m[:, 2] - self._columns.heights_on(facet, places_m[:, :2])
-        on &= (above >= 0) & (above < 2 * _LOOK_M)
-        lost = np.flatnonzero(~on)
-        if len(lost):
-            found = self._columns.facets_under(places_m[lost])
-            facet[lost] = np.where(found < 0, np.maximum(facet[lost], 0), found)
-            self._under[robots] = facet
-        return facet
+    def _leg_of(self, spans: list[int]) -> np.ndarray:
+        """Return the legs (k,) whose floors are in the middles of spans; each is looked for once."""
+        unknown = [span for span in dict.fromkeys(spans) if self._leg[span] == _UNKNOWN]
+        if unknown:
+            places = self.world.volume.spans.places_m[unknown] + [0.0, 0.0, _LOOK_M]  # type: ignore[union-attr]
+            self._leg[unknown] = self._facets.leg[np.maximum(self._columns.facets_under(places), 0)]
+        return self._leg[spans]

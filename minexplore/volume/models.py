@@ -23,10 +23,11 @@ from minexplore.physics.robot_kind import Robot, keep_in_disc
 from minexplore.task import TaskParams
 from minexplore.tiles import Tile
 from minexplore.volume.clip import clip_convex
+from minexplore.volume.flat import FlatFloors, FlatTile
 from minexplore.volume.rock import add_part, bits_of
 from minexplore.world import World
 
-TILE_M, EXACT_TILE_M = (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
+FLAT_TILE_M, TILE_M, EXACT_TILE_M = (2.0, 1.0), (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
 _OTHERS_TILE_M = (2.0, 1.0)  # of robots that always stand on parts: a husky then steps 1.5 times as often a second
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
 _ABOVE_M = 0.25  # beyond a robot's radius: what it can touch over its axle in one control step, in any position
@@ -37,7 +38,8 @@ _FOOT_BITS = (8, 16, 32, 64)
 _HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the plane's disc
 PARKED_M = np.array([[1e4 * (1 + k), 0.0, -1e4] for k in range(len(FEET))])  # places of unused boxes
 _ZONE_BITS = 10  # of a wheel's zone in a model's code: a world has at most 1,000
-_WHOLE = -1  # number of the tile that is the whole mine
+_WHOLE, NONE = -1, -2  # numbers of the tile that is the whole mine, and of none
+_FLAT_SIDE_M = np.array([FLAT_TILE_M[0], *FLAT_TILE_M])
 
 
 def code_of(on_parts: np.ndarray, zones: np.ndarray) -> np.ndarray:
@@ -54,7 +56,9 @@ class VolumeModels:
     """Physics models of a volume, as `PhysicsStepper` takes them, each with one robot and the same state layout.
 
     A model is that of a tile, a box of the mine frame, and of which feet touch the floor's parts. The other feet stand
-    on a box each, which the state moves; then the model has only the walls that the chassis can reach.
+    on a box each, which the state moves; then the model has only the walls that the chassis can reach. Where the floor
+    is one plane, all feet stand on one box that stays, and the model has all rock in reach but the floor. If all floors
+    of the mine are one level plane, robots are the same as on a level plan.
     """
 
     def __init__(
@@ -73,7 +77,10 @@ class VolumeModels:
         assert world.volume is not None
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine
-        self.has_planes = not whole and type(robot).attach is RobotParams.attach  # another robot has other feet
+        self._floors = FlatFloors(world.volume.facets)
+        self.is_level = not whole and self._floors.level_m is not None
+        # Another robot has other feet.
+        self.has_planes = not whole and not self.is_level and type(robot).attach is RobotParams.attach
         self._parts = world.volume.parts
         self._low, self._high = self._parts.boxes_m
         self._bits = bits_of(self._parts)
@@ -82,6 +89,8 @@ class VolumeModels:
         self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
+        self._flat: dict[int, FlatTile] = {}  # by number
+        self._flat_choice: dict[tuple[int, ...], tuple[int, int]] = {}  # see `flat_tiles`
 
     def tiles_of(self, chosen: np.ndarray) -> np.ndarray:
         """Return the models (n, 2) that were chosen: the number of a tile, and a code, see `code_of`."""
@@ -98,6 +107,29 @@ class VolumeModels:
                 numbers[row] = len(self._boxes)
                 self._boxes.append((np.array(row) * side, np.array(row) * side + side))
         return np.array([numbers[row] for row in rows], dtype=int)
+
+    def flat_tiles(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the models (n, 2) of places (n, 3) m, mine frame, whose floor is one plane.
+
+        The number is `NONE` for others, and the code where it depends on the zones of the wheels.
+        """
+        if self.whole:
+            return np.full((len(places_m), 2), NONE)
+        rows = [(x, y, z) for x, y, z in np.floor(places_m / _FLAT_SIDE_M).astype(int).tolist()]
+        return np.array([self._flat_choice.get(row) or self._look_at(row) for row in rows], dtype=int)
+
+    def _look_at(self, row: tuple[int, int, int]) -> tuple[int, int]:
+        """Find out whether a tile's floor is one plane, and in one zone."""
+        box, number = (np.array(row) * _FLAT_SIDE_M, np.array(row) * _FLAT_SIDE_M + _FLAT_SIDE_M), len(self._boxes)
+        low, high = self._reach_of(box, in_any_position=True)
+        zones, flat = self.world.zones_at(np.array([low[0], high[0]])), self._floors.within(low, high)
+        choice = (NONE, NONE)
+        if flat is not None:
+            self._boxes.append(box)
+            self._flat[number] = flat
+            choice = number, int(code_of(np.zeros(1, int), zones[None])[0]) if zones[0] == zones[1] else NONE
+        self._flat_choice[row] = choice
+        return choice
 
     def model(self, tile: Tile) -> mujoco.MjModel:
         """Compile the model of a tile's number and a code.
@@ -123,8 +155,11 @@ class VolumeModels:
         friction = [float(self.world.record["rock_friction"]), 0.005, 0.0001]
         for name, corners, bits in self._within(number, on_parts):
             add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
+        flat = self._flat.get(number)
+        if flat is not None:
+            flat.add_to(mine, FLAT_TILE_M[0] + self.robot.radius_m)
         for name in robots:
-            self._add_robot(spec, name, code, has_boxes)
+            self._add_robot(spec, name, code, has_boxes, flat is not None)
         return spec
 
     def friction_of(self, zone: int) -> list[float]:
@@ -145,25 +180,30 @@ class VolumeModels:
         """Return the lowest and the highest corner (3,) m of the box that a robot in a tile can reach in one step."""
         if number == _WHOLE:
             return np.full(3, -np.inf), np.full(3, np.inf)
+        return self._reach_of(self._boxes[number], on_parts != 0 or number in self._flat)
+
+    def _reach_of(self, box: tuple[np.ndarray, np.ndarray], in_any_position: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Return the reach of a robot in a box from corner to corner (3,) m, on planes or in any position."""
         step_s, beside = self.task.control_s, self.robot.radius_m + MARGIN_M
         aside = beside + self.task.max_forward_mps * step_s
         below, above = -_BAND_M[0], _BAND_M[1]
-        if on_parts:  # a robot that may fall, in any position
+        if in_any_position:  # it may fall
             below = beside + (FASTEST_FALL_MPS + _GRAVITY_MPS2 * step_s / 2) * step_s
             above = self.robot.radius_m + _ABOVE_M
-        low, high = self._boxes[number]
+        low, high = box
         return low - [aside, aside, below], high + np.array([aside, aside, above])
 
-    def _add_robot(self, spec: mujoco.MjSpec, name: str, code: int, has_boxes: bool) -> None:
+    def _add_robot(self, spec: mujoco.MjSpec, name: str, code: int, has_boxes: bool, on_one: bool) -> None:
         """Add a robot; one on boxes is alone, without the geoms that then touch nothing: each costs a test a part."""
         if has_boxes:
-            _add_boxes(spec, name)
+            _add_boxes(spec, name, not on_one)
         self.robot.attach(spec, name)
-        stand_on_facets(spec, name)
-        for geom in list(spec.geoms) if has_boxes else ():
+        if not self.is_level:
+            stand_on_facets(spec, name)
+        for geom in list(spec.geoms) if has_boxes or on_one else ():
             if geom.mass == 0 and not (geom.contype | geom.conaffinity) & ~ROBOT_BIT:
                 spec.delete(geom)
-        for k, end in enumerate(FEET if has_boxes else ()):
+        for k, end in enumerate(FEET if has_boxes and not on_one else ()):
             spec.geom(f"{name}_{end}").conaffinity = _FOOT_BITS[k] | (FLOOR_BIT if code >> k & 1 else 0)
         for k, wheels in enumerate(self.robot.SIDES):
             zone = code >> (len(FEET) + k * _ZONE_BITS) & (1 << _ZONE_BITS) - 1
@@ -171,14 +211,16 @@ class VolumeModels:
                 geom = spec.geom(f"{name}_{wheel}")
                 if geom is not None:  # another robot may have none
                     geom.priority, geom.friction = 1, self.friction_of(zone)
-                    if not has_boxes or code >> k & 1:
+                    if not on_one and (not has_boxes or code >> k & 1):
                         keep_in_disc(geom, self.robot.radius_m)
         contact_sensor(spec, name)
 
 
-def _add_boxes(spec: mujoco.MjSpec, name: str) -> None:
-    """Add a box under each foot of a robot, parked."""
+def _add_boxes(spec: mujoco.MjSpec, name: str, are_solid: bool) -> None:
+    """Add a box under each foot of a robot, parked; one that is not solid has its place in the state alone."""
     for k, place in enumerate(PARKED_M):
         body = spec.worldbody.add_body(name=f"{name}_plane_{k}", mocap=True, pos=place)
         middle = [0, 0, -_HALF_M[2]]
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF_M, pos=middle, contype=_FOOT_BITS[k], conaffinity=0)
+        if are_solid:
+            bits = {"contype": _FOOT_BITS[k], "conaffinity": 0}
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_HALF_M, pos=middle, **bits)

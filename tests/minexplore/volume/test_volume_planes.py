@@ -10,9 +10,9 @@ from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.volume import planes as planes_module
-from minexplore.volume.choice import boxes_under
 from minexplore.volume.columns import FloorColumns
 from minexplore.volume.creases import Creases
+from minexplore.volume.flat import plane_quaternions
 from minexplore.volume.models import PARKED_M
 from minexplore.volume.planes import NODE_M, REACHES_M, TOLERANCE_M, FloorPlanes, FootPlanes, fit_planes
 from pipeline.volume.floors import solve_floors
@@ -74,9 +74,9 @@ def test_a_floor_with_a_step_is_no_plane():
 
 def test_the_box_under_a_foot_has_its_plane_as_upper_face():
     under = FootPlanes(PLANE[None, None], np.array([[[3.0, 4.0]]]), np.zeros((1, 1)))
-    places, quaternions = boxes_under(under)
+    place = [*under.nodes_m[0, 0], under.plane[0, 0, 2]]
     spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body(pos=places[0, 0], quat=quaternions[0, 0])
+    body = spec.worldbody.add_body(pos=place, quat=plane_quaternions(under.plane)[0, 0])
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5, 0.5, 0.25], pos=[0, 0, -0.25])
     model = spec.compile()
     data = mujoco.MjData(model)

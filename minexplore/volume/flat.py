@@ -1,0 +1,81 @@
+"""Where the floor of a volume is one plane: there all feet stand on it, and nothing is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.physics.robot import FLOOR_BIT
+from minexplore.rotations import rotation_matrices
+from minexplore.volume.planes import TOLERANCE_M
+
+_PLUMB = 1e-6  # of a normal's length
+_LEVEL = 1e-6  # rise over run
+
+
+@dataclass(frozen=True)
+class FlatTile:
+    """A tile of one plane: slopes east and north and height at the tile's middle (3,), m, and the middle (2,) m."""
+
+    plane: np.ndarray
+    middle_m: np.ndarray
+
+    def add_to(self, body: mujoco.MjsBody, reach_m: float) -> None:
+        """Add a cube whose upper face is the plane as far as `reach_m` from the middle."""
+        quaternion = plane_quaternions(self.plane[None])[0]
+        up = rotation_matrices(quaternion[None])[0, :, 2]
+        place = np.append(self.middle_m, self.plane[2]) - reach_m * up
+        cube = body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[reach_m] * 3, pos=place, quat=quaternion)
+        cube.contype, cube.conaffinity = FLOOR_BIT, 0
+
+
+def plane_quaternions(planes: np.ndarray) -> np.ndarray:
+    """Return quaternions (..., 4), w first, that turn up to the normals of planes (..., 3): slopes, and a height."""
+    a, b = planes[..., 0], planes[..., 1]
+    found: np.ndarray = np.stack([1 + np.sqrt(1 + a * a + b * b), b, -a, np.zeros_like(a)], axis=-1)
+    found /= np.sqrt((found**2).sum(axis=-1, keepdims=True))
+    return found
+
+
+class FlatFloors:
+    """The facets of a volume, asked whether their floor is one plane.
+
+    `level_m` is the height of the whole mine's floor if it is level, else None.
+    """
+
+    def __init__(self, facets: VolumeFacets) -> None:
+        """Take the facets."""
+        self._corners = facets.vertices[facets.faces]
+        self._low, self._high = self._corners.min(axis=1), self._corners.max(axis=1)
+        self._normal = facets.normals
+        size = np.linalg.norm(self._normal, axis=1)
+        self._faces_up = self._normal[:, 2] < -_PLUMB * size
+        self._slope = -self._normal[:, :2] / np.where(self._faces_up, self._normal[:, 2], 1.0)[:, None]
+        whole = self._one_plane(self._corners.min(axis=(0, 1)), self._corners.max(axis=(0, 1)))
+        self.level_m = None if whole is None or np.abs(whole.plane[:2]).max() > _LEVEL else float(whole.plane[2])
+
+    def within(self, low_m: np.ndarray, high_m: np.ndarray) -> FlatTile | None:
+        """Return the plane of the floors in a box from `low_m` (3,) to `high_m` (3,) m, mine frame, if it is one.
+
+        All facets that face up lie in it, walls that lean back too, and nothing goes down from it.
+        """
+        if self.level_m is None:
+            return self._one_plane(low_m, high_m)
+        return FlatTile(np.array([0.0, 0.0, self.level_m]), (low_m + high_m)[:2] / 2)
+
+    def _one_plane(self, low_m: np.ndarray, high_m: np.ndarray) -> FlatTile | None:
+        near = ((self._low <= high_m) & (self._high >= low_m)).all(axis=1)
+        up = np.flatnonzero(near & self._faces_up)
+        if not len(up):
+            return None
+        middle, half = (low_m + high_m)[:2] / 2, (high_m - low_m)[:2] / 2
+        slope, corner = self._slope[up], self._corners[up, 0]
+        height = corner[:, 2] + ((middle - corner[:, :2]) * slope).sum(axis=1)
+        largest = int(np.abs(self._normal[up, 2]).argmax())
+        off = np.abs(slope - slope[largest]) @ half + np.abs(height - height[largest])
+        plane = np.append(slope[largest], height[largest])
+        under = plane[2] + (self._corners[near][..., :2] - middle) @ plane[:2] - self._corners[near][..., 2]
+        return FlatTile(plane, middle) if max(off.max(), under.max()) <= TOLERANCE_M else None
