@@ -10,6 +10,7 @@ from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.robot_places import Stances
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot_kind import Robot
+from minexplore.sensing.coverage import mark
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
@@ -84,7 +85,7 @@ class FlyerBatch(RobotBatch):
         """Cast the beams and mark the cubes they cross; return true ranges (k, beams) m, and new cubes (k,)."""
         origin, directions, ranges = self._cast(robots)
         ray, cube = self._crossed(origin, directions, ranges)
-        new = self.grid.mark(self.seen, robots[ray // len(self._beams)], cube)
+        new = mark(self.grid, self.seen, robots[ray // len(self._beams)], cube)
         return ranges, new[robots]
 
     def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:

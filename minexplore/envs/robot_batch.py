@@ -11,6 +11,7 @@ from minexplore.envs.ground import RobotGround, ground_of
 from minexplore.envs.robot_places import RobotPlaces
 from minexplore.physics.robot_kind import DrivenRobot, Robot
 from minexplore.physics.stepper import PhysicsStepper
+from minexplore.sensing.coverage import mark
 from minexplore.sensing.lidar import Backend, shared_lidar
 from minexplore.sensing.observation import observe
 from minexplore.task import TaskParams
@@ -197,7 +198,7 @@ class RobotBatch(RobotPlaces):
         """Cast the beams and mark the cells they cross; return true ranges (k, beams) m, and new cells (k,)."""
         origin, directions, ranges = self._cast(robots)
         ray, *cell = self._crossed(origin, directions, ranges)
-        new = self.grid.mark(self.seen, robots[ray // self.task.beams], *cell)
+        new = mark(self.grid, self.seen, robots[ray // self.task.beams], *cell)
         return ranges, new[self._rows(robots)]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

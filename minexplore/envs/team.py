@@ -9,6 +9,7 @@ import numpy as np
 
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
+from minexplore.sensing.coverage import mark
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
 from minexplore.tasks.exploration import StepOutcome
@@ -96,7 +97,7 @@ class Team(RobotBatch):
         for i in range(len(robots)):
             own = ray // self.task.beams == i
             observer = np.zeros(int(own.sum()), dtype=int)
-            new[i] = self.grid.mark(self.team_seen, observer, *(index[own] for index in cell))[0]
+            new[i] = mark(self.grid, self.team_seen, observer, *(index[own] for index in cell))[0]
         return ranges, new
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -25,9 +25,6 @@ class CellGrid(Protocol):
         All may start at one place, (1, 3) m.
         """
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
-        """Mark cells as seen by their observers; return how many are new to each."""
-
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return the squares (rows, cols), seen from above, in which any of some cells lies."""
 
@@ -74,33 +71,27 @@ class CoverageGrid:
         piece &= row.view(np.uint64) < rows
         return piece.nonzero()[0], row[piece], col[piece]
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
-        """Mark cells, rows and columns, as seen in `seen` (m, rows, cols) by their observers.
-
-        Return how many are new to each (m,).
-        """
-        row, col = cell
-        number = row * self.reachable.shape[1] + col
-        counts = self.reachable.reshape(-1)[number]
-        return mark_numbers(seen, observer[counts], number[counts])
-
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return a mask of cells as one of the plan's squares (rows, cols): here they are the same."""
         return cells
 
 
-def mark_numbers(seen: np.ndarray, observer: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Mark cells by their numbers in a row of `seen`, see `CellGrid.mark`."""
-    size = seen[0].size
-    flat = number if len(seen) == 1 else observer * size + number
+def mark(grid: CellGrid, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
+    """Mark reachable cells, by their indices, as seen in `seen` (m, ...) by their observers.
+
+    Return how many are new to each (m,).
+    """
+    shape = grid.reachable.shape
+    number = cell[0] if len(shape) == 1 else cell[0] * shape[1] + cell[1]
+    flat = number if len(seen) == 1 else observer * grid.reachable.size + number
     view = seen.reshape(-1)
-    unseen = flat[~view[flat]]
+    unseen = flat[grid.reachable.reshape(-1)[number] > view[flat]]
     if not len(unseen):
         return np.zeros(len(seen), np.int64)
     unseen.sort()
     new = unseen[np.append(True, unseen[1:] != unseen[:-1])]
     view[new] = True
-    return np.bincount(new // size, minlength=len(seen))
+    return np.bincount(new // grid.reachable.size, minlength=len(seen))
 
 
 @np.errstate(divide="ignore", invalid="ignore")

@@ -70,14 +70,6 @@ class CubeGrid:
         number = self.numbers_at((start[ray] + middle[:, None] * step[ray]) * self.cell_m)
         return ray[number >= 0], number[number >= 0]
 
-    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
-        """Mark cubes by number as seen in `seen` (m, total) by their observers; return how many are new to each."""
-        flat = observer * self.total + cell[0]
-        view = seen.reshape(-1)
-        new = np.unique(flat[~view[flat]])
-        view[new] = True
-        return np.bincount(new // self.total, minlength=len(seen))
-
     def columns(self) -> dict[int, np.ndarray]:
         """Return the numbers of the cubes of each column that has any, by the flat index of its cell of the plan."""
         order = np.argsort(self._flat, kind="stable")

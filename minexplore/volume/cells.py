@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from minexplore.floors.volume_arrays import FloorSpans
-from minexplore.sensing.coverage import cut_at_lines, mark_numbers
+from minexplore.sensing.coverage import cut_at_lines
 
 _APART_M = 1.0  # floors of one square that are so far apart in height are two cells: no robot fits between them
 _NONE, _BY_HEIGHT = -1, -2  # instead of a square's cell
@@ -89,10 +89,6 @@ class VolumeGrid:
             over = z_m[at] > self.low_m[number]
             cell[at[over]] = number[over]
         return np.where((cell >= 0) & (z_m < self.high_m[cell]), cell, _NONE)
-
-    def mark(self, seen: np.ndarray, observer: np.ndarray, *cell: np.ndarray) -> np.ndarray:
-        """Mark cells as seen in `seen` (m, cells) by their observers; return how many are new to each (m,)."""
-        return mark_numbers(seen, observer, *cell)
 
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return the squares (rows, cols) in which any of some cells, a mask (n,), lies."""

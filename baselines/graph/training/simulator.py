@@ -19,6 +19,7 @@ from baselines.graph.planner import ClusterPlanner
 from baselines.graph.training.convoy import Convoy
 from baselines.graph.training.senses import Senses
 from minexplore.physics.robot import RobotParams
+from minexplore.sensing.coverage import mark
 from minexplore.task import TaskParams
 from minexplore.world import World
 
@@ -144,7 +145,7 @@ class MapSimulator:
         """Count the new cells that the last beams of robots (k,) cross, and add the beams to the maps."""
         poses = self.poses[robots]
         pose, row, col = self.senses.cells(poses, self._true[robots])
-        self.cells_seen += self.senses.grid.mark(self._seen, robots[pose], row, col)
+        self.cells_seen += mark(self.senses.grid, self._seen, robots[pose], row, col)
         self._maps.add(robots, poses, self.senses.bearings, self._ranges[robots], self.task.range_m[1])
         self._note_changes(robots, poses)
 

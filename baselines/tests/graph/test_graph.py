@@ -30,6 +30,7 @@ from baselines.running.protocol import run_episodes
 from baselines.sandbox.confined import Confined, ConfinedPolicy
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.physics.robot import RobotParams
+from minexplore.sensing.coverage import mark
 from minexplore.task import TaskParams
 from minexplore.world import load_world
 from tests.volumes import BOX, build_volume
@@ -69,7 +70,7 @@ def compare_sight(world, count):
         np.testing.assert_allclose(ranges[k][np.argsort(senses.bearings % (2 * np.pi))], true, atol=1e-6)
         batch._look(only)
         seen = np.zeros_like(batch.seen)
-        senses.grid.mark(seen, np.zeros((pose == k).sum(), dtype=int), row[pose == k], col[pose == k])
+        mark(senses.grid, seen, np.zeros((pose == k).sum(), dtype=int), row[pose == k], col[pose == k])
         np.testing.assert_array_equal(seen, batch.seen)
     batch.close()
 

@@ -5,6 +5,7 @@ import pytest
 
 from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.physics.robot import RobotParams
+from minexplore.sensing.coverage import mark
 from minexplore.volume.cells import VolumeGrid
 from minexplore.volume.standing import standing_spans
 
@@ -101,9 +102,9 @@ def test_beams_that_start_at_one_place_mark_what_they_mark_one_by_one():
 def test_marked_cells_count_once():
     grid = VolumeGrid(spans(strip([0.0] * 24)), np.ones(24, bool), 2.0)
     seen = np.zeros((2, *grid.reachable.shape), bool)
-    new = grid.mark(seen, np.array([0, 0, 1]), np.array([1, 1, 2]))
+    new = mark(grid, seen, np.array([0, 0, 1]), np.array([1, 1, 2]))
     assert new.tolist() == [1, 1]
-    assert grid.mark(seen, np.array([0]), np.array([1])).tolist() == [0, 0]
+    assert mark(grid, seen, np.array([0]), np.array([1])).tolist() == [0, 0]
     assert grid.in_plan(seen[0]).tolist() == [[False, True, False]]
     assert seen.sum(axis=1).tolist() == [1, 1]
 
