@@ -15,6 +15,7 @@ from pipeline.types import DriftNetwork, Leg, SurveyedLegs, lines_of
 
 _DIGITS = 2
 _LEAST_PILLAR_M2 = 0.25  # of a hole in a view from above: smaller ones are no pillars
+_THIN_M = 0.05  # half the width of what is no drift and no pillar in a view from above
 
 
 def plan_network(surveyed: SurveyedLegs, cell_m: float) -> DriftNetwork:
@@ -120,7 +121,13 @@ def _plan(place: np.ndarray) -> tuple[float, float]:
 def seen_network(
     outline: Polygon | MultiPolygon, cell_m: float, min_leg_m: float, station_spacing_m: float
 ) -> DriftNetwork:
-    """Return the network of the largest piece of a view from above; the others are those of `trace_network`."""
-    largest = max(shapely.get_parts(outline), key=lambda part: part.area)
+    """Return the network of the largest piece of a view from above; the others are those of `trace_network`.
+
+    Drifts and pillars that are thinner than 10 cm are none: a scan's view has some that are thinner than any cell.
+    """
+    thick = outline
+    for by_m in (-_THIN_M, 2 * _THIN_M, -_THIN_M):
+        thick = thick.buffer(by_m, join_style="mitre")
+    largest = max(shapely.get_parts(outline if thick.is_empty else thick), key=lambda part: part.area)
     pillars = [ring for ring in largest.interiors if Polygon(ring).area > _LEAST_PILLAR_M2]
     return trace_network(Polygon(largest.exterior, pillars), cell_m, min_leg_m, station_spacing_m)
