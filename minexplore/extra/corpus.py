@@ -48,17 +48,10 @@ class Corpus:
 
         The environment's id is `MineXplore/corpus:NAME-v0`.
 
-        Parameters
-        ----------
-        name : str
-
-        Raises
-        ------
-        FileNotFoundError
-            If the corpus has no world of this name; the message lists some of its names.
-        BundleError
-            If a file cannot be fetched or comes too slowly, is larger than a world's may be, has another hash than the
-            index or the world's record says, or the bundle is none that `minexplore.sealed` opens.
+        `name`: str.
+        Raises FileNotFoundError if the corpus has no world of this name; the message lists some of its names.
+        BundleError if a file cannot be fetched or comes too slowly, is larger than a world's may be, has another hash
+        than the index or the world's record says, or the bundle is none that `minexplore.sealed` opens.
         """
         if name not in self.records:
             known = ", ".join(sorted(self.records)[:10])

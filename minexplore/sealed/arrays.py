@@ -73,10 +73,7 @@ def _bytes_of(archive: zipfile.ZipFile, data: bytes) -> int:
 def _read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:
     """Return an array of this dtype and number of dimensions with at most so many values.
 
-    Raises
-    ------
-    BundleError
-        If it is another array.
+    Raises BundleError if it is another array.
     """
     with archive.open(f"{name}.npy") as stream:
         version = np.lib.format.read_magic(stream)

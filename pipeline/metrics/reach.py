@@ -16,7 +16,6 @@ from pipeline.geometry.runs import connected_runs
 from pipeline.types import DriftNetwork, Frame, Mask
 
 _STATIONS_M = 3.0
-_BESIDE = 3  # cells
 _UNMATCHED_COST = 1e6
 
 
@@ -144,10 +143,7 @@ def _lengths(legs: list[tuple[str, str, float]]) -> dict[tuple[str, ...], list[f
 def start_cell(place_m: tuple[float, float], frame: Frame) -> tuple[int, int]:
     """Return the row and column of a place.
 
-    Raises
-    ------
-    GeometryError
-        If the place lies outside the frame.
+    Raises GeometryError if the place lies outside the frame.
     """
     col, row = np.floor(frame.to_image(np.array([place_m]))[0]).astype(int).tolist()
     if not (0 <= row < frame.height_px and 0 <= col < frame.width_px):

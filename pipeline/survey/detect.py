@@ -53,22 +53,11 @@ _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece
 def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
     """Detect how a file should be read, in a process with the limits of `conf/reader_limits.yaml`.
 
-    Parameters
-    ----------
-    path : Path
-        Any file that stage 1 reads, in any folder.
-    stated : StatedOptions
-        What the user states about the file; None is nothing. The rules of the floor are those of `reading_by`.
-
-    Returns
-    -------
-    Detection
-
-    Raises
-    ------
-    InputError
-        If the file does not exist, its format is not supported, or its scale cannot be found. The message names the
-        option that states the scale.
+    `path`: Path; any file that stage 1 reads, in any folder. `stated`: StatedOptions; what the user states about the
+    file; None is nothing. The rules of the floor are those of `reading_by`.
+    Returns Detection.
+    Raises InputError if the file does not exist, its format is not supported, or its scale cannot be found. The message
+    names the option that states the scale.
     """
     require_plain_file(path)
     if not path.stat().st_size:

@@ -94,10 +94,7 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
 def survey_files(path: Path) -> list[Path]:
     """Return a survey's files: the file and all files that it names.
 
-    Raises
-    ------
-    InputError
-        If a named file is missing or lies outside the folder of the first.
+    Raises InputError if a named file is missing or lies outside the folder of the first.
     """
     suffix = path.suffix.lower()
     if suffix == ".th" or is_project(path):
@@ -119,10 +116,8 @@ def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[S
 
     `half_width_m` is the distance to a wall that nobody measured; None takes the survey's own (`plan_legs`).
 
-    Raises
-    ------
-    InputError
-        If the survey cannot be read, or its workings pass over each other or are too steep for a flat world.
+    Raises InputError if the survey cannot be read, or its workings pass over each other or are too steep for a flat
+    world.
     """
     survey = solve_file(path)
     return plan_legs(path, survey, half_width_m), None if survey.crs is None else one_line(survey.crs, 200)

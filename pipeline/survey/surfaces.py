@@ -184,10 +184,7 @@ def _is_dark(plan: Image, frame: Frame, places_m: np.ndarray) -> np.ndarray:
 def _in_metres(path: Path, surface: HeightPoints, georeference: Georeference) -> Points:
     """Return the points of a surface in the mine frame, m, each axis by its own unit.
 
-    Raises
-    ------
-    InputError
-        If its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
+    Raises InputError if its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
     """
     plan_m, axes = georeference.metres_per_unit, MapAxes()
     if surface.crs is not None:

@@ -89,12 +89,8 @@ def scanner_of(
 ) -> Scanner:
     """Return a LiDAR in a world by the name of its pattern, or by the `.json` file of one; see `load_pattern`.
 
-    Raises
-    ------
-    ValueError
-        If there is no pattern of that name, or the file is refused.
-    FileNotFoundError
-        If there is no such file.
+    Raises ValueError if there is no pattern of that name, or the file is refused. FileNotFoundError if there is no such
+    file.
     """
     pattern = load_pattern(name)
     return Scanner(pattern, shared_caster(world, pattern.range_m[1], backend), mount, params)

@@ -27,10 +27,7 @@ def cell_within_bundle(wanted_m: float, world_m: tuple[float, float, float, floa
 
     A remark names a cell that is larger than wanted.
 
-    Raises
-    ------
-    GeometryError
-        If the cell is larger than a bundle allows; the message names the spans.
+    Raises GeometryError if the cell is larger than a bundle allows; the message names the spans.
     """
     west, south, east, north = world_m
     most = MOST_CELLS * _BORDER
@@ -53,16 +50,9 @@ def cell_within_bundle(wanted_m: float, world_m: tuple[float, float, float, floa
 def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:
     """Rasterise the free space and measure the exact distance to rock at each free cell's centre.
 
-    Parameters
-    ----------
-    free : shapely.Polygon, m, mine frame
-    cell_m : float
-    world_m : (west, south, east, north), m
-        The grid covers this box; its south-west corner is a whole number of cells from the origin.
-
-    Returns
-    -------
-    Occupancy
+    `free`: shapely.Polygon, m, mine frame. `cell_m`: float. `world_m`: (west, south, east, north), m; the grid covers
+    this box; its south-west corner is a whole number of cells from the origin.
+    Returns Occupancy.
     """
     _, _, east, north = world_m
     west, south = (float(np.floor(v / cell_m) * cell_m) for v in world_m[:2])
@@ -82,10 +72,7 @@ def first_anchor(
 ) -> Spawn:
     """Choose the spawn anchor at the first place (x, y) m where robots have room; see `entrance_anchor`.
 
-    Raises
-    ------
-    GeometryError
-        If they have room at no place; the message is that of the first.
+    Raises GeometryError if they have room at no place; the message is that of the first.
     """
     refused: list[GeometryError] = []
     for start_m in starts_m:

@@ -97,10 +97,7 @@ def build_octree(columns: Columns, cell_m: float) -> Octree:
     Rock deeper than that stays unknown, as in a map made by a sensor. Blocks of the plan are built one after another,
     so that memory holds the leaves of the whole and the voxels of a block.
 
-    Raises
-    ------
-    GeometryError
-        If the columns reach beyond the range of 16 levels.
+    Raises GeometryError if the columns reach beyond the range of 16 levels.
     """
     _require_range(columns, cell_m)
     blocks = [_merge(*_voxels(near, east, north), _BLOCK) for east, north, near in _blocks(columns)]
@@ -209,9 +206,7 @@ def _spread(v: np.ndarray) -> np.ndarray:
 def to_bt(tree: Octree) -> bytes:
     """Serialise to OctoMap's binary stream: two bits for each child, nodes in depth-first order.
 
-    References
-    ----------
-    Hornung et al. 2013, doi:10.1007/s10514-012-9321-0; file format of OctoMap's `OcTree::writeBinary`.
+    Source: Hornung et al. 2013, doi:10.1007/s10514-012-9321-0; file format of OctoMap's `OcTree::writeBinary`.
     """
     inner_codes, words = [], []
     for level in range(_DEPTH):

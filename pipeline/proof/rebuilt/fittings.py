@@ -42,10 +42,7 @@ _LEVEL_M = 1e-6
 def require_floor(folder: Path, record: WorldRecord, free: Polygon, params: FloorParams | None) -> None:
     """Make the visible floor of a bundle again and compare every face; it may be absent.
 
-    Raises
-    ------
-    ArtifactError
-        With the file, how it differs, and the parameters that would make it.
+    Raises ArtifactError: with the file, how it differs, and the parameters that would make it.
     """
     names = {name for name in _fittings(record.files) if is_cover(name)}
     if not names:

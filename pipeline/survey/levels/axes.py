@@ -21,12 +21,7 @@ _NAMED = 5
 def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs | None:
     """Return a leg for each shaft, None if there is none; those that reach no floor are left out, with a warning.
 
-    Parameters
-    ----------
-    path : Path
-    axes : list of (k, 3) m
-        From the upper to the lower end; elevations.
-    floors : FloorMesh
+    `path`: Path. `axes`: list of (k, 3) m; from the upper to the lower end; elevations. `floors`: FloorMesh.
     """
     legs, left_out = [], []
     tree = shapely.STRtree(shapely.polygons(floors.vertices[floors.faces][:, :, :2]))

@@ -44,10 +44,7 @@ _HANGING_STATION = re.compile(r"(?:.*: info: )?(\S+)")
 def require_cavern(path: Path) -> str:
     """Return the path of `cavern`.
 
-    Raises
-    ------
-    InputError
-        If Survex is not installed.
+    Raises InputError if Survex is not installed.
     """
     program = shutil.which("cavern")
     if program is None:
@@ -61,10 +58,7 @@ def require_cavern(path: Path) -> str:
 def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
     """Refuse a file that needs a newer version of Survex than is installed.
 
-    Raises
-    ------
-    InputError
-        The message names the version that is installed, and the one that is needed.
+    Raises InputError: the message names the version that is installed, and the one that is needed.
     """
     _, output = _run([require_cavern(path), "--version"])
     version = _version(output)

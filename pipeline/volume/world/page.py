@@ -37,10 +37,7 @@ _NAMED = 10  # pieces that the page lists
 def volume_view(root: Path, mine: MineSurvey) -> WorldView:
     """Return what the report of a volume world shows.
 
-    Raises
-    ------
-    ArtifactError
-        If an artifact is missing or broken; the message names it.
+    Raises ArtifactError if an artifact is missing or broken; the message names it.
     """
     bundle = root / "realism" / "world"
     record = read_volume_record(bundle)
