@@ -15,7 +15,7 @@ from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
 from pipeline.own_mines import DATA, WORDS, require_kept, require_name, require_same, survey_file
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
@@ -56,10 +56,12 @@ class Import:
     folders: list[Path] = field(default_factory=list)
 
 
-def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
+def draft_import(
+    name: str, source: Path, stated: StatedOptions, is_kept: bool = True, rules: FloorRules = FLOOR_RULES
+) -> ImportDraft:
     """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
-    The section states the rules of the floor that `reading_by` has and that are not the default ones.
+    The section states the rules of the floor that are not the default ones.
     `warn_user` lists what is guessed, with the option that overrules it: the survey section only where it `is_kept`.
 
     Raises InputError, ParamsError if the name or the file cannot be used.
@@ -72,7 +74,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         again = f"remove it to detect the file again, and {DATA / name} to read another file"
         warn_user(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}")
         return ImportDraft(name, None)
-    detected = detect_survey(source, stated)
+    detected = detect_survey(source, stated, rules)
     copies = _targets(source, detected.files, DATA / name)
     detected = _with_heights(detected, stated, source)
     if stated.heights is not None:
@@ -82,7 +84,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         require_plain_file(stated.trajectory)
         copies |= _targets(stated.trajectory, [stated.trajectory], DATA / name)
         detected.values["trajectory"] = copies[stated.trajectory].as_posix()
-    detected.values.update(floor_rules().model_dump(exclude_defaults=True))
+    detected.values.update(rules.model_dump(exclude_defaults=True))
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
     hand_on(findings_of(detected, conf if is_kept else None))

@@ -86,21 +86,12 @@ class Corpus:
 def open_corpus(source: str | Path | None = None, sha256: str | None = None) -> Corpus:
     """Read the index of a corpus.
 
-    Parameters
-    ----------
-    source : str or Path, optional
-        A folder, or an address that begins with http:// or https://. By default that of the environment variable
-        MINEXPLORE_CORPUS, else `artifacts/corpus` of a source checkout.
-    sha256 : str, optional
-        Of `corpus.json`. It makes the whole corpus that which was published, as the index holds the hash of every
-        world's record and the record that of every file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no corpus.
-    BundleError
-        If the index cannot be fetched, has another hash, or is no index.
+    `source`: str or Path, optional; a folder, or an address that begins with http:// or https://. By default that of
+    the environment variable MINEXPLORE_CORPUS, else `artifacts/corpus` of a source checkout. `sha256`: str, optional;
+    of `corpus.json`. It makes the whole corpus that which was published, as the index holds the hash of every world's
+    record and the record that of every file.
+    Raises FileNotFoundError if there is no corpus. BundleError if the index cannot be fetched, has another hash, or is
+    no index.
     """
     place = str(source or os.environ.get(SOURCE) or Path(__file__).parents[2] / "artifacts" / "corpus").rstrip("/")
     if _is_address(place):

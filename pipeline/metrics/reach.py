@@ -54,15 +54,8 @@ def compare_reach(
 ) -> ReachMatch:
     """Compare the reached cells of plan and world, and the networks traced from them; rows run from the north.
 
-    Parameters
-    ----------
-    plan, world : (rows, cols) bool
-    frame : Frame
-        The grid of the cells.
-    radius_m : float
-        The robot's radius; reached cells are dilated by it before a network is traced.
-    cell_m, min_leg_m : float
-        See `trace_network`.
+    `plan`, `world`: (rows, cols) bool. `frame`: Frame; the grid of the cells. `radius_m`: float; the robot's radius;
+    reached cells are dilated by it before a network is traced. `cell_m`, `min_leg_m`: float; see `trace_network`.
     """
     area = 1 / frame.px_per_m**2
     one, two = _networks(plan, world, frame, radius_m, cell_m, min_leg_m)

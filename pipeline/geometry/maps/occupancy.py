@@ -88,19 +88,9 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
 
     All cells round the anchor are free.
 
-    Parameters
-    ----------
-    grid : Occupancy
-    entrance_m : (x, y), m, mine frame
-    radius_m : float
-        Radius of the entrance region.
-    clearance_m : float
-        Least distance of a spawn pose from rock.
-
-    Raises
-    ------
-    GeometryError
-        If no cell of the region has the clearance.
+    `grid`: Occupancy. `entrance_m`: (x, y), m, mine frame. `radius_m`: float; radius of the entrance region.
+    `clearance_m`: float; least distance of a spawn pose from rock.
+    Raises GeometryError if no cell of the region has the clearance.
     """
     inner = binary_erosion(grid.free, np.ones((3, 3), bool))
     row, col = np.nonzero(inner & (grid.clearance_m >= clearance_m))

@@ -67,16 +67,9 @@ class Columns:
     ) -> Columns:
         """Return the columns over free cells.
 
-        Parameters
-        ----------
-        cells : (k, 2) int
-            Row and column; row 0 is in the south.
-        origin_m : (2,), m, mine frame
-            South-west corner of the cells, a whole number of cells from the mine's origin.
-        cell_m : float
-            Edge of a voxel.
-        height_m, floor_m : float or (k,) m
-            A voxel is free when its centre lies above the floor and below the height over it.
+        `cells`: (k, 2) int; row and column; row 0 is in the south. `origin_m`: (2,), m, mine frame; south-west corner
+        of the cells, a whole number of cells from the mine's origin. `cell_m`: float; edge of a voxel. `height_m`,
+        `floor_m`: float or (k,) m; a voxel is free when its centre lies above the floor and below the height over it.
         """
         row, col = cells.T
         west, south = (round(v / cell_m) for v in origin_m)

@@ -11,7 +11,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.types import Frame, Mask
 
-_NEAR_M = 5.0  # a place in rock selects the nearest workings up to this distance
+NEAR_M = 5.0  # a place in rock selects the nearest workings up to this distance
 _NECK_M = 0.05  # workings thinner than twice this connect nothing: two areas that touch in a corner, say
 _SLIVER_M2 = 0.01  # smaller pieces are rounding along a wall
 _SPIKE_M = 0.5  # a corner so thin and longer is cut off; the notches of rough walls are shorter
@@ -63,10 +63,10 @@ def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
 
 def _nearest(place_m: tuple[float, float], distance_m: np.ndarray) -> int:
     """Return the index of the workings that a place selects, by their distances (k,) m from it."""
-    if distance_m.min() > _NEAR_M:
+    if distance_m.min() > NEAR_M:
         x, y = place_m
         raise GeometryError(
-            f"no workings at ({x:g}, {y:g}): the nearest are {distance_m.min():.1f} m away (at most {_NEAR_M:g} m); "
+            f"no workings at ({x:g}, {y:g}): the nearest are {distance_m.min():.1f} m away (at most {NEAR_M:g} m); "
             "contours.components chooses the part that is built"
         )
     return int(distance_m.argmin())

@@ -54,18 +54,9 @@ def decomposed_hulls(
 ) -> ConvexParts:
     """Decompose the rock tile by tile into convex hulls.
 
-    Parameters
-    ----------
-    rock : iterable of shapely.Polygon, m, mine frame
-    tiles : int
-    decompose : Decomposer
-    progress : callable
-        Iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
-
-    Raises
-    ------
-    GeometryError
-        If the decomposer returns nothing for a tile.
+    `rock`: iterable of shapely.Polygon, m, mine frame. `tiles`: int. `decompose`: Decomposer. `progress`: callable;
+    iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
+    Raises GeometryError if the decomposer returns nothing for a tile.
     """
     hulls = []
     for tile in progress(tile_rock(rock, tiles)):

@@ -20,7 +20,6 @@ from pipeline.survey.solids.read import MOST_FACETS, view_from_above, warn_of_cr
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh, Georeference
 
-_NAMED = 5
 _LEAST_OTHER_M3 = 20.0  # the inside of a vehicle is no space of its own
 
 
@@ -122,7 +121,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             for thing in found.things
             for a, b, c in [thing.size_m]
         ]
-        warn_user(f"things stand free and are left out: {first_few(listed, _NAMED)}", of=name, count=len(found.things))
+        warn_user(f"things stand free and are left out: {first_few(listed)}", of=name, count=len(found.things))
     thin = len(found.thin_points_m)
     if thin:
         warn_user(
@@ -142,7 +141,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     ):
         if gaps:
             listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m, down)}" for gap in gaps]
-            warn_user(f"{what}: {first_few(listed, _NAMED)}", of=name, count=len(gaps))
+            warn_user(f"{what}: {first_few(listed)}", of=name, count=len(gaps))
     if found.unseen:
         sample = found.unseen + len(found.rays_m)
         warn_user(

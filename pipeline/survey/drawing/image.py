@@ -37,24 +37,12 @@ def read_image(path: Path, max_megapixels: float) -> Image:
 def read_pixels(path: Path, max_megapixels: float, is_plan: bool = False) -> Image:
     """Read an image file as BGR.
 
-    Parameters
-    ----------
-    path : Path
-        PNG, JPEG, TIFF, BMP, PNM or GIF. The header is checked before pixels are decoded. The picture is turned upright
-        as its Exif data say. Of several pages of a TIFF or frames of a GIF the first is read, with a warning.
-    max_megapixels : float
-        Upper limit of the image's size.
-    is_plan : bool
-        Whether pixels of 16 bits may use fewer, and white on transparent ground is refused.
-
-    Returns
-    -------
-    (rows, cols, 3) uint8
-
-    Raises
-    ------
-    InputError
-        If the file is empty, unreadable or too large.
+    `path`: Path; PNG, JPEG, TIFF, BMP, PNM or GIF. The header is checked before pixels are decoded. The picture is
+    turned upright as its Exif data say. Of several pages of a TIFF or frames of a GIF the first is read, with a
+    warning. `max_megapixels`: float; upper limit of the image's size. `is_plan`: bool; whether pixels of 16 bits may
+    use fewer, and white on transparent ground is refused.
+    Returns (rows, cols, 3) uint8.
+    Raises InputError if the file is empty, unreadable or too large.
     """
     picture = decode_pixels(path, max_megapixels)
     read = _to_bgr(picture, is_plan)

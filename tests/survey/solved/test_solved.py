@@ -17,11 +17,11 @@ from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
+from pipeline.survey.solved_surveys import solve_file, survey_files
 from pipeline.survey.survex import cavern
 from pipeline.types import Source
 from tests.project import ROOT
-from tests.solved import position_of
+from tests.solved import position_of, read_passages
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT / "data/wheal_pell/pell.3d"
