@@ -40,16 +40,8 @@ _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 def compose(overrides: list[str], conf: Path = CONF) -> Config:
     """Compose the configuration in a folder, by default that of the project, and check it.
 
-    Parameters
-    ----------
-    overrides : list of str
-        Hydra overrides: `group=choice` or `section.key=value`.
-    conf : Path
-
-    Raises
-    ------
-    ParamsError
-        The message names the override, its value and the valid choices.
+    `overrides`: list of str; hydra overrides: `group=choice` or `section.key=value`. `conf`: Path.
+    Raises ParamsError: the message names the override, its value and the valid choices.
     """
     require_project(conf)
     for path in sorted(conf.rglob("*.yaml")):
@@ -83,10 +75,7 @@ def _printable(text: str) -> str:
 def compose_after_root(more: list[str]) -> Config:
     """Compose the configuration with the overrides in `params.yaml`, then with more.
 
-    Raises
-    ------
-    ParamsError
-        As `compose`; if an override in `params.yaml` is at fault, the message names that file.
+    Raises ParamsError: as `compose`; if an override in `params.yaml` is at fault, the message names that file.
     """
     root = root_overrides()
     try:
@@ -100,10 +89,7 @@ def compose_after_root(more: list[str]) -> Config:
 def floor_rules_of(overrides: list[str]) -> FloorRules:
     """Return the rules of the floor with what overrides state of them (`survey.flat_step_m=0`).
 
-    Raises
-    ------
-    ParamsError
-        As `compose`.
+    Raises ParamsError: as `compose`.
     """
     names = set(FloorRules.model_fields)
     own = [text for text in overrides if text.partition("=")[0].removeprefix("survey.") in names]

@@ -144,7 +144,10 @@ def printable(text: str, most: int) -> str:
     return line if len(line) <= most else f"{line[:most]} ..."
 
 
-def first_few(items: Sequence[str], most: int, between: str = ", ") -> str:
+NAMED = 10  # things that a message names
+
+
+def first_few(items: Sequence[str], between: str = ", ", most: int = NAMED) -> str:
     """Return the first `most` items in one line, and how many more there are."""
     more = f" and {len(items) - most} more" if len(items) > most else ""
     return between.join(items[:most]) + more

@@ -15,7 +15,7 @@ from pipeline.findings import findings_of
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import one_line
 from pipeline.own_mines import DATA, WORDS, require_kept, require_name, require_same, survey_file
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
@@ -56,16 +56,15 @@ class Import:
     folders: list[Path] = field(default_factory=list)
 
 
-def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool = True) -> ImportDraft:
+def draft_import(
+    name: str, source: Path, stated: StatedOptions, is_kept: bool = True, rules: FloorRules = FLOOR_RULES
+) -> ImportDraft:
     """Detect how a mine's file is read, and draft its copies and its survey section. An existing section is kept.
 
-    The section states the rules of the floor that `reading_by` has and that are not the default ones.
+    The section states the rules of the floor that are not the default ones.
     `warn_user` lists what is guessed, with the option that overrules it: the survey section only where it `is_kept`.
 
-    Raises
-    ------
-    InputError, ParamsError
-        If the name or the file cannot be used.
+    Raises InputError, ParamsError if the name or the file cannot be used.
     """
     require_name(name)
     conf = survey_file(name)
@@ -75,7 +74,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         again = f"remove it to detect the file again, and {DATA / name} to read another file"
         warn_user(f"{conf} exists and is kept; only stages whose inputs changed run again; {again}")
         return ImportDraft(name, None)
-    detected = detect_survey(source, stated)
+    detected = detect_survey(source, stated, rules)
     copies = _targets(source, detected.files, DATA / name)
     detected = _with_heights(detected, stated, source)
     if stated.heights is not None:
@@ -85,7 +84,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
         require_plain_file(stated.trajectory)
         copies |= _targets(stated.trajectory, [stated.trajectory], DATA / name)
         detected.values["trajectory"] = copies[stated.trajectory].as_posix()
-    detected.values.update(floor_rules().model_dump(exclude_defaults=True))
+    detected.values.update(rules.model_dump(exclude_defaults=True))
     section = survey_yaml(name, copies[detected.files[0]], detected, stated)
     require_section(section)
     hand_on(findings_of(detected, conf if is_kept else None))
@@ -95,10 +94,7 @@ def draft_import(name: str, source: Path, stated: StatedOptions, is_kept: bool =
 def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
     """Copy and register a mine's files and write `conf/survey/NAME.yaml`.
 
-    Raises
-    ------
-    InputError, ArtifactError
-        If a file cannot be written. Then nothing is.
+    Raises InputError, ArtifactError if a file cannot be written. Then nothing is.
     """
     if draft.section is None:
         return Import()
@@ -126,10 +122,7 @@ def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
 def _with_heights(detected: Detection, stated: StatedOptions, source: Path) -> Detection:
     """Return what was detected with stated heights of the floor; grades of legs are among what was detected.
 
-    Raises
-    ------
-    InputError
-        If both are stated, the file has elevations of its own, or heights are not read from such a file.
+    Raises InputError if both are stated, the file has elevations of its own, or heights are not read from such a file.
     """
     heights, grade = stated.heights, stated.grade
     if heights is None and grade is None:
@@ -166,11 +159,8 @@ def forget_import(made: Import) -> None:
 def _targets(source: Path, files: list[Path], folder: Path) -> dict[Path, Path]:
     """Return where each file of a mine is copied to.
 
-    Raises
-    ------
-    InputError
-        If a file's name cannot stand in a configuration, a companion file lies outside the folder of `source`, a file
-        is too large, or a different file is already there.
+    Raises InputError if a file's name cannot stand in a configuration, a companion file lies outside the folder of
+    `source`, a file is too large, or a different file is already there.
     """
     targets, most = {}, reader_limits().file_bytes
     for file in files:
@@ -199,12 +189,8 @@ def require_section(text: str) -> None:
 def import_workings(name: str, source: Path) -> Path:
     """Copy a world's free space below data/ and register it as the source of variants.
 
-    Raises
-    ------
-    ArtifactError
-        If the world has no free space yet.
-    InputError
-        If a different free space of this name was copied before.
+    Raises ArtifactError if the world has no free space yet. InputError if a different free space of this name was
+    copied before.
     """
     if not source.is_file():
         raise ArtifactError(f"{source}: {absence_of(source)}; make the world first")

@@ -46,7 +46,7 @@ def changes() -> dict[str, Change]:
             ),
             "pipeline/survey/formats.py": [
                 _after(
-                    "from pipeline.survey.stations.table import read_station_legs\n",
+                    "from pipeline.survey.vector.surpac import read_surpac\n",
                     "from pipeline.survey.wkt import read_wkt\n",
                 ),
                 _after("FORMATS: dict[str, Format] = {\n", '    ".wkt": Format(FileKind.VECTOR, shapes=read_wkt),\n'),

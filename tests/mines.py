@@ -19,6 +19,7 @@ from benchmarks.worlds.small_world import finish_world
 from minexplore.bundle import UNSEALED, world_sha256
 from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.geometry.rock.extrude import section_footprint
 from pipeline.params.config import Config
 from pipeline.schema import check_tables
 from pipeline.store.mine_survey import MineSurvey
@@ -113,3 +114,9 @@ def end_build(root: Path) -> None:
     manifest = {"stage": "validation", "inputs": {f"artifacts/worlds/{root.name}/realism/world/world.json": digest}}
     (root / "validation").mkdir()
     (root / "validation" / "manifest.json").write_text(json.dumps(manifest))
+
+
+def footprint_errors(parts, free, world):
+    """Return the area of free space that convex parts (n, 2 or 3) m cover, and that of rock that none covers, m2."""
+    covered = shapely.union_all([section_footprint(part) for part in parts])
+    return float(covered.intersection(free).area), float(world.difference(free).difference(covered).area)

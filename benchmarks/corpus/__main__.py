@@ -26,11 +26,8 @@ _EACH, _WITH_HEIGHTS = 20, 20
 def build(folder: Path, members: list[CorpusMember]) -> list[CorpusEntry]:
     """Build the members that the folder lacks, write what describes all of them, and return the entries.
 
-    Raises
-    ------
-    ArtifactError
-        If the folder has other files where this writes, the pipeline refuses a member, a certificate does not hold, or
-        all are larger than `MOST_MB`.
+    Raises ArtifactError if the folder has other files where this writes, the pipeline refuses a member, a certificate
+    does not hold, or all are larger than `MOST_MB`.
     """
     require_ours(folder)  # before hours of building
     missing = [member for member in members if not (folder / WORLDS / member.name / BUNDLE / RECORD).is_file()]

@@ -23,7 +23,6 @@ SPLIT = "test"
 PROJECT_LICENCE = "Apache-2.0"
 _HEIGHTS = "heights-"
 _FOLDER_MODE = 0o755  # a temporary folder is its owner's alone
-_EMPTY_BYTES = 100  # of the picture of one pixel that a stage writes where it has none
 _EVIDENCE = ("validation/certificate.json", "validation/metrics.json", f"{FOLDER}/{PAGE}", f"{FOLDER}/mine.png")
 
 
@@ -110,10 +109,7 @@ class Workshop:
     def build(self, member: CorpusMember) -> Path:
         """Build a member; return its folder with the artifacts of all stages and the report.
 
-        Raises
-        ------
-        ArtifactError
-            If the pipeline refuses it or a limit is breached; the message is the pipeline's.
+        Raises ArtifactError if the pipeline refuses it or a limit is breached; the message is the pipeline's.
         """
         if member == DEFAULT:
             return ROOT / "artifacts"
@@ -143,10 +139,7 @@ class Workshop:
 def copy_evidence(built: Path, target: Path) -> None:
     """Copy a world's bundle, certificate, metrics, report and plan into a folder that does not exist.
 
-    Raises
-    ------
-    ArtifactError
-        If there is something else at its place, or the world's last stage has not ended.
+    Raises ArtifactError if there is something else at its place, or the world's last stage has not ended.
     """
     command = command_to_end(built / "realism" / "world", built)
     if command is not None:

@@ -45,14 +45,6 @@ def ring_3d(places: list[Place] = _RING) -> bytes:
     return out + b"\0"
 
 
-def old_3d() -> bytes:
-    """Return a `.3d` file of version 3: one leg between two stations of `mine`, and a splay."""
-    out = head(3, b"old") + b"\x0f" + place((0, 0, 0))
-    out += b"\x80\x05mine." + place((0, 2000, 10)) + b"\x84\x00" + place((100, 2000, 10))
-    out += b"\x42\x01a" + place((0, 0, 0)) + b"\x10" + b"\x42\x01b" + place((0, 2000, 10))
-    return out + b"\0\0"
-
-
 PROJECT: Files = {
     "main.svx": b"""*begin mine
 *fix a.1 100 200 10

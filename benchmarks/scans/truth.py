@@ -29,7 +29,6 @@ from tests.heights import table
 _HEIGHT_M = 3.2  # of level mines
 _SIZE_M, _WIDTH_M, _RIB_M, _PILLAR_M, _SPACING_M = (40.0, 70.0), (4.0, 6.0), 0.15, 8.0, 24.0  # of their plans
 _FLAT_M = 0.001  # of facets that are one, or nearly
-_STEP_M = 1.0  # of the scanner between two turns of it
 _OVER_M = 1.3  # of the scanner over the floor
 _VEHICLE_M = 3.5  # from the end of a drift to the middle of a vehicle
 _STUB_M = 3.5  # beyond the half width at a junction: a shorter way from it to a dead end is the corner of a room

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import itertools
 import re
 import sys
 from pathlib import Path
@@ -16,9 +18,9 @@ from pipeline.__main__ import command_line
 from pipeline.compose import compose
 from pipeline.metrics.limits import format_limit
 from pipeline.params.validation import Limit, ValidationParams
-from pipeline.survey.stated.table import by_format
 
 FOLDER = Path("docs")
+STATEMENTS = Path(__file__).with_name("statements.csv")  # of what files state: a row each, with the test that holds it
 _KINDS = {"embedded": [], "own": ["+mine=own"], "heights": ["+mine=heights"]}  # of mine: what composes its limits
 _CLAUSE = "certificate."
 _OUTCOMES = (
@@ -55,9 +57,9 @@ def _command(name: str) -> argparse.ArgumentParser:
 def statements_table() -> str:
     """Return what the files of each format state about their coordinates, and what is done with it."""
     texts = []
-    for name, rows in by_format().items():
+    for name, rows in itertools.groupby(csv.DictReader(STATEMENTS.open(newline="")), lambda row: row["format"]):
         suffixes = re.sub(r"\.[a-z0-9]+", lambda found: f"`{found[0]}`", name)
-        cells = ((row.states, row.outcome, row.how) for row in rows)
+        cells = ((row["states"], row["outcome"], row["how"]) for row in rows)
         texts.append(f"### {suffixes}\n\n{noted_table(('a file states', 'outcome', 'what is done'), cells)}")
     return "\n\n".join(texts)
 

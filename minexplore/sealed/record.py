@@ -32,10 +32,7 @@ def check_record(record: Mapping[str, Any]) -> None:
 
     `read_zones` checks the zones.
 
-    Raises
-    ------
-    BundleError
-        Naming the field, its value and what is wanted.
+    Raises BundleError: naming the field, its value and what is wanted.
     """
     if record.get("format") not in (FORMAT, VOLUME_FORMAT):
         raise BundleError(

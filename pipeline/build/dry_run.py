@@ -15,7 +15,6 @@ from pipeline.import_mine import draft_import, import_mine
 from pipeline.own_mines import DATA
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.config import Config
-from pipeline.params.floor_rules import reading_by
 from pipeline.params.stated import StatedOptions
 from pipeline.places import CONF
 from pipeline.store.mine_survey import MineSurvey
@@ -41,25 +40,12 @@ class DryRun:
 def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> DryRun:
     """Detect a file's format, read it, and find its workings. Their walls are not traced, which takes a build's time.
 
-    Parameters
-    ----------
-    name : str
-        The name that the world would have. A survey section of this name is used as it is.
-    source : Path
-    stated : StatedOptions
-    overrides : list of str
-
-    Returns
-    -------
-    DryRun
-
-    Raises
-    ------
-    MineError
-        As `new`, as far as stage 2 finds the workings.
+    `name`: str; the name that the world would have. A survey section of this name is used as it is. `source`: Path.
+    `stated`: StatedOptions. `overrides`: list of str.
+    Returns DryRun.
+    Raises MineError: as `new`, as far as stage 2 finds the workings.
     """
-    with reading_by(floor_rules_of(overrides)):
-        draft = draft_import(name, source, stated, is_kept=False)
+    draft = draft_import(name, source, stated, is_kept=False, rules=floor_rules_of(overrides))
     if draft.section is None:
         made, workings = _read(compose([f"survey={name}", *overrides]))
         return DryRun([], made.plan, made, workings)

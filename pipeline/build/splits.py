@@ -36,10 +36,7 @@ class Listed:
 def read_list(file: Path = LIST) -> dict[tuple[str, int], Listed]:
     """Return the listed worlds by split and seed; none if there is no list.
 
-    Raises
-    ------
-    InputError
-        Naming the line that is not a world of a split.
+    Raises InputError: naming the line that is not a world of a split.
     """
     if not file.is_file():
         return {}

@@ -117,13 +117,12 @@ def _make(
     from pipeline.compose import compose, floor_rules_of
     from pipeline.errors import LimitError
     from pipeline.import_mine import draft_import, import_mine
-    from pipeline.params.floor_rules import reading_by
     from pipeline.remarks import hand_on, record_remarks
     from pipeline.report.remarks import read_detected, write_detected
     from pipeline.worlds import WORLDS, describe_start, env_id
 
-    with record_remarks() as found, reading_by(floor_rules_of(overrides)):
-        draft = draft_import(name, source, stated)
+    with record_remarks() as found:
+        draft = draft_import(name, source, stated, rules=floor_rules_of(overrides))
     if draft.section is None:
         hand_on(read_detected(WORLDS / name))
     pictures, failure = dict[Path, str](), None

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-
 from pydantic import Field
 
 from pipeline.params.base import Params
@@ -34,19 +30,4 @@ class FloorRules(Params):
     )
 
 
-_RULES: ContextVar[FloorRules] = ContextVar("floor_rules", default=FloorRules())  # noqa: B039 - it is frozen
-
-
-def floor_rules() -> FloorRules:
-    """Return the rules of the survey that is being read, else the default ones, as while a format is detected."""
-    return _RULES.get()
-
-
-@contextmanager
-def reading_by(rules: FloorRules) -> Iterator[None]:
-    """Read a survey by its own rules."""
-    token = _RULES.set(rules)
-    try:
-        yield
-    finally:
-        _RULES.reset(token)
+FLOOR_RULES = FloorRules()

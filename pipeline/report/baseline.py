@@ -10,23 +10,11 @@ from pipeline.store.files import write_atomically
 
 BASELINE = Path("tests/baseline.json")
 _GATED = ("iou.", "texture.published.", "texture.strict.")
-IOU_DROP, TEXTURE_DROP = 0.002, 0.01
 
 
 def gated(metrics: dict[str, float]) -> dict[str, float]:
     """Return the metrics that the gate compares: IoU and texture scores."""
     return {k: v for k, v in metrics.items() if k.startswith(_GATED)}
-
-
-def regressions(metrics: dict[str, float], baseline: dict[str, float]) -> list[str]:
-    """Return one line for each gated metric that is missing or fell by more than its allowance."""
-    lines = []
-    for name, before in baseline.items():
-        allowed = TEXTURE_DROP if name.startswith("texture.") else IOU_DROP
-        now = metrics.get(name)
-        if now is None or now < before - allowed:
-            lines.append(f"{name} = {now}: more than {allowed} below the baseline {before}")
-    return lines
 
 
 def write_baseline() -> str:

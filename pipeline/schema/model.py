@@ -44,7 +44,6 @@ _HAZY = [look for look in LOOKS.values() if look.hazy]
 _PLACE = Attribute(numbers(3, -REACH_M, REACH_M), "0 0 0")
 _SIZE = required(numbers(3, 1e-3, REACH_M))
 _NOT_TURNED = constant(1, 0, 0, 0, default="1 0 0 0")
-_COLOUR = Attribute(numbers(4, 0, 1), "0.5 0.5 0.5 1")
 _TURNED = Attribute(unit_vector(4), "1 0 0 0")
 _FRICTION = Attribute(numbers(1, 1e-6, 2), "1")  # MuJoCo writes the sliding friction alone where the rest is default
 

@@ -12,7 +12,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_plain_file
 from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
-from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.stated import FileKind, StatedOptions, require_read
 from pipeline.params.survey import (
     CentrelineSurveyParams,
@@ -23,7 +23,7 @@ from pipeline.params.survey import (
 )
 from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detection.cloud import detect_cloud, is_cloud
-from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.found import Detection, section_for
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
@@ -50,25 +50,14 @@ _PIECE = "a station of the piece that is built; null: the longest"
 _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece"}  # stated of walls and centrelines
 
 
-def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
+def detect_survey(path: Path, stated: StatedOptions | None = None, rules: FloorRules = FLOOR_RULES) -> Detection:
     """Detect how a file should be read, in a process with the limits of `conf/reader_limits.yaml`.
 
-    Parameters
-    ----------
-    path : Path
-        Any file that stage 1 reads, in any folder.
-    stated : StatedOptions
-        What the user states about the file; None is nothing. The rules of the floor are those of `reading_by`.
-
-    Returns
-    -------
-    Detection
-
-    Raises
-    ------
-    InputError
-        If the file does not exist, its format is not supported, or its scale cannot be found. The message names the
-        option that states the scale.
+    `path`: Path; any file that stage 1 reads, in any folder. `stated`: StatedOptions; what the user states about the
+    file; None is nothing.
+    Returns Detection.
+    Raises InputError if the file does not exist, its format is not supported, or its scale cannot be found. The message
+    names the option that states the scale.
     """
     require_plain_file(path)
     if not path.stat().st_size:
@@ -78,7 +67,7 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
         require_read(path, FileKind.CLOUD, stated)
         return detect_cloud(path, stated)
     require_read(path, kind_of(path), stated)
-    arguments = {"path": str(path), "stated": stated.values(), "rules": floor_rules().model_dump()}
+    arguments = {"path": str(path), "stated": stated.values(), "rules": rules.model_dump()}
     payload = run_limited("detect", arguments, str(path), **solver_limits(path))
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
@@ -86,20 +75,19 @@ def detect_survey(path: Path, stated: StatedOptions | None = None) -> Detection:
 
 def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None = None) -> Payload:
     """Detect how a file should be read in this process; `detect_survey` has limits."""
-    with reading_by(FloorRules.model_validate(rules or {})):
-        found = _detect(Path(path), StatedOptions.model_validate(stated))
+    found = _detect(Path(path), StatedOptions.model_validate(stated), FloorRules.model_validate(rules or {}))
     values = {n: v for n, v in vars(found).items() if n != "picture"} | {"files": [str(f) for f in found.files]}
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
-def _detect(path: Path, stated: StatedOptions) -> Detection:
-    return _DETECTORS[kind_of(path)](path, stated)
+def _detect(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
+    return _DETECTORS[kind_of(path)](path, stated, rules)
 
 
-def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
+def _detect_grid(path: Path, stated: StatedOptions, _rules: FloorRules) -> Detection:
     options = stated.model_dump(include={"narrowest_m", "thinnest_m", "entrance_m"}, exclude_none=True)
-    params = GridSurveyParams.model_validate({"kind": "grid", "name": "detect", "map": "data/x", **options})
-    read_free_space(params.model_copy(update={"map": path.as_posix()}))
+    params = section_for(GridSurveyParams, path, {"kind": "grid", **options}, "map")
+    read_free_space(params)
     values = {"kind": "grid", "map": path.name, **params.model_dump(include={"narrowest_m", "thinnest_m"})}
     remarks = {
         "narrowest_m": "free places narrower than this are left out, m; 0: none",
@@ -108,20 +96,19 @@ def _detect_grid(path: Path, stated: StatedOptions) -> Detection:
     return Detection(values, remarks, [path, nav2_picture(path)])
 
 
-def _detect_drawing(path: Path, stated: StatedOptions) -> Detection:
+def _detect_drawing(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
     """Read the lines of a file as walls, or with a stated half width as centrelines."""
     if stated.volume:
         if path.suffix.lower() == _DXF and stated.half_width_m is None:
             return detect_solid(path, stated)
         raise InputError(f"{path}: --volume reads the solids in a DXF file; other surveys are read without it")
-    return (_detect_vector if stated.half_width_m is None else _detect_centrelines)(path, stated)
+    return (_detect_vector if stated.half_width_m is None else _detect_centrelines)(path, stated, rules)
 
 
-def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
+def _detect_stations(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
     options = stated.model_dump(include={"half_width_m", "piece", "declination_deg", "columns"})
     options["grade"] = stated.grade if isinstance(stated.grade, dict) else None
-    params = PassageSurveyParams(kind="passages", name="detect", file="data/x", heights=None)
-    params = params.model_copy(update={"file": path.as_posix(), **options})
+    params = section_for(PassageSurveyParams, path, {"kind": "passages", **options, **rules.model_dump()})
     read = read_vector_survey(params)
     values = {"kind": "passages", "file": path.name, "origin": list(read.georeference.origin)}
     values |= {name: options[name] for name in ("half_width_m", "piece")}
@@ -136,7 +123,7 @@ def _detect_stations(path: Path, stated: StatedOptions) -> Detection:
     return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=read.has_heights)
 
 
-def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
+def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
     tried: dict[Unit | None, VectorReading] = {}
     remarks_of: dict[Unit | None, list[Remark]] = {}
@@ -145,17 +132,17 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
     problem: InputError | None = None
     has_levels = bool(stated.elevations_m or stated.level_by)
     if not stated.layers and not has_levels:
-        require_plan(path, content)
+        require_plan(path, content, rules)
         require_no_boundary(path, content)
     if path.suffix.lower() == ".dxf" and not stated.layers and not has_levels:
-        require_walls_alone(path, content, _vector(path, None, stated).snap_m, WIDTHS_M)
+        require_walls_alone(path, content, _vector(path, None, stated, rules).snap_m, WIDTHS_M)
     for unit in units:
-        params = _vector(path, unit, stated)
+        params = _vector(path, unit, stated, rules)
         with collect_remarks() as remarks_of[unit]:
             try:
                 read = read_vector_survey(params, content)
                 if not has_levels:
-                    _require_walls(path, content, read)
+                    _require_walls(path, content, read, rules)
             except InputError as error:
                 problem = problem or error
                 continue
@@ -175,7 +162,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         if plausible:
             other = _likeliest_unit(content.unit, tried)
             advice += f"; --unit {other} reads drifts {tried[other].width_m:.1f} m wide"
-        raise InputError(f"{problem or f'{path}: has no workings'}{advice}{contours_hint(content)}")
+        raise InputError(f"{problem or f'{path}: has no workings'}{advice}{contours_hint(content, rules)}")
     low, high = WIDTHS_M if content.unit is None else _STATED_WIDTHS_M
     keeps_unit = None in tried and (low <= tried[None].width_m <= high or tried[None].georeference.crs is not None)
     unit = None if keeps_unit else _likeliest_unit(content.unit, usable)
@@ -192,7 +179,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "layers": stated.layers,
         "unit": unit,
         "origin": list(place.origin),
-        "snap_m": _vector(path, unit, stated).snap_m,
+        "snap_m": _vector(path, unit, stated, rules).snap_m,
         "elevations_m": stated.elevations_m,
         **stated.model_dump(include={"level_by", "no_elevation"}, exclude_none=True),
         "piece": stated.piece,
@@ -208,7 +195,7 @@ def _detect_vector(path: Path, stated: StatedOptions) -> Detection:
         "piece": "a place [x, y, z] in the piece of levels and ramps that is built; null: the largest",
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
-    files = [Path(file) for file in vector_files(_vector(path, unit, stated))]
+    files = [Path(file) for file in vector_files(_vector(path, unit, stated, rules))]
     return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
 
 
@@ -230,7 +217,7 @@ def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorRea
     )
 
 
-def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
+def _require_walls(path: Path, content: Shapes, read: VectorReading, rules: FloorRules) -> None:
     """Refuse lines with elevations most of which are no walls of the workings that were read.
 
     The axes of shafts are neither.
@@ -239,7 +226,7 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
     lines = [shape for shape in content.shapes if shapely.get_dimensions(shape) == 1 and shape.has_z]
     if place.projection is None:
         in_metres = (place.metres_per_unit * shapely.get_coordinates(line, include_z=True) for line in lines)
-        lines = [line for line, points in zip(lines, in_metres, strict=True) if axis_of(points) is None]
+        lines = [line for line, points in zip(lines, in_metres, strict=True) if axis_of(points, rules) is None]
     distinct = {shapely.normalize(line).wkb: line.length for line in lines}  # drawings often hold a line twice
     if read.walls_m / place.metres_per_unit < _OF_WALLS * sum(distinct.values()):
         raise InputError(
@@ -248,12 +235,10 @@ def _require_walls(path: Path, content: Shapes, read: VectorReading) -> None:
         )
 
 
-def _detect_centrelines(path: Path, stated: StatedOptions) -> Detection:
+def _detect_centrelines(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
     """Read the lines of a file as centrelines of drifts of the stated half width."""
-    options = stated.model_dump(include={*_DRAWN, "unit", "half_width_m"}, exclude_none=True)
-    params = CentrelineSurveyParams.model_validate(
-        {"kind": "centrelines", "name": "detect", "file": "data/x", **options}
-    ).model_copy(update={"file": path.as_posix()})
+    options = stated.model_dump(include={*_DRAWN, "unit", "half_width_m"}, exclude_none=True) | rules.model_dump()
+    params = section_for(CentrelineSurveyParams, path, {"kind": "centrelines", **options})
     read = read_vector_survey(params)
     place = read.georeference
     values = {
@@ -281,20 +266,17 @@ def _projected(place: Georeference) -> str:
     return f"coordinates in {name} are no metres on the ground; they are projected by {place.projection}"
 
 
-def _vector(path: Path, unit: Unit | None, stated: StatedOptions) -> VectorSurveyParams:
+def _vector(path: Path, unit: Unit | None, stated: StatedOptions, rules: FloorRules) -> VectorSurveyParams:
     """Return a survey section for a file in any folder, before it is copied below data/."""
-    options = stated.model_dump(include=_DRAWN, exclude_none=True)
-    section = VectorSurveyParams.model_validate(
-        {"kind": "vector", "name": "detect", "file": "data/x", "unit": unit, **options}
-    )
-    return section.model_copy(update={"file": path.as_posix()})
+    options = stated.model_dump(include=_DRAWN, exclude_none=True) | rules.model_dump()
+    return section_for(VectorSurveyParams, path, {"kind": "vector", "unit": unit, **options})
 
 
-_DETECTORS: dict[FileKind, Callable[[Path, StatedOptions], Detection]] = {
-    FileKind.PICTURE: detect_picture,
-    FileKind.PDF: detect_picture,
+_DETECTORS: dict[FileKind, Callable[[Path, StatedOptions, FloorRules], Detection]] = {
+    FileKind.PICTURE: lambda path, stated, _: detect_picture(path, stated),
+    FileKind.PDF: lambda path, stated, _: detect_picture(path, stated),
     FileKind.GRID: _detect_grid,
     FileKind.VECTOR: _detect_drawing,
     FileKind.STATIONS: _detect_stations,
-    FileKind.SOLID: detect_solid,
+    FileKind.SOLID: lambda path, stated, _: detect_solid(path, stated),
 }

@@ -13,11 +13,10 @@ from typing import Any
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind
+from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.converters import CONVERTED
 from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved_surveys import read_passages
 from pipeline.survey.stations.compass import read_plt
-from pipeline.survey.stations.table import read_station_legs
 from pipeline.survey.therion.project import PROJECT, is_project
 from pipeline.survey.vector.earth.gpx import read_gpx
 from pipeline.survey.vector.earth.kml import read_kml
@@ -28,8 +27,8 @@ from pipeline.survey.vector.surpac import read_surpac
 
 # (file, layers or None for all, and of formats with fields the property that is the layer) -> polygons and lines
 ShapeReader = Callable[..., Shapes]
-# (file, distance to a wall that nobody measured or None) -> (legs, coordinate system or None)
-PassageReader = Callable[[Path, float | None], tuple[list[SurveyLeg], str | None]]
+# (file, parameters with its half width and the rules of the floor) -> (legs, coordinate system or None)
+PassageReader = Callable[[Path, PassageSurveyParams], tuple[list[SurveyLeg], str | None]]
 
 
 @dataclass(frozen=True)
@@ -69,11 +68,11 @@ FORMATS: dict[str, Format] = {
         (".las", ".laz", ".pcd", ".xyz", ".txt", ".pts", ".asc", ".e57", ".ptx", ".bt", ".ot", ".zip"),
         Format(FileKind.CLOUD),
     ),
-    ".csv": Format(FileKind.STATIONS, legs=lambda path, _: (read_station_legs(path), None)),
-    ".plt": Format(FileKind.STATIONS, legs=lambda path, half_width_m: (read_plt(path, half_width_m), None)),
+    ".csv": Format(FileKind.STATIONS),
+    ".plt": Format(FileKind.STATIONS, legs=lambda path, params: (read_plt(path, params.half_width_m, params), None)),
     **dict.fromkeys(
         (".svx", ".3d", ".th", PROJECT, ".lox", ".dat", ".mak", ".clp", ".wpj", ".srv"),
-        Format(FileKind.STATIONS, legs=read_passages, solved=True),
+        Format(FileKind.STATIONS, solved=True),
     ),
 }
 
@@ -86,10 +85,7 @@ def suffix_of(path: Path) -> str:
 def kind_of(path: Path) -> FileKind:
     """Return what a file is, by its suffix.
 
-    Raises
-    ------
-    InputError
-        If the format is not supported.
+    Raises InputError if the format is not supported.
     """
     suffix = suffix_of(path)
     if suffix in CONVERTED:
@@ -114,10 +110,7 @@ def is_solved(path: Path) -> bool:
 def shape_reader(path: Path) -> ShapeReader:
     """Return the reader of a vector file.
 
-    Raises
-    ------
-    InputError
-        If the file is none.
+    Raises InputError if the file is none.
     """
     found = FORMATS.get(suffix_of(path))
     if found is None or found.shapes is None:
@@ -134,10 +127,7 @@ def solver_limits(path: Path) -> dict[str, Any]:
 def leg_reader(path: Path) -> PassageReader:
     """Return the reader of a station survey.
 
-    Raises
-    ------
-    InputError
-        If the file is none.
+    Raises InputError if the file is none.
     """
     found = FORMATS.get(suffix_of(path))
     if found is None or found.legs is None:

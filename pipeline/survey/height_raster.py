@@ -14,7 +14,7 @@ import rasterio
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
-from pipeline.errors import InputError
+from pipeline.errors import NAMED, InputError
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.reader_limits import FILE, reader_limits
@@ -25,7 +25,6 @@ _GRID = ".asc"  # its coordinate system is in a .prj beside it
 _PICTURE = {ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.palette}
 _STATED_BESIDE = re.compile(rb"<(Scale|Offset|UnitType|NoDataValue|SRS|GeoTransform|GCPList)\b")  # of GDAL's .aux.xml
 _ZUNITS = re.compile(rb"^\s*zunits\s+(\S+)", re.IGNORECASE | re.MULTILINE)  # of a .prj of Arc/Info
-_NAMED = 6
 
 
 @dataclass(frozen=True)
@@ -43,11 +42,8 @@ class HeightPoints:
 def read_raster(path: Path) -> HeightPoints:
     """Read the middles of a raster's cells that have a value; values have the band's scale and offset.
 
-    Raises
-    ------
-    InputError
-        If the file is no raster of heights, has no georeference, states something in a file beside it that is not
-        read, or a limit is exceeded.
+    Raises InputError if the file is no raster of heights, has no georeference, states something in a file beside it
+    that is not read, or a limit is exceeded.
     """
     most = reader_limits()
     if path.stat().st_size > most.file_bytes:
@@ -101,7 +97,7 @@ def _require_heights(path: Path, raster: Any) -> None:
         raise InputError(f"{path}: {by if raster.gcps[0] else 'has no georeference'}")
     others = [k for k in range(1, raster.count) if raster.colorinterp[k] is not ColorInterp.alpha]
     if others:
-        names = [one_line(raster.descriptions[k] or f"band {k + 1}", 40) for k in others[:_NAMED]]
+        names = [one_line(raster.descriptions[k] or f"band {k + 1}", 40) for k in others[:NAMED]]
         warn_user(
             f"band 1 of {raster.count} is read as heights, not {', '.join(names)}; `gdal_translate -b 2 "
             "in.tif out.tif` writes another alone",

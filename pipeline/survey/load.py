@@ -13,7 +13,7 @@ from shapely import MultiPolygon
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import Payload, run_limited
-from pipeline.params.floor_rules import reading_by
+from pipeline.params.floor_rules import FloorRules
 from pipeline.params.survey import (
     CloudSurveyParams,
     PlanSurveyParams,
@@ -103,10 +103,7 @@ class _Drawn:
 def read_survey(params: SurveyParams) -> MineSurvey:
     """Read a survey, in a process with the limits of `conf/reader_limits.yaml` if it comes from a file.
 
-    Raises
-    ------
-    InputError
-        If an input cannot be used or has no scale. The message names the file, the value and the limit.
+    Raises InputError if an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
     if params.kind in ("procedural", "cloud"):  # the points of a cloud are read in a process of their own
         return read_unlimited(params)
@@ -144,12 +141,7 @@ def _subject(params: SurveyParams) -> str:
 
 
 def read_unlimited(params: SurveyParams) -> MineSurvey:
-    """Read a survey in this process, by its own rules of the floor."""
-    with reading_by(params):
-        return _read_by_kind(params)
-
-
-def _read_by_kind(params: SurveyParams) -> MineSurvey:
+    """Read a survey in this process."""
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
@@ -227,10 +219,7 @@ def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:
 def require_extent(path: str, plan: Image, px_per_m: float) -> None:
     """Refuse a plan that shows more than 20 km, as of vector surveys: its scale is wrong.
 
-    Raises
-    ------
-    InputError
-        The message names the file, the extent and the limit.
+    Raises InputError: the message names the file, the extent and the limit.
     """
     widest = max(plan.shape[:2]) / px_per_m
     if widest > WIDEST_M:
@@ -268,8 +257,8 @@ def _read_scaled(params: Scaled) -> _Drawn:
 def plan_of_stations(params: StationSurveyParams) -> Reading:
     """Draw a station survey as a plan and measure the scale from the drawn bar. Grades of its legs give it heights."""
     path = Path(params.stations)
-    legs = read_stations(path, params.grade if isinstance(params.grade, dict) else None)
-    workings, heights = build_workings(legs), _heights_of_grades(path, legs)
+    legs = read_stations(path, params.grade if isinstance(params.grade, dict) else None, params)
+    workings, heights = build_workings(legs), _heights_of_grades(path, legs, params)
     if workings.is_empty:
         raise InputError(f"{params.stations}: the stations' walls enclose no area")
     west, south, east, north = workings.bounds
@@ -286,17 +275,14 @@ def plan_of_stations(params: StationSurveyParams) -> Reading:
     return Reading(plan, frame, [box], bar, heights=heights, legs=level_legs(legs, (0.0, 0.0)))
 
 
-def _heights_of_grades(path: Path, legs: list[SurveyLeg]) -> Heights | None:
+def _heights_of_grades(path: Path, legs: list[SurveyLeg], rules: FloorRules) -> Heights | None:
     """Return the floor of legs with grades; None if they have none.
 
-    Raises
-    ------
-    InputError
-        If workings lie over each other: a drawn plan shows one floor.
+    Raises InputError if workings lie over each other: a drawn plan shows one floor.
     """
     if legs[0].grades is None:
         return None
-    require_single(path, [section_of(leg) for leg in legs])
+    require_single(path, [section_of(leg) for leg in legs], rules)
     places = [np.column_stack([leg.positions_m, floor_of(leg)]) for leg in legs]
     datum = float(np.floor(min(line[:, 2].min() for line in places)))
     lines = [[(float(x), float(y), float(z)) for x, y, z in line - (0, 0, datum)] for line in places]

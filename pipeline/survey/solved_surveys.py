@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import one_line
 from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
-from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.ties import Tie
 from pipeline.survey.solved.lox import LOX, read_lox
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
-from pipeline.survey.solved.plan_view import node_of_stations, plan_legs, station_names
+from pipeline.survey.solved.plan_view import node_of_stations, station_names
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.stations.table import read_station_survey
@@ -94,10 +92,7 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
 def survey_files(path: Path) -> list[Path]:
     """Return a survey's files: the file and all files that it names.
 
-    Raises
-    ------
-    InputError
-        If a named file is missing or lies outside the folder of the first.
+    Raises InputError if a named file is missing or lies outside the folder of the first.
     """
     suffix = path.suffix.lower()
     if suffix == ".th" or is_project(path):
@@ -112,20 +107,6 @@ def survey_files(path: Path) -> list[Path]:
     if suffix in _WALLS:
         return list(dict.fromkeys([path, *copy_of(path).surveys]))
     return compass_files(path) if suffix in _COMPASS else [path]
-
-
-def read_passages(path: Path, half_width_m: float | None = None) -> tuple[list[SurveyLeg], str | None]:
-    """Read the plan view of a survey in three dimensions: its legs, and its coordinate system.
-
-    `half_width_m` is the distance to a wall that nobody measured; None takes the survey's own (`plan_legs`).
-
-    Raises
-    ------
-    InputError
-        If the survey cannot be read, or its workings pass over each other or are too steep for a flat world.
-    """
-    survey = solve_file(path)
-    return plan_legs(path, survey, half_width_m), None if survey.crs is None else one_line(survey.crs, 200)
 
 
 def entrances_of(survey: SolvedSurvey) -> list[str]:

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.stated import FileKind
 from pipeline.survey.coordinates.local_plan import require_lengths
 from pipeline.survey.coordinates.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
@@ -42,23 +42,12 @@ Points = np.ndarray  # (k, 3), x and y in the file's coordinates, then m in the 
 def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Frame) -> Heights:
     """Read the floor's heights from a file in the coordinates of the survey's file.
 
-    Parameters
-    ----------
-    path : Path
-        CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or GeoJSON
-        with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
-        each the height at its insertion point; the surfaces of LandXML. Elevations have the unit that the file states
-        for them, else that of the coordinates; of a CSV they are metres.
-    georeference : Georeference
-    plan : (rows, cols, 3) uint8
-        Workings are dark; a surface counts there.
-    frame : Frame
-        Of the plan.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, has another coordinate system, or shows no height in the workings.
+    `path`: Path; CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or
+    GeoJSON with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
+    each the height at its insertion point; the surfaces of LandXML. Elevations have the unit that the file states for
+    them, else that of the coordinates; of a CSV they are metres. `georeference`: Georeference. `plan`: (rows, cols, 3)
+    uint8; workings are dark; a surface counts there. `frame`: Frame; of the plan.
+    Raises InputError if the file cannot be read, has another coordinate system, or shows no height in the workings.
     """
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -96,7 +85,12 @@ def height_files(path: Path) -> list[str]:
 
 
 def wall_heights(
-    path: Path, content: Shapes, moved: list[BaseGeometry], georeference: Georeference, is_checked: bool = True
+    path: Path,
+    content: Shapes,
+    moved: list[BaseGeometry],
+    georeference: Georeference,
+    is_checked: bool = True,
+    rules: FloorRules = FLOOR_RULES,
 ) -> Heights | None:
     """Return the floor's heights from walls with elevations, None if these differ by no more than `flat_step_m`.
 
@@ -114,8 +108,8 @@ def wall_heights(
     shapes = [shape for shape in content.shapes if not shape.is_empty]
     z = shapely.get_coordinates(shapes, include_z=True)[:, 2] * georeference.metres_per_unit
     known = np.isfinite(z)
-    if not known.any() or np.ptp(z[known]) <= floor_rules().flat_step_m:
-        warn_of_level(path, z)
+    if not known.any() or np.ptp(z[known]) <= rules.flat_step_m:
+        warn_of_level(path, z, rules)
         return None
     lines = [line for shape in moved for line in _lines_of(shape)]
     points = np.column_stack([shapely.get_coordinates(lines), z])
@@ -184,10 +178,7 @@ def _is_dark(plan: Image, frame: Frame, places_m: np.ndarray) -> np.ndarray:
 def _in_metres(path: Path, surface: HeightPoints, georeference: Georeference) -> Points:
     """Return the points of a surface in the mine frame, m, each axis by its own unit.
 
-    Raises
-    ------
-    InputError
-        If its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
+    Raises InputError if its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
     """
     plan_m, axes = georeference.metres_per_unit, MapAxes()
     if surface.crs is not None:

@@ -13,7 +13,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import NAMED, InputError
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.perturb import perturb_workings
 from pipeline.geometry.generated.rough_walls import roughen_walls
@@ -68,7 +68,6 @@ from pipeline.types import (
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
 )
-_MOST_LAYERS = 8  # that a message names
 
 
 @dataclass(frozen=True)
@@ -121,10 +120,7 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
 
     `content` is what `read_shapes` returned for a vector file; None reads the file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds no workings.
+    Raises InputError if the file cannot be read or holds no workings.
     """
     read, name = _read(params, content), _name(params)
     if (workings := read.polygons).is_empty:
@@ -166,7 +162,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
     layers = list(dict.fromkeys(content.layer_of))
     if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
-        names = ", ".join(one_line(name, 40) for name in layers[:_MOST_LAYERS])
+        names = ", ".join(one_line(name, 40) for name in layers[:NAMED])
         warn_user(
             f"layers are read as one plan ({names})",
             of=path.name,
@@ -174,7 +170,7 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
             option="--layer",
             advice="--layer chooses",
         )
-    heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None)
+    heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None, params)
     try:
         workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
     except InputError as error:
@@ -206,11 +202,11 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     content = with_heights(path, content, params.unit)
     elevations = elevations_of(path, content, params)
     survey, georeference = read_centrelines(
-        path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None
+        path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None, params
     )
     legs = plan_legs(path, survey, params.half_width_m)
     _require_short(path, legs)
-    whole = WholeSurvey(legs, not has_relief(legs), is_named=False)
+    whole = WholeSurvey(legs, not has_relief(legs, params), is_named=False)
     if whole.is_level:
         built, driven = _level_workings(path, whole, params)
         return _Workings(as_polygons(built), georeference, shape=DrawnPlan(level_legs(driven, (0.0, 0.0))))
@@ -227,12 +223,12 @@ def _level_workings(
     warn_of_shafts(path, [leg for leg in whole.legs if leg.is_plumb])
     if not driven:
         raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    require_no_crossing(path, driven, whole.doubt)
+    require_no_crossing(path, driven, whole.doubt, params)
     is_drawn = params.kind == "centrelines"  # pieces of lines are parted by their walls, not by names of stations
     if not is_drawn:
         driven = built_piece(path, replace(whole, legs=driven), params.piece).legs
     if all(leg.heights_m is not None for leg in driven):
-        warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]))
+        warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]), params)
         warn_of_level_roofs(path, driven)
     built = build_workings(driven)
     if built.is_empty:

@@ -15,9 +15,11 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError, first_few
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.formats import is_solved, leg_reader
 from pipeline.survey.passages.legs import SurveyLeg, legs_of, shots_of
+from pipeline.survey.passages.pieces import require_near
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.ties import passages_of_ties
 from pipeline.survey.passages.workings import build_workings
@@ -27,8 +29,7 @@ from pipeline.survey.solved_surveys import entrances_of, names_of, solve_file, t
 from pipeline.survey.stations.table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, Source, SurveyedLegs, text_array
 
-_NEAR_M = 10.0  # from a stated place to the station that it names
-_NAMED, _NAME_CHARS = 10, 40  # pieces that a message names, and characters of a station's name
+_NAME_CHARS = 40  # of a station
 _HALF_WIDTH_M = 1.0  # in the plan, of a shaft that nobody measured
 _NO_LENGTH_M = 1e-3
 
@@ -40,7 +41,8 @@ class WholeSurvey:
     A survey that `is_level` is built as a plan. The stations of lines, which are not `is_named`, have names that the
     user does not know. `ties` are pairs of stations that a repeated leg joins, which is no passage of its own. `names`
     has the station that each name of a solved survey stands for: equated stations have several. `doubt` says which loop
-    has a wrong reading.
+    has a wrong reading. Of a piece that is built, `others` has a station and the length, m, of each other piece, and
+    `surveyed_m` is the length of all.
     """
 
     legs: list[SurveyLeg]
@@ -51,22 +53,26 @@ class WholeSurvey:
     ties: tuple[tuple[str, str], ...] = ()
     names: dict[str, str] = field(default_factory=dict)
     doubt: str = ""
+    others: tuple[tuple[str, float], ...] = ()
+    surveyed_m: float = 0.0
 
 
 def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
     """Read a station survey, with elevations or without; `InputError` if it cannot be read."""
     if path.suffix.lower() == ".csv":
-        legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None, params.columns)
-        if not has_relief(legs):
+        legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None, params.columns, params)
+        if not has_relief(legs, params):
             return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
         return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
     if is_solved(path):
-        return whole_of(path, solve_file(path, params.declination_deg), params.half_width_m)
-    legs, crs = leg_reader(path)(path, params.half_width_m)
-    return WholeSurvey(legs, not has_relief(legs), (), crs)
+        return whole_of(path, solve_file(path, params.declination_deg), params.half_width_m, params)
+    legs, crs = leg_reader(path)(path, params)
+    return WholeSurvey(legs, not has_relief(legs, params), (), crs)
 
 
-def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> WholeSurvey:
+def whole_of(
+    path: Path, survey: SolvedSurvey, half_width_m: float | None, rules: FloorRules = FLOOR_RULES
+) -> WholeSurvey:
     """Return a solved survey as `read_whole`; `InputError` if it has no widths."""
     legs = plan_legs(path, survey, half_width_m)
     if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
@@ -77,7 +83,7 @@ def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> Wh
     if lone:
         listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
         warn_user(
-            f"repeated legs alone lead to what hangs on them, and are built: {first_few(listed, _NAMED)}",
+            f"repeated legs alone lead to what hangs on them, and are built: {first_few(listed)}",
             of=path.name,
             count=len(lone),
         )
@@ -85,7 +91,7 @@ def whole_of(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> Wh
     entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
     return WholeSurvey(
         legs,
-        not has_relief(legs),
+        not has_relief(legs, rules),
         entrances,
         crs,
         ties=tuple(tie.stations for tie in ties),
@@ -109,27 +115,15 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
     return walled + [leg for leg in legs if leg.is_plumb]
 
 
-@dataclass(frozen=True)
-class BuiltPiece:
-    """The legs that are built, in the survey's own frame: one piece whose legs share stations.
-
-    `others` has a station and the length (m) of each other piece, `surveyed_m` is the length of all.
-    """
-
-    legs: list[SurveyLeg]
-    others: list[tuple[str, float]]
-    entrances: list[str]
-    surveyed_m: float
-
-
-def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> BuiltPiece:
+def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> WholeSurvey:
     """Return the longest piece of a survey, or the one that the user names; others are listed in a warning."""
     legs, others = _pieces(path, survey, piece)
     if not survey.is_level:
         _warn_of_roofs(path, legs)
     stations = {name for leg in legs for name in leg.stations}
-    entrances = [name for name in survey.entrances if name in stations]
-    return BuiltPiece(legs, others, entrances, sum(map(_length_m, survey.legs)))
+    entrances = tuple(name for name in survey.entrances if name in stations)
+    surveyed_m = sum(map(_length_m, survey.legs))
+    return replace(survey, legs=legs, others=tuple(others), entrances=entrances, surveyed_m=surveyed_m)
 
 
 def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
@@ -158,7 +152,7 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
         )
 
 
-def whole_in_frame(piece: BuiltPiece, origin: tuple[float, float]) -> SurveyedLegs:
+def whole_in_frame(piece: WholeSurvey, origin: tuple[float, float]) -> SurveyedLegs:
     """Return the legs in the mine frame, whose height 0 is their lowest floor, rounded down to metres."""
     places = [_places(leg) for leg in piece.legs]
     lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in piece.legs])
@@ -196,10 +190,7 @@ def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
 
     Each shot is as wide as at its stations, square to itself.
 
-    Raises
-    ------
-    InputError
-        If it has no area.
+    Raises InputError if it has no area.
     """
     walls = [np.where(np.isfinite(leg.walls_m), leg.walls_m, _HALF_WIDTH_M) for leg in legs]
     wide = [replace(leg, walls_m=w) for leg, w in zip(legs, walls, strict=True)]
@@ -255,7 +246,7 @@ def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[
             of=path.name,
             count=len(found),
             option="--piece, survey.piece",
-            advice=f"--piece (survey.piece) builds another: {first_few(lengths, _NAMED)}",
+            advice=f"--piece (survey.piece) builds another: {first_few(lengths)}",
         )
     return [leg for leg in legs if leg.stations[0] in nodes], others
 
@@ -271,10 +262,7 @@ def _about(survey: WholeSurvey, station: str) -> str:
 def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
     """Return the station that a name or a place (easting, northing, elevation) stands for.
 
-    Raises
-    ------
-    InputError
-        If there is none, with names like it, or the nearest one is more than 10 m away.
+    Raises InputError if there is none, with names like it, or the nearest one is more than 10 m away.
     """
     legs = survey.legs
     names = list(dict.fromkeys(name for leg in legs for name in leg.stations))
@@ -290,10 +278,5 @@ def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
     places = np.concatenate([_places(leg) for leg in legs])
     far = np.linalg.norm(places - piece, axis=1)
     station = [name for leg in legs for name in leg.stations][int(far.argmin())]
-    if not far.min() <= _NEAR_M:
-        stated = ",".join(f"{value:g}" for value in piece)
-        raise InputError(
-            f"{path}: survey.piece = {stated}: the nearest station, {one_line(station, _NAME_CHARS)}, is "
-            f"{far.min():.1f} m away, at most {_NEAR_M:g} m"
-        )
+    require_near(path, piece, float(far.min()), f"the nearest station, {one_line(station, _NAME_CHARS)},")
     return station

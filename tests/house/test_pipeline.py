@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from pipeline.report.baseline import BASELINE, gated, regressions
+from pipeline.report.baseline import BASELINE, gated
 from pipeline.report.results import ROWS, read_limits, read_metrics, results_table
 from stages.__main__ import STAGES
 from tests.project import ROOT, Project, message_of
@@ -48,6 +48,19 @@ def test_the_embedded_survey_meets_its_limits(built):
     assert m["areas"]["tunnel_m2"] + m["areas"]["islands_m2"] + m["areas"]["outside_m2"] == pytest.approx(
         frame, abs=0.1
     )
+
+
+def regressions(metrics, baseline):
+    """Return the gated metrics that are missing, or fell by more than their allowance."""
+    allowed = {name: 0.01 if name.startswith("texture.") else 0.002 for name in baseline}
+    return [name for name, before in baseline.items() if metrics.get(name, -1) < before - allowed[name]]
+
+
+def test_the_gate_fails_for_a_metric_that_fell_too_far_or_is_missing():
+    before = {"iou.a": 0.991, "texture.published.overall": 0.95}
+    assert regressions({"iou.a": 0.9891, "texture.published.overall": 0.941}, before) == []
+    assert len(regressions({"iou.a": 0.9889, "texture.published.overall": 0.939}, before)) == 2
+    assert len(regressions({"iou.a": 1.0}, before)) == 1
 
 
 def test_iou_and_texture_scores_are_not_below_the_accepted_baseline(built):

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.metrics.rock.relief import cut_walls, face_angles_deg, flat_face_share, line_factor, measure_relief
-from pipeline.metrics.rock.roughness import SurfaceRoughness
+from pipeline.metrics.rock.relief import cut_walls, face_angles_deg, flat_face_share, measure_relief
 
 DRIFT = shapely.box(0, 0, 120, 6)
 
@@ -54,13 +53,6 @@ def test_the_slope_of_a_power_law_is_found_in_every_octave(exponent):
     line *= 0.05 / line.std()
     cut = cut_walls(walls_of(lambda at, z: np.interp(at, x, line), step_m=0.02), DRIFT, 1.0)
     assert [*cut.slope.values()] == pytest.approx([exponent] * 3, abs=0.6)  # an octave holds few waves
-
-
-def test_the_typical_factor_counts_too_rough_and_too_smooth_alike():
-    measured = SurfaceRoughness(True, [0.3, 0.5, 1.0], [0.001, 0.004, 0.01], [], None, None, {})
-    assert line_factor({"at_50_cm": 0.004, "at_100_cm": 0.01}, measured) == pytest.approx(1.0)
-    assert line_factor({"at_50_cm": 0.008, "at_100_cm": 0.005}, measured) == pytest.approx(2.0)
-    assert line_factor({"at_50_cm": 0.008, "at_100_cm": 0.01}, measured) == pytest.approx(np.sqrt(2))
 
 
 def test_steep_shares_follow_the_slope_of_faces_and_find_a_steep_foot():

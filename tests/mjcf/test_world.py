@@ -11,12 +11,11 @@ import shapely
 from minexplore.bundle import ROOF_GEOM, WALLS, GeomGroup, is_rock, mesh_file, smooth_mesh
 from pipeline.errors import ArtifactError
 from pipeline.geometry.rasterize import fill_polygon
-from pipeline.geometry.rock.collision import footprint_errors
 from pipeline.mjcf.bundle import open_bundle, part_vertices
 from pipeline.mjcf.render import render_free_space
 from pipeline.mjcf.scene import place_lights, tile_zones, tilt_about_centre
 from pipeline.store.verify import verify_world
-from tests.mines import TEE, BuiltMine
+from tests.mines import TEE, BuiltMine, footprint_errors
 
 
 def forward(world):

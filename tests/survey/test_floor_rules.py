@@ -5,7 +5,7 @@ import yaml
 
 from pipeline.compose import compose  # of another project than this checkout
 from pipeline.errors import ParamsError
-from pipeline.params.floor_rules import FloorRules, floor_rules, reading_by
+from pipeline.params.floor_rules import FloorRules
 from pipeline.params.reader_limits import FILE
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.stage import ARTIFACTS, is_fresh
@@ -59,9 +59,3 @@ def test_a_survey_is_read_by_its_own_rules(tmp_path, monkeypatch):
     assert read_survey(PassageSurveyParams.model_validate(section)).model is MineModel.VOLUME
     level = PassageSurveyParams.model_validate({**section, "flat_step_m": 10})
     assert read_survey(level).model is MineModel.LEVEL
-
-
-def test_the_rules_of_one_survey_end_with_its_reading():
-    with reading_by(FloorRules(flat_step_m=2.0)):
-        assert floor_rules().flat_step_m == 2.0
-    assert floor_rules() == FloorRules()

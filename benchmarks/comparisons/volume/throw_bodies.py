@@ -46,10 +46,7 @@ class Mine:
 def mine_of(case: str, folder: Path) -> Mine:
     """Build a case of the gate, or read the folder of a world.
 
-    Raises
-    ------
-    InputError
-        If it is neither.
+    Raises InputError if it is neither.
     """
     if case in CASES:
         network = CASES[case].network(folder)

@@ -37,14 +37,9 @@ def frames_of(
 ) -> Iterator[SensedStep]:
     """Drive an episode and yield its frames, the first before the first step.
 
-    Parameters
-    ----------
-    env : MineEnv
-        Made with `pose="odometry"` if it has wheels, and without `sensors`: those are read here, one look in `every`
-        steps.
-    drive : Drive
-    true_pose : bool
-        Whether the policy gets the true pose; else that which the wheels count.
+    `env`: MineEnv; made with `pose="odometry"` if it has wheels, and without `sensors`: those are read here, one look
+    in `every` steps. `drive`: Drive. `true_pose`: bool; whether the policy gets the true pose; else that which the
+    wheels count.
     """
     step_ns = round(1e9 * env.task.control_s)
     observation, info = env.reset(seed=seed)
@@ -83,11 +78,6 @@ def level_pose(pose_m_rad: np.ndarray) -> Pose3D:
     x, y, yaw = map(float, pose_m_rad)
     cos, sin = np.cos(yaw), np.sin(yaw)
     return Pose3D(np.array([x, y, 0.0]), np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]]))
-
-
-def between(parent: Pose3D, child: Pose3D) -> Pose3D:
-    """Return a pose as it is in the frame of another."""
-    return Pose3D(parent.axes.T @ (child.place_m - parent.place_m), parent.axes.T @ child.axes)
 
 
 def inverse(pose: Pose3D) -> Pose3D:

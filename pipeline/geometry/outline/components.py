@@ -11,7 +11,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.types import Frame, Mask
 
-_NEAR_M = 5.0  # a place in rock selects the nearest workings up to this distance
+NEAR_M = 5.0  # a place in rock selects the nearest workings up to this distance
 _NECK_M = 0.05  # workings thinner than twice this connect nothing: two areas that touch in a corner, say
 _SLIVER_M2 = 0.01  # smaller pieces are rounding along a wall
 _SPIKE_M = 0.5  # a corner so thin and longer is cut off; the notches of rough walls are shorter
@@ -21,10 +21,8 @@ Places = list[tuple[float, float]]
 def choose_component(workings: MultiPolygon, places_m: Places) -> Polygon:
     """Return the component that contains all places, or the largest component if there are no places.
 
-    Raises
-    ------
-    GeometryError
-        If a place lies in no component, or two places lie in different ones; the message gives the distance.
+    Raises GeometryError if a place lies in no component, or two places lie in different ones; the message gives the
+    distance.
     """
     components = list(workings.geoms)
     if not places_m:
@@ -42,10 +40,7 @@ def choose_component(workings: MultiPolygon, places_m: Places) -> Polygon:
 def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
     """Return the component (rows, cols) that contains all places, or the largest if there are no places.
 
-    Raises
-    ------
-    GeometryError
-        As for `choose_component`.
+    Raises GeometryError: as for `choose_component`.
     """
     count, labels, stats, _ = cv2.connectedComponentsWithStats(drawn.astype(np.uint8), connectivity=4)
     if count < 2:
@@ -68,10 +63,10 @@ def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
 
 def _nearest(place_m: tuple[float, float], distance_m: np.ndarray) -> int:
     """Return the index of the workings that a place selects, by their distances (k,) m from it."""
-    if distance_m.min() > _NEAR_M:
+    if distance_m.min() > NEAR_M:
         x, y = place_m
         raise GeometryError(
-            f"no workings at ({x:g}, {y:g}): the nearest are {distance_m.min():.1f} m away (at most {_NEAR_M:g} m); "
+            f"no workings at ({x:g}, {y:g}): the nearest are {distance_m.min():.1f} m away (at most {NEAR_M:g} m); "
             "contours.components chooses the part that is built"
         )
     return int(distance_m.argmin())
@@ -90,12 +85,8 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     A neck is thinner than 10 cm. The tips of sharp corners that are so thin for over 0.5 m are cut off. Components
     without either stay as they are.
 
-    Parameters
-    ----------
-    workings : shapely.MultiPolygon, m
-    bridge_m : float
-        Gaps up to twice this are closed where that connects two components.
-    min_island_m2 : float
+    `workings`: shapely.MultiPolygon, m. `bridge_m`: float; gaps up to twice this are closed where that connects two
+    components. `min_island_m2`: float.
     """
     filled = [
         Polygon(component.exterior, [ring for ring in component.interiors if Polygon(ring).area >= min_island_m2])

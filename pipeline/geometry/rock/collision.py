@@ -11,7 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.rock.extrude import collect_parts, prism, section_footprint
+from pipeline.geometry.rock.extrude import collect_parts, prism
 from pipeline.geometry.rock.partition import convex_partition
 from pipeline.types import ConvexParts, Points3
 
@@ -29,16 +29,10 @@ def exact_prisms(rock: Iterable[Polygon], height_m: float) -> ConvexParts:
 def tile_rock(rock: Iterable[Polygon], tiles: int) -> list[BaseGeometry]:
     """Cut the rock by a regular grid into the given number of tiles, as square as possible.
 
-    Parameters
-    ----------
-    rock : iterable of shapely.Polygon, m, mine frame
-    tiles : int
-        Cells of the grid. A drift may divide a tile into several pieces.
-
-    Returns
-    -------
-    list of shapely geometries, m
-        One polygon or multipolygon for each tile with rock, row by row from the south-west.
+    `rock`: iterable of shapely.Polygon, m, mine frame. `tiles`: int; cells of the grid. A drift may divide a tile into
+    several pieces.
+    Returns list of shapely geometries, m: one polygon or multipolygon for each tile with rock, row by row from the
+    south-west.
     """
     whole = shapely.union_all(list(rock))
     west, south, east, north = whole.bounds
@@ -60,18 +54,9 @@ def decomposed_hulls(
 ) -> ConvexParts:
     """Decompose the rock tile by tile into convex hulls.
 
-    Parameters
-    ----------
-    rock : iterable of shapely.Polygon, m, mine frame
-    tiles : int
-    decompose : Decomposer
-    progress : callable
-        Iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
-
-    Raises
-    ------
-    GeometryError
-        If the decomposer returns nothing for a tile.
+    `rock`: iterable of shapely.Polygon, m, mine frame. `tiles`: int. `decompose`: Decomposer. `progress`: callable;
+    iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
+    Raises GeometryError if the decomposer returns nothing for a tile.
     """
     hulls = []
     for tile in progress(tile_rock(rock, tiles)):
@@ -88,25 +73,3 @@ def _has_volume(hull: Points3) -> bool:
         return ConvexHull(hull).volume > _FLAT_M3
     except QhullError:
         return False
-
-
-def footprint_errors(parts: Iterable[np.ndarray], free: Polygon, world: Polygon) -> tuple[float, float]:
-    """Measure in plan where collision parts and rock differ.
-
-    Parameters
-    ----------
-    parts : iterable of (n, 3) or (n, 2) float64, m, mine frame
-        Vertices of convex parts.
-    free : shapely.Polygon, m, mine frame
-    world : shapely.Polygon, m, mine frame
-        Rock and free space together.
-
-    Returns
-    -------
-    intrusion_m2 : float
-        Area of the free space that parts cover.
-    missing_m2 : float
-        Area of the rock that no part covers.
-    """
-    covered = shapely.union_all([section_footprint(part) for part in parts])
-    return float(covered.intersection(free).area), float(world.difference(free).difference(covered).area)

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.geometry.polyline import arc_length
 from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.profile import arc_windows, line_roughness, project_on_rings, tapered
-from pipeline.metrics.rock.roughness import CUT_HEIGHTS_M, SurfaceRoughness
+from pipeline.metrics.rock.roughness import CUT_HEIGHTS_M
 
 OCTAVES_M = ((0.2, 0.5), (0.5, 1.0), (1.0, 2.0))
 LINE_WINDOWS_M = (0.5, 1.0, 2.0, 3.0)
@@ -131,13 +131,6 @@ def cut_walls(walls: np.ndarray, free: Polygon, height_m: float, lines: BaseGeom
         _octave_slopes(runs, free, lines),
         {_cm("at", w): float(np.median(r)) for w in LINE_WINDOWS_M if len(r := line_roughness(runs, w))},
     )
-
-
-def line_factor(line_rq_m: dict[str, float], measured: SurfaceRoughness) -> float:
-    """Return the typical factor between a cut's residuals to lines and measured ones: exp of the mean |log ratio|."""
-    wanted = {_cm("at", w): rq for w, rq in zip(measured.window_m, measured.rq_m, strict=True)}
-    ratio = [rq / wanted[window] for window, rq in line_rq_m.items()]
-    return float(np.exp(np.abs(np.log(ratio)).mean()))
 
 
 def _evenly_spaced(line: np.ndarray) -> np.ndarray:

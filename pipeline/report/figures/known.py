@@ -17,11 +17,7 @@ def facets_by_known(
 
     A facet of a wall is known as the wall on its side of the leg, at the nearer station.
 
-    Parameters
-    ----------
-    corners_m : (f, 3, 3) float64, m, mine frame
-    label, leg : (f,) int
-    legs : DrawnLegs
+    `corners_m`: (f, 3, 3) float64, m, mine frame. `label`, `leg`: (f,) int. `legs`: DrawnLegs.
     """
     start, step = legs.ends_m[leg, 0], np.diff(legs.ends_m, axis=1)[leg, 0]
     size = np.maximum((step**2).sum(axis=1), 1e-12)

@@ -34,10 +34,7 @@ class Node:
 def read_xml(file: str, data: bytes) -> Node:
     """Return the root element of an XML file.
 
-    Raises
-    ------
-    BundleError
-        As `walk_xml` and `BoundedReader`.
+    Raises BundleError: as `walk_xml` and `BoundedReader`.
     """
     reader = _TreeReader(file)
     walk_xml(file, data, reader)

@@ -31,10 +31,7 @@ _LEG = {
 def check_network(record: Mapping[str, Any], network: Any, facets: VolumeFacets) -> None:
     """Refuse a network of legs whose fields, names or sizes no survey of this mesh has.
 
-    Raises
-    ------
-    BundleError
-        Naming the field, its value and what is wanted.
+    Raises BundleError: naming the field, its value and what is wanted.
     """
     check_fields(
         f"{TOPOLOGY}: network",

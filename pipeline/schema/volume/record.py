@@ -59,10 +59,7 @@ VOLUME_FIELDS: dict[str, Any] = {
 def check_volume_record(record: Mapping[str, Any]) -> None:
     """Refuse a record with a field that is missing, unknown or out of range, or whose fields contradict one another.
 
-    Raises
-    ------
-    BundleError
-        Naming the field, its value and the limit.
+    Raises BundleError: naming the field, its value and the limit.
     """
     check_fields(RECORD, record, VOLUME_FIELDS)
     figures = record["volume"]
@@ -81,10 +78,7 @@ def check_volume_record(record: Mapping[str, Any]) -> None:
 def check_figures(record: Mapping[str, Any], volume: VolumeArrays) -> None:
     """Refuse a record that differs from its arrays.
 
-    Raises
-    ------
-    BundleError
-        Naming the field.
+    Raises BundleError: naming the field.
     """
     for name, value in figures_of(volume).items():
         if record["volume"][name] != value:

@@ -17,12 +17,12 @@ from pipeline.scans.checks.strays import require_together
 from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
 from pipeline.scans.point_blocks import PointBlock, Wanted
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
+from pipeline.survey.coordinates.origin import origin_of
 from pipeline.survey.coordinates.scan_axes import ScanAxes, axes_of_scan
 from pipeline.survey.vector.shapes import METRES, REACH_M
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm
 _LOOKED_AT = 2_000_000  # voxels that the spacing and the size of a scan are measured of
-_NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
 _MESH_POINTS = 4.0  # of a voxel's side of a mesh
 
 Origin = tuple[float, float, float]
@@ -60,10 +60,8 @@ class ScanPoints:
 def read_points(file: ScanFile) -> ScanPoints:
     """Read a scan in a process with the limits of `conf/reader_limits.yaml`; its time grows with the file.
 
-    Raises
-    ------
-    InputError
-        If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
+    Raises InputError if the file is no cloud of its format, a point is not finite, or it fills too few or too many
+    voxels.
     """
     payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
     arrays = payload.arrays
@@ -132,11 +130,3 @@ def _within_reach(blocks: Iterator[PointBlock]) -> Iterator[PointBlock]:
             )
             raise InputError(f"reaches {far:.4g} m from its first points, beyond {REACH_M:g} m; {cure}")
         yield block
-
-
-def origin_of(points: np.ndarray, metres: float) -> Origin:
-    """Return an origin in the file's coordinates: a height in whole metres, and zero in plan if that is near."""
-    low = points.min(axis=0) * metres
-    plan = [0.0 if np.abs(points[:, k] * metres).max() <= _NEAR_M else np.floor(low[k] / 10) * 10 for k in (0, 1)]
-    x, y, z = (float(value / metres) for value in (*plan, np.floor(low[2])))
-    return x, y, z

@@ -20,7 +20,6 @@ from pipeline.survey.solids.read import MOST_FACETS, view_from_above, warn_of_cr
 from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh, Georeference
 
-_NAMED = 5
 _LEAST_OTHER_M3 = 20.0  # the inside of a vehicle is no space of its own
 
 
@@ -47,10 +46,8 @@ def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -
 def read_scan(params: CloudSurveyParams) -> ScanReading:
     """Read a scan, and find the free space that its points bound. Warnings list what was left out and closed.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or its points enclose no space. The message names the file and the option.
+    Raises InputError if the file cannot be read, or its points enclose no space. The message names the file and the
+    option.
     """
     scan = thinned_scan(params, params.voxel_m / 2)
     cloud, origin, metres = scan.cloud, scan.origin, scan.axes.unit_m
@@ -84,10 +81,7 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
 def _places_of(cloud: ThinnedCloud, trajectory: Trajectory, params: CloudSurveyParams) -> np.ndarray:
     """Return the place (n, 3) m of the scanner at each point's time, NaN beyond its trajectory; none without times.
 
-    Raises
-    ------
-    InputError
-        If no point has a time of the trajectory's: their clocks differ.
+    Raises InputError if no point has a time of the trajectory's: their clocks differ.
     """
     times = cloud.time_s[np.isfinite(cloud.time_s)]
     if not len(times) or not trajectory.has_clock:
@@ -127,7 +121,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             for thing in found.things
             for a, b, c in [thing.size_m]
         ]
-        warn_user(f"things stand free and are left out: {first_few(listed, _NAMED)}", of=name, count=len(found.things))
+        warn_user(f"things stand free and are left out: {first_few(listed)}", of=name, count=len(found.things))
     thin = len(found.thin_points_m)
     if thin:
         warn_user(
@@ -147,7 +141,7 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
     ):
         if gaps:
             listed = [f"{gap.width_m:.1f} m at {_place(gap.middle_m, down)}" for gap in gaps]
-            warn_user(f"{what}: {first_few(listed, _NAMED)}", of=name, count=len(gaps))
+            warn_user(f"{what}: {first_few(listed)}", of=name, count=len(gaps))
     if found.unseen:
         sample = found.unseen + len(found.rays_m)
         warn_user(

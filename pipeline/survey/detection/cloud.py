@@ -10,7 +10,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import FileKind, StatedOptions
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.scans.text_clouds import has_point_rows
-from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.found import Detection, section_for
 from pipeline.survey.formats import kind_of
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2
@@ -47,18 +47,15 @@ def _has_no_faces(path: Path) -> bool:
 def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
     """Read the points of a scan, and choose the resolution by their spacing and the size of the surface.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     from pipeline.survey.clouds.read import thinned_scan  # open3d takes a second to load
     from pipeline.survey.clouds.thinned import spacing_of
     from pipeline.survey.detection.unstated import facets_of_scan, warn_of_guesses
 
     options = stated.model_dump(include={"unit", "up", "close_m", "simplify_m", "voxel_m"}, exclude_none=True)
-    params = CloudSurveyParams.model_validate({"kind": "cloud", "name": "detect", "file": "data/x", **options})
-    scan = thinned_scan(params.model_copy(update={"file": path.as_posix()}), _FINEST_M / 2, look=True)
+    params = section_for(CloudSurveyParams, path, {"kind": "cloud", **options})
+    scan = thinned_scan(params, _FINEST_M / 2, look=True)
     cloud, origin = scan.cloud, scan.origin
     spacing = spacing_of(cloud.points_m)
     voxel_m = stated.voxel_m or resolution(cloud.points_m, spacing)

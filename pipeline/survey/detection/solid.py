@@ -6,24 +6,21 @@ from pathlib import Path
 
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.found import Detection, section_for
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 
 
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:
     """Read triangles as the surface of the workings.
 
-    Raises
-    ------
-    InputError
-        If they cannot be read, or have a hole wider than `--close` allows.
+    Raises InputError if they cannot be read, or have a hole wider than `--close` allows.
     """
     from pipeline.survey.detection.unstated import facets_of_mesh, warn_of_guesses
     from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load
 
     options = stated.model_dump(include={"layers", "unit", "close_m", "up", "simplify_m"}, exclude_none=True)
-    params = SolidSurveyParams.model_validate({"kind": "solid", "name": "detect", "file": "data/x", **options})
-    read = read_solid(params.model_copy(update={"file": path.as_posix()}), is_stated=False)
+    params = section_for(SolidSurveyParams, path, {"kind": "solid", **options})
+    read = read_solid(params, is_stated=False)
     facets = facets_of_mesh(read.solid.vertices, read.solid.faces)
     warn_of_guesses(path, facets, read.unit_is_guess, read.up_is_guess)
     place = read.georeference

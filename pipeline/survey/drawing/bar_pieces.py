@@ -32,10 +32,7 @@ def with_pieces_joined(dark: np.ndarray) -> np.ndarray:
 
     A light piece is as long as a dark one beside it: any other gap is one in a broken bar.
 
-    Parameters
-    ----------
-    dark : (rows, cols) uint8
-        1 is dark.
+    `dark`: (rows, cols) uint8; 1 is dark.
     """
     _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     joined = dark.copy()
@@ -62,10 +59,7 @@ def is_piece_beside(piece: np.ndarray, bar: np.ndarray) -> bool:
 def tick_distance_px(part: np.ndarray) -> float:
     """Return the distance of the middles of the ticks of a line between two ticks, px; 0 if it is none.
 
-    Parameters
-    ----------
-    part : (rows, cols) bool
-        A dark region in its box.
+    `part`: (rows, cols) bool; a dark region in its box.
     """
     share = part.mean(axis=0)
     line = np.flatnonzero(share < _TICK)  # the columns between the ticks

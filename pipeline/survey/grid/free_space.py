@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from pipeline.errors import DoubtError, InputError
+from pipeline.geometry.outline.components import NEAR_M
 from pipeline.guard.reading_process import warn_user
 from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Image, Mask
@@ -17,7 +18,6 @@ _SMALLEST_M2 = 4.0  # a robot of 0.7 m that turns and passes another one needs 2
 _NAMED_M2 = 1.0  # smaller areas that are left out are counted, not named
 _NEAR_SHARE = 0.5  # an area of this share of the largest could be meant too
 _AROUND_M2 = 10.0  # an area that may be meant where the largest one surrounds it
-_NEAR_M = 5.0  # a start in rock selects the nearest free area up to this distance, as in stage 2
 _MOST_NAMED = 4
 _FREE, _SOLID = 255, 60  # grey values of the picture of a question
 
@@ -61,22 +61,10 @@ def choose_free_space(path: Path, free: Mask, placement: GridPlacement, start_m:
     If another area is half as large as the largest, or the largest lies around others up to the edges of the grid, the
     area at the map's origin is taken, where a robot that made the map started.
 
-    Parameters
-    ----------
-    path : Path
-        Of the map; messages name it.
-    free : (rows, cols) bool
-        Row 0 in the south.
-    placement : GridPlacement
-    start_m : tuple or None
-        Where robots start, m, mine frame.
-
-    Raises
-    ------
-    DoubtError
-        If several areas could be meant and none is at the map's origin. The message lists them.
-    InputError
-        If no free area is large enough, or none is at the start.
+    `path`: Path; of the map; messages name it. `free`: (rows, cols) bool; row 0 in the south. `placement`:
+    GridPlacement. `start_m`: tuple or None; where robots start, m, mine frame.
+    Raises DoubtError if several areas could be meant and none is at the map's origin. The message lists them.
+    InputError if no free area is large enough, or none is at the start.
     """
     areas = _find_areas(free, placement)
     if areas.sizes_m2.max(initial=0.0) < _SMALLEST_M2:
@@ -137,14 +125,14 @@ def _label_at(labels: np.ndarray, cell: tuple[int, int]) -> int:
 def _area_at(path: Path, areas: _Areas, start_m: tuple[float, ...]) -> int:
     """Return the area that holds a start, or the nearest one."""
     col, row = areas.placement.to_cells(np.array([start_m[:2]]))[0]
-    reach = _NEAR_M / areas.placement.cell_m
+    reach = NEAR_M / areas.placement.cell_m
     low_col, low_row = (int(max(0, np.floor(at - reach))) for at in (col, row))
     part = areas.labels[low_row : max(0, int(row + reach) + 1), low_col : max(0, int(col + reach) + 1)]
     rows, cols = np.nonzero(part)
     apart = np.hypot(cols + low_col + 0.5 - col, rows + low_row + 0.5 - row)
     if not len(apart) or apart.min() > reach:
         raise InputError(
-            f"{path}: --start {start_m[0]:g},{start_m[1]:g}: no free area within {_NEAR_M:g} m; the largest has "
+            f"{path}: --start {start_m[0]:g},{start_m[1]:g}: no free area within {NEAR_M:g} m; the largest has "
             f"{areas.describe(int(areas.sizes_m2.argmax()))}"
         )
     at = int(apart.argmin())

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.outline.enclosure import enclose_workings
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.walls import SAME_M, Wall, beside_each_other, falls, is_steep_in_part, lie_over, sampled
 
 _MOUTH_M = 12.0  # two ends of wall strings so near are a drift's end
@@ -54,23 +54,14 @@ def places_in(shape: BaseGeometry) -> np.ndarray:
     return shapely.get_coordinates([shapely.segmentize(shape, _SAMPLE_M), *inner])
 
 
-def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
+def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float, rules: FloorRules = FLOOR_RULES) -> list[Area]:
     """Return the areas that walls enclose at their heights.
 
     A closed wall encloses an area, or a pillar if it lies in one at its height. Open walls of one layer that are near
     each other at like heights enclose areas together; ends up to 12 m apart are then joined as the end of a drift.
 
-    Parameters
-    ----------
-    path : Path
-    walls : list of ((k, 3) m, layer)
-    snap_m : float
-        A wall whose ends are no further apart is closed.
-
-    Raises
-    ------
-    InputError
-        If open walls enclose no area, or cross themselves; the message names the layer and the height.
+    `path`: Path. `walls`: list of ((k, 3) m, layer). `snap_m`: float; a wall whose ends are no further apart is closed.
+    Raises InputError if open walls enclose no area, or cross themselves; the message names the layer and the height.
     """
     rings: list[tuple[Wall, str]] = []
     strings: list[tuple[Wall, str]] = []
@@ -80,8 +71,12 @@ def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float) -> list[A
         is_closed = len(wall) > 2 and apart <= max(min(snap_m, _CLOSED * around), _EQUAL_M)
         (rings if is_closed else strings).append((wall, layer))
     rings = [(wall, layer) for wall, layer in rings if _has_area(wall)]
-    areas = [area for cluster in beside_each_other(strings) for area in _enclosed_if_level(path, cluster, snap_m)]
-    return _nested(areas, [_ring(path, wall, layer) for wall, layer in rings])
+    areas = [
+        area
+        for cluster in beside_each_other(strings, rules)
+        for area in _enclosed_if_level(path, cluster, snap_m, rules)
+    ]
+    return _nested(areas, [_ring(path, wall, layer, rules) for wall, layer in rings], rules)
 
 
 def _once(walls: list[tuple[Wall, str]]) -> list[tuple[Wall, str]]:
@@ -98,10 +93,10 @@ def _has_area(wall: Wall) -> bool:
     return bool(shapely.make_valid(Polygon(wall[:, :2])).area > _LEAST_M2) if len(wall) > 3 else False
 
 
-def _ring(path: Path, wall: Wall, layer: str) -> Area:
+def _ring(path: Path, wall: Wall, layer: str, rules: FloorRules) -> Area:
     ring = np.vstack([wall[:-1], wall[:1]])
     polygon = Polygon(ring[:, :2])
-    if not polygon.is_valid or _touches_over([ring]):
+    if not polygon.is_valid or _touches_over([ring], rules):
         x, y = ring[0, :2]
         raise InputError(
             f"{path}: a wall of layer {layer!r} that begins at ({x:.1f}, {y:.1f}), {ring[0, 2]:.1f} m high, crosses "
@@ -111,14 +106,14 @@ def _ring(path: Path, wall: Wall, layer: str) -> Area:
     return Area(polygon, [ring])
 
 
-def _touches_over(walls: list[Wall]) -> bool:
+def _touches_over(walls: list[Wall], rules: FloorRules) -> bool:
     """Return whether walls touch in plan at different heights, as the ends of a ramp of a whole turn do."""
     points = np.concatenate([sampled(wall) for wall in walls])
     one, two = cKDTree(points[:, :2]).query_pairs(SAME_M, output_type="ndarray").T
-    return bool((abs(points[one, 2] - points[two, 2]) > floor_rules().flat_step_m).any())
+    return bool((abs(points[one, 2] - points[two, 2]) > rules.flat_step_m).any())
 
 
-def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
+def _nested(areas: list[Area], rings: list[Area], rules: FloorRules) -> list[Area]:
     """Return areas and rings as areas: a ring that lies at its height in an odd number of others is a pillar."""
     distinct = {
         (shapely.normalize(ring.polygon).wkb, round(float(ring.walls[0][:, 2].max()), 1)): ring for ring in rings
@@ -128,7 +123,7 @@ def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
     depth, inside = [0] * len(every), defaultdict(list)
     for other, area in enumerate(every):
         covered = sorted(set(tree.query(area.polygon, predicate="covers").tolist()) - {other, *range(len(areas))})
-        for number in _at_its_height(area, {k: every[k].walls[0] for k in covered}):
+        for number in _at_its_height(area, {k: every[k].walls[0] for k in covered}, rules):
             depth[number] += 1
             inside[number].append(other)
     polygons: dict[int, BaseGeometry] = {k: area.polygon for k, area in enumerate(every) if depth[k] % 2 == 0}
@@ -147,13 +142,13 @@ def _nested(areas: list[Area], rings: list[Area]) -> list[Area]:
     ]
 
 
-def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
+def _at_its_height(area: Area, rings: dict[int, Wall], rules: FloorRules) -> list[int]:
     """Return the rings in an area that lie at its height.
 
     They are found from its walls inwards, as each gives the height of the floor about it: in a room with many pillars
     the nearest outer wall may be far off, and the floor may dip.
     """
-    step, walls, found, rest = floor_rules().flat_step_m, [*area.walls], list[int](), dict(rings)
+    step, walls, found, rest = rules.flat_step_m, [*area.walls], list[int](), dict(rings)
     while rest:
         known = np.concatenate([sampled(wall) for wall in walls])
         apart = dict.fromkeys(rest, np.inf)
@@ -172,20 +167,20 @@ def _at_its_height(area: Area, rings: dict[int, Wall]) -> list[int]:
     return found
 
 
-def _enclosed_if_level(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
+def _enclosed_if_level(path: Path, strings: list[tuple[Wall, str]], snap_m: float, rules: FloorRules) -> list[Area]:
     """Return what open walls of one drift enclose, if need be without inclined lines that are no walls.
 
     These are lines that are too steep to drive in part, and one that falls alone.
     """
-    inclined = [is_steep_in_part(wall) or (len(strings) == 1 and falls(wall)) for wall, _ in strings]
+    inclined = [is_steep_in_part(wall, rules) or (len(strings) == 1 and falls(wall, rules)) for wall, _ in strings]
     if not any(inclined):
-        return _enclosed(path, strings, snap_m)
+        return _enclosed(path, strings, snap_m, rules)
     try:
-        return _enclosed(path, strings, snap_m)
+        return _enclosed(path, strings, snap_m, rules)
     except InputError as error:
         lines = [wall for (wall, _), is_one in zip(strings, inclined, strict=True) if is_one]
         rest = [string for string, is_one in zip(strings, inclined, strict=True) if not is_one]
-        found = _enclosed(path, rest, snap_m) if rest else []
+        found = _enclosed(path, rest, snap_m, rules) if rest else []
         (x, y, z), low = lines[0][lines[0][:, 2].argmax()], lines[0][:, 2].min()
         warn_user(
             f"inclined lines of layer {strings[0][1]!r} are neither walls nor the axis of one shaft, and "
@@ -197,12 +192,12 @@ def _enclosed_if_level(path: Path, strings: list[tuple[Wall, str]], snap_m: floa
         return found
 
 
-def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float) -> list[Area]:
+def _enclosed(path: Path, strings: list[tuple[Wall, str]], snap_m: float, rules: FloorRules) -> list[Area]:
     """Return what open walls of one drift enclose, with the ends of the drift closed."""
     walls = [wall for wall, _ in strings]
     x, y, z = walls[0][0]
     where = f"layer {strings[0][1]!r} about ({x:.1f}, {y:.1f}), {z:.1f} m high"
-    if lie_over(strings) or _touches_over(walls):
+    if lie_over(strings, rules) or _touches_over(walls, rules):
         raise InputError(
             f"{path}: open walls of {where} are joined to walls over or under them; close the walls of each level, or "
             "put each level and each ramp on a layer of its own"

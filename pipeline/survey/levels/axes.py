@@ -7,32 +7,27 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from pipeline.errors import NAMED
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.walls import Wall
 from pipeline.types import FloorMesh, SurveyedLegs, text_array
 
 _HALF_M = 0.5  # of the height of a shaft's section at its ends
 _OVER_FLOOR_M = 0.1  # of that section, so that the floor stays whole under a shaft
 _DRIFT_M = 3.5  # height of a drift: an end of a shaft so far over a floor is in it
-_NAMED = 5
 
 
-def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs | None:
+def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh, rules: FloorRules = FLOOR_RULES) -> SurveyedLegs | None:
     """Return a leg for each shaft, None if there is none; those that reach no floor are left out, with a warning.
 
-    Parameters
-    ----------
-    path : Path
-    axes : list of (k, 3) m
-        From the upper to the lower end; elevations.
-    floors : FloorMesh
+    `path`: Path. `axes`: list of (k, 3) m; from the upper to the lower end; elevations. `floors`: FloorMesh.
     """
     legs, left_out = [], []
     tree = shapely.STRtree(shapely.polygons(floors.vertices[floors.faces][:, :, :2]))
     for axis in axes:
         way = axis - np.array([0.0, 0.0, floors.datum_m])
-        ends = [_floor_at(floors, tree, way[k]) for k in (0, -1)]
+        ends = [_floor_at(floors, tree, way[k], rules) for k in (0, -1)]
         if all(end is None for end in ends) and not _passes(floors, tree, way):
             left_out.append(f"({axis[0, 0]:.1f}, {axis[0, 1]:.1f}) from {axis[0, 2]:.1f} to {axis[-1, 2]:.1f} m")
             continue
@@ -45,7 +40,7 @@ def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs 
         if made[0, 2] > made[-1, 2]:
             legs.append(made)
     if left_out:
-        named = "; ".join(left_out[:_NAMED])
+        named = "; ".join(left_out[:NAMED])
         warn_user(f"shafts reach no floor and are left out: {named}", of=path.name, count=len(left_out))
     if not legs:
         return None
@@ -62,11 +57,11 @@ def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh) -> SurveyedLegs 
     )
 
 
-def _floor_at(floors: FloorMesh, tree: shapely.STRtree, place: np.ndarray) -> float | None:
+def _floor_at(floors: FloorMesh, tree: shapely.STRtree, place: np.ndarray, rules: FloorRules) -> float | None:
     """Return the height of the floor that an end of a shaft is on, or in whose drift it is; None if there is none."""
     heights = _heights_at(floors, tree, place)
     over = place[2] - heights
-    near = heights[(over >= -floor_rules().flat_step_m) & (over <= _DRIFT_M)]
+    near = heights[(over >= -rules.flat_step_m) & (over <= _DRIFT_M)]
     return float(near[np.abs(place[2] - near).argmin()]) if len(near) else None
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import NAMED, InputError
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.levels.areas import areas_of
@@ -16,8 +16,6 @@ from pipeline.survey.levels.floors import DrawnLevels, floors_of_areas
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
 from pipeline.survey.vector.shapes import Shapes
 from pipeline.types import Georeference
-
-_MOST_LAYERS = 8  # that a message names
 
 
 @dataclass(frozen=True)
@@ -61,26 +59,26 @@ def read_levels(
         If levels over each other enclose no areas of their own, or cannot be joined; the message names the place.
     """
     is_checked = params.no_elevation is None
-    found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked)
-    walls, axes = split_steep(found)
+    found, left_out = walls_in_space(path, content, moved, georeference, elevations, is_checked, params)
+    walls, axes = split_steep(found, params)
     if not walls:
         return LevelReading(None, [True] * len(moved))
-    if params.seeds_m and lie_over(walls):
+    if params.seeds_m and lie_over(walls, params):
         raise InputError(f"{path}: survey.seeds_m is not read with levels over each other; --layer chooses walls")
     try:
-        areas = [] if params.seeds_m else areas_of(path, walls, params.snap_m)
-        levels = floors_of_areas(path, areas, axes, params.snap_m, params.piece) if areas else None
+        areas = [] if params.seeds_m else areas_of(path, walls, params.snap_m, params)
+        levels = floors_of_areas(path, areas, axes, params.snap_m, params.piece, params) if areas else None
     except InputError:
-        if elevations or lie_over(walls):
+        if elevations or lie_over(walls, params):
             raise
         levels = None
-    if levels is None and lie_over(walls):
+    if levels is None and lie_over(walls, params):
         raise InputError(
             f"{path}: walls lie over each other, and enclose no levels of their own; close the walls of each "
             "level, or put each level and each ramp on a layer of its own"
         )
     if left_out:
-        names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:_MOST_LAYERS])
+        names = ", ".join(one_line(layer, 40) or "no name" for layer in left_out[:NAMED])
         done = "are read in plan with the others" if levels is None else "are left out"
         warn_user(
             f"layers without an elevation {done}: {names}",

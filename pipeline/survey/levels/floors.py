@@ -16,7 +16,7 @@ from pipeline.geometry.floor.stitched import FloorPart, StitchedFloors, stitch
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.geometry.rock.partition import triangulate
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.levels.axes import shaft_legs
 from pipeline.survey.levels.heights import even_floors
@@ -28,7 +28,6 @@ _EDGE_M = 2.0  # of the points of a wall at which its height is given
 _STITCH_M = 2 * TOUCH_M  # corners of areas that meet are nearer
 _GRID_M = 1e-3  # of corners: without a grid rounding leaves spikes of no width where areas are cut
 _LEAST_M2 = 0.01  # of a part of an area
-_NAMED = 10  # pieces that a message names
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,9 @@ class DrawnLevels:
     shape: DrawnFloors
 
 
-def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: float, piece: Place | None) -> DrawnLevels:
+def floors_of_areas(
+    path: Path, areas: list[Area], axes: list[Wall], snap_m: float, piece: Place | None, rules: FloorRules = FLOOR_RULES
+) -> DrawnLevels:
     """Return the floors of all areas, those that meet stitched to each other, and the shafts from floor to floor.
 
     Floors have the heights of their walls, linear between these. What two areas cover at one height is of the larger.
@@ -60,17 +61,17 @@ def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: flo
     InputError
         If areas that meet lie over each other there, or none is near to `piece`; the message names the place.
     """
-    joins = meetings_of(areas, snap_m)
+    joins = meetings_of(areas, snap_m, rules)
     if piece is not None:
         chosen = nx.node_connected_component(joins, str(area_at(path, areas, piece)))
         joins = joins.subgraph([name for name in joins if name in chosen]).copy()
     shapes: dict[str, BaseGeometry] = {name: areas[int(name)].polygon for name in joins}
-    snap_together(areas, shapes, joins, snap_m)
+    snap_together(areas, shapes, joins, snap_m, rules)
     shapes = {name: shapely.set_precision(shape, _GRID_M) for name, shape in shapes.items()}
-    step = floor_rules().flat_step_m
-    evened = even_floors(path, areas, shapes, joins, step)
+    step = rules.flat_step_m
+    evened = even_floors(path, areas, shapes, joins, step, rules)
     for a, b in joins.edges:
-        _cut_overlap(path, evened, shapes, a, b)
+        _cut_overlap(path, evened, shapes, a, b, rules)
     names = sorted(joins, key=lambda name: (float(np.ptp(np.concatenate(evened[int(name)].walls)[:, 2])), int(name)))
     every = {name: shapely.get_parts(shapely.set_precision(shapes[name], 0.0)) for name in names}
     outlines = [(name, part) for name, parts in every.items() for part in parts if part.area > _LEAST_M2]
@@ -79,14 +80,16 @@ def floors_of_areas(path: Path, areas: list[Area], axes: list[Wall], snap_m: flo
     joined = _joined(path, evened, shapes, joins, [name for name, _ in outlines], found)
     datum = float(np.floor(found.vertices[:, 2].min()))
     floors = FloorMesh((found.vertices - [0.0, 0.0, datum]).round(6), found.faces.astype(np.int32), datum)
-    shafts = shaft_legs(path, axes, floors)
+    shafts = shaft_legs(path, axes, floors, rules)
     _warn_of_pieces(path, evened, joined)
     return DrawnLevels(as_polygons(shapely.union_all([part for _, part in outlines])), DrawnFloors(floors, shafts))
 
 
-def _cut_overlap(path: Path, areas: list[Area], shapes: dict[str, BaseGeometry], a: str, b: str) -> None:
+def _cut_overlap(
+    path: Path, areas: list[Area], shapes: dict[str, BaseGeometry], a: str, b: str, rules: FloorRules
+) -> None:
     """Take from the smaller of two areas what both cover at one height; change the shapes in place."""
-    step = floor_rules().flat_step_m
+    step = rules.flat_step_m
     if shapes[a].area < shapes[b].area:
         a, b = b, a
     for part in shapely.get_parts(shapes[a].intersection(shapes[b])):
@@ -181,7 +184,7 @@ def _warn_of_pieces(path: Path, areas: list[Area], joins: nx.Graph) -> None:
     sizes = [f"{_size_m2(areas, names):.0f} m2 about {_about(areas, names)}" for names in pieces]
     warn_user(
         "pieces of its levels and ramps do not meet; all are built, and --piece (survey.piece) "
-        f"builds one: {first_few(sizes, _NAMED)}",
+        f"builds one: {first_few(sizes)}",
         of=path.name,
         count=len(pieces),
         option="--piece, survey.piece",

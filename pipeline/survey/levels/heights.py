@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.areas import TOUCH_M, Area, places_in
 from pipeline.survey.levels.walls import Wall
 
@@ -23,7 +23,12 @@ _LEFT_M = 0.3  # that may remain between ramps so short that both ends move one 
 
 
 def even_floors(
-    path: Path, areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph, left_m: float = _LEFT_M
+    path: Path,
+    areas: list[Area],
+    shapes: dict[str, Polygon],
+    joins: nx.Graph,
+    left_m: float = _LEFT_M,
+    rules: FloorRules = FLOOR_RULES,
 ) -> list[Area]:
     """Return areas whose floors have one height where they meet; a warning states the largest change.
 
@@ -48,7 +53,7 @@ def even_floors(
         If a ramp is so short that its ends cannot both be changed; the message names the place.
     """
     evened, found = list(areas), []
-    meetings = {(a, b): where for a, b in joins.edges if (where := _meeting(areas, shapes, a, b)) is not None}
+    meetings = {(a, b): where for a, b in joins.edges if (where := _meeting(areas, shapes, a, b, rules)) is not None}
     for (a, b), where in meetings.items():
         most, place = _gap(evened, where, a, b)
         if most <= _ONE_FLOOR_M:
@@ -75,10 +80,10 @@ def even_floors(
     return evened
 
 
-def _meeting(areas: list[Area], shapes: dict[str, Polygon], a: str, b: str) -> BaseGeometry | None:
+def _meeting(areas: list[Area], shapes: dict[str, Polygon], a: str, b: str, rules: FloorRules) -> BaseGeometry | None:
     """Return where two areas meet at one height; None if nowhere."""
     common = shapes[a].buffer(TOUCH_M).intersection(shapes[b].buffer(TOUCH_M))
-    step = floor_rules().flat_step_m
+    step = rules.flat_step_m
     touching = [part for part in shapely.get_parts(common) if not part.is_empty]  # none if walls only nearly meet
     parts = [part for part in touching if _gap(areas, part, a, b)[0] <= step]
     return shapely.union_all(parts) if parts else None

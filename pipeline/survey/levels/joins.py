@@ -11,7 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.areas import TOUCH_M, Area, places_in
 from pipeline.survey.passages.pieces import require_near
 from pipeline.types import Place
@@ -21,11 +21,11 @@ _BETWEEN_M = 0.1
 _NEAR_M = 3.0  # in plan and in height: warns of two pieces so near
 
 
-def meetings_of(areas: list[Area], snap_m: float) -> nx.Graph:
+def meetings_of(areas: list[Area], snap_m: float, rules: FloorRules = FLOOR_RULES) -> nx.Graph:
     """Return the areas, by their numbers as texts, and which of them meet at one height, at most `snap_m` apart."""
     graph: nx.Graph = nx.Graph()
     graph.add_nodes_from(str(k) for k in range(len(areas)))
-    reach, step = max(snap_m, TOUCH_M), floor_rules().flat_step_m
+    reach, step = max(snap_m, TOUCH_M), rules.flat_step_m
     shapes = np.array([area.polygon for area in areas])
     for a, b in shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=reach).T.tolist():
         if a < b:
@@ -35,7 +35,9 @@ def meetings_of(areas: list[Area], snap_m: float) -> nx.Graph:
     return graph
 
 
-def snap_together(areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph, snap_m: float) -> None:
+def snap_together(
+    areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph, snap_m: float, rules: FloorRules = FLOOR_RULES
+) -> None:
     """Let walls that nearly meet at one height meet; change the shapes in place.
 
     A shape that moves to one neighbour may leave another, if only by rounding. So all are tried again in the other
@@ -45,19 +47,21 @@ def snap_together(areas: list[Area], shapes: dict[str, Polygon], joins: nx.Graph
         before = dict(shapes)
         for a, b in [(b, a) for a, b in joins.edges] if turn % 2 else joins.edges:
             for one, other in ((a, b), (b, a)):
-                corners = _corners_near(areas, shapes, other, one, snap_m)
+                corners = _corners_near(areas, shapes, other, one, snap_m, rules)
                 moved = shapely.snap(shapes[one], corners, snap_m)
                 shapes[one] = moved if isinstance(moved, Polygon) and moved.is_valid and moved.area else shapes[one]
         if all(shapely.equals_identical(shape, before[name]) for name, shape in shapes.items()):
             break
 
 
-def _corners_near(areas: list[Area], shapes: dict[str, Polygon], name: str, other: str, snap_m: float) -> BaseGeometry:
+def _corners_near(
+    areas: list[Area], shapes: dict[str, Polygon], name: str, other: str, snap_m: float, rules: FloorRules
+) -> BaseGeometry:
     """Return the corners of a shape that are near another's walls at one height."""
     places = np.unique(shapely.get_coordinates(shapes[name]), axis=0)
     places = places[shapely.dwithin(shapes[other].boundary, shapely.points(places), snap_m)]
     apart = abs(areas[int(name)].heights_at(places) - areas[int(other)].heights_at(places))
-    return shapely.multipoints(places[apart <= floor_rules().flat_step_m])
+    return shapely.multipoints(places[apart <= rules.flat_step_m])
 
 
 def area_at(path: Path, areas: list[Area], place_m: Place) -> int:

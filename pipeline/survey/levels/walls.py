@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import one_line
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.stray_heights import require_elevations
 from pipeline.survey.vector.shapes import Shapes
 from pipeline.types import Georeference
@@ -35,6 +35,7 @@ def walls_in_space(
     georeference: Georeference,
     elevations_m: dict[str, float] | None,
     is_checked: bool = True,
+    rules: FloorRules = FLOOR_RULES,
 ) -> tuple[list[tuple[Wall, str]], list[str]]:
     """Return the walls of a vector file with their layers, and the layers left out; no walls if all are at one height.
 
@@ -56,7 +57,7 @@ def walls_in_space(
     InputError
         If a layer is stated that the file does not have, or an elevation of 0 is a missing one.
     """
-    stated, step = elevations_m or {}, floor_rules().flat_step_m
+    stated, step = elevations_m or {}, rules.flat_step_m
     unknown = sorted(set(stated) - set(content.layer_of))
     if unknown:
         there = ", ".join(one_line(name, 40) for name in dict.fromkeys(content.layer_of)) or "no layers"
@@ -88,14 +89,14 @@ def walls_in_space(
     return found, sorted(left_out)
 
 
-def lie_over(walls: list[tuple[Wall, str]]) -> bool:
+def lie_over(walls: list[tuple[Wall, str]], rules: FloorRules = FLOOR_RULES) -> bool:
     """Return whether a wall lies over another: in a square of a metre, heights differ by more than `flat_step_m`."""
     points = np.concatenate([sampled(wall) for wall, _ in walls])
     _, cell = np.unique(np.floor(points[:, :2]), axis=0, return_inverse=True)
     low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
     np.minimum.at(low, cell.ravel(), points[:, 2])
     np.maximum.at(high, cell.ravel(), points[:, 2])
-    return bool((high - low > floor_rules().flat_step_m).any())
+    return bool((high - low > rules.flat_step_m).any())
 
 
 def sampled(wall: Wall) -> np.ndarray:
@@ -103,7 +104,9 @@ def sampled(wall: Wall) -> np.ndarray:
     return np.asarray(shapely.get_coordinates(shapely.segmentize(LineString(wall), _STEP_M), include_z=True))
 
 
-def split_steep(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], list[Wall]]:
+def split_steep(
+    walls: list[tuple[Wall, str]], rules: FloorRules = FLOOR_RULES
+) -> tuple[list[tuple[Wall, str]], list[Wall]]:
     """Return the walls of layers, and apart from them the axes of shafts and raises, their upper end first.
 
     Two lines of one layer beside each other that are less steep than a floor may be are the walls of a ramp.
@@ -112,15 +115,15 @@ def split_steep(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], 
     axes: list[Wall] = []
     flatter: list[tuple[Wall, str]] = []
     for wall, layer in walls:
-        axis = axis_of(wall)
+        axis = axis_of(wall, rules)
         if axis is None:
             rest.append((wall, layer))
         elif _grade(axis) < _STEEPEST_FLOOR:
             flatter.append((wall, layer))
         else:
             axes.append(axis)
-    for cluster in beside_each_other(flatter):
-        alone = axis_of(cluster[0][0]) if len(cluster) == 1 else None
+    for cluster in beside_each_other(flatter, rules):
+        alone = axis_of(cluster[0][0], rules) if len(cluster) == 1 else None
         if alone is None:
             rest += cluster
         else:
@@ -131,7 +134,7 @@ def split_steep(walls: list[tuple[Wall, str]]) -> tuple[list[tuple[Wall, str]], 
     return rest, list(distinct.values())
 
 
-def axis_of(line: Wall) -> Wall | None:
+def axis_of(line: Wall, rules: FloorRules = FLOOR_RULES) -> Wall | None:
     """Return the way (k, 3) m of the shaft whose axis a line is, its upper end first; None if it is a wall.
 
     The axis of a shaft is plumb, or falls by more than `flat_step_m` and is nowhere flat enough to drive, but for what
@@ -141,32 +144,32 @@ def axis_of(line: Wall) -> Wall | None:
         return line[[line[:, 2].argmax(), line[:, 2].argmin()]]
     line = line[np.append(True, np.diff(line, axis=0).any(axis=1))]
     steps = np.diff(line, axis=0)
-    steep = np.flatnonzero(_is_steep(steps))
+    steep = np.flatnonzero(_is_steep(steps, rules))
     if not len(steep):
         return None
     steps = steps[steep[0] : steep[-1] + 1]
     falls = -steps[:, 2] if steps[:, 2].sum() < 0 else steps[:, 2]
     axis = line[steep[0] : steep[-1] + 2]
-    is_one = _is_steep(steps).all() and (falls > 0).all() and falls.sum() > floor_rules().flat_step_m
+    is_one = _is_steep(steps, rules).all() and (falls > 0).all() and falls.sum() > rules.flat_step_m
     if not is_one or _length(axis) < _length(line) / 2:
         return None
     return axis if axis[0, 2] > axis[-1, 2] else axis[::-1]
 
 
-def is_steep_in_part(wall: Wall) -> bool:
+def is_steep_in_part(wall: Wall, rules: FloorRules = FLOOR_RULES) -> bool:
     """Return whether a line falls by more than `flat_step_m` along shots too steep to drive."""
     steps = np.diff(wall, axis=0)
-    return bool(np.abs(steps[_is_steep(steps), 2]).sum() > floor_rules().flat_step_m)
+    return bool(np.abs(steps[_is_steep(steps, rules), 2]).sum() > rules.flat_step_m)
 
 
-def falls(wall: Wall) -> bool:
+def falls(wall: Wall, rules: FloorRules = FLOOR_RULES) -> bool:
     """Return whether a line is no wall of a level: its points differ by more than `flat_step_m` in height."""
-    return bool(np.ptp(wall[:, 2]) > floor_rules().flat_step_m)
+    return bool(np.ptp(wall[:, 2]) > rules.flat_step_m)
 
 
-def _is_steep(steps: np.ndarray) -> np.ndarray:
+def _is_steep(steps: np.ndarray, rules: FloorRules) -> np.ndarray:
     """Return whether each step (k, 3) m is too steep to drive."""
-    return np.asarray(np.abs(steps[:, 2]) > floor_rules().steepest_grade * np.hypot(*steps[:, :2].T))
+    return np.asarray(np.abs(steps[:, 2]) > rules.steepest_grade * np.hypot(*steps[:, :2].T))
 
 
 def _grade(axis: Wall) -> float:
@@ -178,11 +181,11 @@ def _length(line: Wall) -> float:
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
-def beside_each_other(strings: list[tuple[Wall, str]]) -> list[list[tuple[Wall, str]]]:
+def beside_each_other(strings: list[tuple[Wall, str]], rules: FloorRules = FLOOR_RULES) -> list[list[tuple[Wall, str]]]:
     """Return open walls by the drifts that they are of: near each other in one layer, at like heights."""
     groups: UnionFind = UnionFind(range(len(strings)))
     lines = [LineString(wall[:, :2]) for wall, _ in strings]
-    margin = floor_rules().flat_step_m / 2
+    margin = rules.flat_step_m / 2
     spans = [(wall[:, 2].min() - margin, wall[:, 2].max() + margin) for wall, _ in strings]
     pairs = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=_BESIDE_M).T if lines else []
     for a, b in pairs:

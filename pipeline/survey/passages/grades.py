@@ -10,35 +10,27 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.geometry.floor.grade_heights import heights_of_grades, misclosure_at
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.legs import SurveyLeg, require_connected
 
 _LEAST_MISCLOSURE_M = 0.01  # smaller misclosures come from the rounding of coordinates
 _CHANGED = 1e-6  # smaller changes of a grade come from the solution, also where there is no loop
 
 
-def with_grades(path: Path, legs: list[SurveyLeg], stated: dict[str, float]) -> list[SurveyLeg]:
+def with_grades(
+    path: Path, legs: list[SurveyLeg], stated: dict[str, float], rules: FloorRules = FLOOR_RULES
+) -> list[SurveyLeg]:
     """Return legs with elevations that follow from their grades; the first station of the survey is at 0.
 
     The misclosure of loops is distributed by least squares, and a warning names the largest one. Legs without a
     grade are linear between their ends (`heights_of_grades`). The roof is not surveyed.
 
-    Parameters
-    ----------
-    path : Path
-        The survey's file, which errors name.
-    legs : list of SurveyLeg
-        Without elevations; `grades` may hold those of the table.
-    stated : dict
-        Rise over run by the name of the leg, in the order of its stations.
-
-    Raises
-    ------
-    InputError
-        If a leg is unknown, a grade is stated twice or too steep, or a loop misses by too much; if the legs are not
-        connected, or a leg without a grade becomes too steep.
+    `path`: Path; the survey's file, which errors name. `legs`: list of SurveyLeg; without elevations; `grades` may hold
+    those of the table. `stated`: dict; rise over run by the name of the leg, in the order of its stations.
+    Raises InputError if a leg is unknown, a grade is stated twice or too steep, or a loop misses by too much; if the
+    legs are not connected, or a leg without a grade becomes too steep.
     """
-    legs = [_stated(path, leg, stated) for leg in legs]
+    legs = [_stated(path, leg, stated, rules) for leg in legs]
     unknown = sorted(stated.keys() - {leg.name for leg in legs})
     if unknown:
         names = ", ".join(dict.fromkeys(leg.name for leg in legs))
@@ -55,9 +47,9 @@ def with_grades(path: Path, legs: list[SurveyLeg], stated: dict[str, float]) -> 
     changed = np.abs(np.nan_to_num(built - grade))
     worst = int(changed.argmax())
     if changed[worst] > _CHANGED:
-        _check_loop(path, shots[worst], misclosure_at(worst, pairs, run, grade), float(changed[worst]))
+        _check_loop(path, shots[worst], misclosure_at(worst, pairs, run, grade), float(changed[worst]), rules)
     steep = int(np.abs(built).argmax())
-    _require_gentle(path, *shots[steep], float(built[steep]))
+    _require_gentle(path, *shots[steep], float(built[steep]), rules=rules)
     unmeasured = (np.full(len(row), np.nan) for row in rows)
     return [
         replace(leg, heights_m=np.column_stack([z[row], roof, np.zeros(len(row))]))
@@ -65,7 +57,7 @@ def with_grades(path: Path, legs: list[SurveyLeg], stated: dict[str, float]) -> 
     ]
 
 
-def _stated(path: Path, leg: SurveyLeg, stated: dict[str, float]) -> SurveyLeg:
+def _stated(path: Path, leg: SurveyLeg, stated: dict[str, float], rules: FloorRules) -> SurveyLeg:
     """Return a leg with the grade of each shot, nan where there is none."""
     grades = np.full(len(leg.stations) - 1, np.nan) if leg.grades is None else leg.grades
     if leg.name in stated:
@@ -73,12 +65,12 @@ def _stated(path: Path, leg: SurveyLeg, stated: dict[str, float]) -> SurveyLeg:
             raise InputError(f"{path}: leg {leg.name} has grades in the column rise_over_run; a second one is stated")
         grades = np.full(len(grades), stated[leg.name])
     for k in np.flatnonzero(np.isfinite(grades)).tolist():
-        _require_gentle(path, leg, k, float(grades[k]))
+        _require_gentle(path, leg, k, float(grades[k]), rules)
     return replace(leg, grades=grades)
 
 
-def _require_gentle(path: Path, leg: SurveyLeg, k: int, grade: float) -> None:
-    most = floor_rules().steepest_grade
+def _require_gentle(path: Path, leg: SurveyLeg, k: int, grade: float, rules: FloorRules) -> None:
+    most = rules.steepest_grade
     if abs(grade) > most:
         raise InputError(
             f"{path}: leg {leg.name}, {_place(leg, k)}: a grade of {grade:.4g} is steeper than {most:g} "
@@ -86,10 +78,12 @@ def _require_gentle(path: Path, leg: SurveyLeg, k: int, grade: float) -> None:
         )
 
 
-def _check_loop(path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, changed: float) -> None:
+def _check_loop(
+    path: Path, shot: tuple[SurveyLeg, int], misclosure_m: float, changed: float, rules: FloorRules
+) -> None:
     """Warn of the worst misclosure; refuse it if closing it changes a grade by too much."""
     leg, k = shot
-    most = floor_rules().grade_change
+    most = rules.grade_change
     found = f"the loop of grades through leg {leg.name}, {_place(leg, k)}, misses by {abs(misclosure_m):.2f} m"
     if changed > most:
         raise InputError(

@@ -12,7 +12,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.types import Points2, Source, SurveyedLegs, lines_of
 
@@ -133,10 +133,7 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
     Where stations have heights, shafts are legs of their own, at the end.
 
-    Raises
-    ------
-    InputError
-        If no leg remains, or a leg has no wall distance at all.
+    Raises InputError if no leg remains, or a leg has no wall distance at all.
     """
     legs, count, most = [], sum(map(len, chains)), reader_limits().stations
     if count > most:
@@ -197,16 +194,13 @@ def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
     return found, legs
 
 
-def check_network(path: Path, legs: list[SurveyLeg]) -> None:
+def check_network(path: Path, legs: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> None:
     """Check that all legs are connected and that legs cross only at stations.
 
-    Raises
-    ------
-    InputError
-        If not. The message names the file and the legs.
+    Raises InputError if not. The message names the file and the legs.
     """
     require_connected(path, legs)
-    require_no_crossing(path, legs)
+    require_no_crossing(path, legs, rules=rules)
 
 
 def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
@@ -235,7 +229,7 @@ def _nearest(legs: list[SurveyLeg], stations: set[str]) -> str:
     return f"{' and '.join(named)}, {far.min():.1f} m"
 
 
-def require_no_crossing(path: Path, legs: list[SurveyLeg], doubt: str = "") -> None:
+def require_no_crossing(path: Path, legs: list[SurveyLeg], doubt: str = "", rules: FloorRules = FLOOR_RULES) -> None:
     """Check that legs at about one height cross only at stations; `InputError` names the file, the legs and a doubt."""
     segments = [(leg, a, b) for leg in legs for a, b in pairwise(range(len(leg.stations)))]
     lines = shapely.linestrings([leg.positions_m[[a, b]] for leg, a, b in segments])
@@ -247,7 +241,7 @@ def require_no_crossing(path: Path, legs: list[SurveyLeg], doubt: str = "") -> N
                 continue
             (one, a, b), (two, c, d) = segments[i], segments[j]
             at = lines[i].intersection(lines[j]).centroid
-            if _pass_over(one, a, b, two, c, d, at.x, at.y):
+            if _pass_over(one, a, b, two, c, d, at.x, at.y, rules):
                 continue
             ends = f"{one.stations[a]} to {one.stations[b]}", f"{two.stations[c]} to {two.stations[d]}"
             who = (
@@ -260,7 +254,9 @@ def require_no_crossing(path: Path, legs: list[SurveyLeg], doubt: str = "") -> N
             )
 
 
-def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x: float, y: float) -> bool:
+def _pass_over(
+    one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x: float, y: float, rules: FloorRules
+) -> bool:
     """Return whether two legs with elevations cross at different heights."""
     if one.heights_m is None or two.heights_m is None:
         return False
@@ -270,4 +266,4 @@ def _pass_over(one: SurveyLeg, a: int, b: int, two: SurveyLeg, c: int, d: int, x
         step = leg.positions_m[end] - leg.positions_m[start]
         share = np.dot((x, y) - leg.positions_m[start], step) / np.dot(step, step)
         heights.append(leg.heights_m[start, 0] + share * (leg.heights_m[end, 0] - leg.heights_m[start, 0]))
-    return abs(heights[0] - heights[1]) > floor_rules().flat_step_m
+    return abs(heights[0] - heights[1]) > rules.flat_step_m

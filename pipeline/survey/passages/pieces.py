@@ -9,7 +9,6 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.types import Piece
 
 _NEAR_M = 10.0  # from a stated place to the station or area that it names
-_NAMED = 10  # pieces that a message names
 _NAME_CHARS = 40
 
 
@@ -23,7 +22,7 @@ def list_others(path: Path, others: list[tuple[str, str]]) -> None:
     """List the pieces that are left out, each by its size and what names it, and the option that builds one."""
     pieces = [f"{size} about {about}" for size, about in others]
     warn_user(
-        f"--piece (survey.piece) builds another piece: {first_few(pieces, _NAMED)}",
+        f"--piece (survey.piece) builds another piece: {first_few(pieces)}",
         of=path.name,
         option="--piece, survey.piece",
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.legs import SurveyLeg, along_stations
 from pipeline.types import Source
 
@@ -24,7 +24,7 @@ def floor_of(leg: SurveyLeg) -> np.ndarray:
     return np.asarray(elevation - filled)
 
 
-def has_relief(legs: list[SurveyLeg]) -> bool:
+def has_relief(legs: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> bool:
     """Return whether a survey has grades, or floors that differ in height by `flat_step_m` or more; else it is flat.
 
     With relief it is built as one volume, else as a level plan.
@@ -36,13 +36,13 @@ def has_relief(legs: list[SurveyLeg]) -> bool:
     if any(leg.grades is not None for leg in legs):
         return True
     floors = np.concatenate([floor_of(leg) for leg in legs])
-    return bool(np.isfinite(floors).all() and np.ptp(floors) >= floor_rules().flat_step_m)
+    return bool(np.isfinite(floors).all() and np.ptp(floors) >= rules.flat_step_m)
 
 
-def warn_of_level(path: Path, heights_m: np.ndarray) -> None:
+def warn_of_level(path: Path, heights_m: np.ndarray, rules: FloorRules = FLOOR_RULES) -> None:
     """Warn that floors with these heights (n,) m are built level, if they differ; nan is no height."""
     known = heights_m[np.isfinite(heights_m)]
-    rise, most = float(np.ptp(known)) if len(known) else 0.0, floor_rules().flat_step_m
+    rise, most = float(np.ptp(known)) if len(known) else 0.0, rules.flat_step_m
     if rise >= _EVEN_M:
         warn_user(
             f"its elevations differ by {rise:.2f} m, no more than {most:g} m, and it is built level",

@@ -19,6 +19,7 @@ from pipeline.params.survey import SolidSurveyParams
 from pipeline.scans.checks.precision import require_fine, steps_seen
 from pipeline.scans.checks.strays import require_together
 from pipeline.scans.meshes.uncrossed import UncrossedMesh, arrays_of, uncrossed
+from pipeline.survey.coordinates.origin import origin_of
 from pipeline.survey.solids.closing import ClosedPieces, close_pieces
 from pipeline.survey.solids.decimate import EXACT, decimated, distances
 from pipeline.survey.solids.files import read_triangles
@@ -27,12 +28,10 @@ from pipeline.survey.vector.shapes import METRES, REACH_M
 from pipeline.types import ClosedMesh, Georeference
 
 MOST_FACETS = 20_000  # parts of the rock, of which MuJoCo reads 1,000 a second
-_NEAR_M = 1000.0  # coordinates beyond get an origin of their own, rounded to 10 m
 KEPT_M = 0.001  # of a mesh that is simplified by no more no corner is farther off; a scan's may be
 _SCANNED_M = 0.03  # of meshes with more facets than a world has: scanners make them, with noise of as much
 _SAMPLES = 200_000  # points on such a mesh, which the world is compared with
 _LEAST_M2 = 0.01  # of a part of the plan view
-_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -58,11 +57,8 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     on the file's triangles. Without `is_stated` meshes for which they are not are simplified by 3 cm, and warnings list
     what was done.
 
-    Raises
-    ------
-    InputError
-        If the file is no mesh, is too large, encloses no space, has a hole wider than `close_m`, or crosses itself
-        wherever it is found again. The message names the file and the option.
+    Raises InputError if the file is no mesh, is too large, encloses no space, has a hole wider than `close_m`, or
+    crosses itself wherever it is found again. The message names the file and the option.
     """
     path = Path(params.file)
     data = read_text_bytes(path, "file_bytes")
@@ -75,7 +71,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     require_together(path, read.vertices, REACH_M / METRES[unit], "corners", cure)
     is_sure = bool(read.steps.any())
     require_fine(path, (read.steps if is_sure else steps_seen(read.vertices)) * METRES[unit], is_sure)
-    origin = np.array(params.origin or _origin(vertices, METRES[unit]))
+    origin = np.array(params.origin or origin_of(vertices, METRES[unit]))
     vertices = (vertices - origin) * METRES[unit]
     if np.abs(vertices).max() > REACH_M:
         raise InputError(f"{path}: reaches {np.abs(vertices).max():.0f} m far, beyond {REACH_M:g} m; --unit states it")
@@ -113,14 +109,6 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     place = Georeference(unit, METRES[unit], (float(origin[0]), float(origin[1])))
     unit_is_guess, up_is_guess = not (params.unit or read.unit), params.up is None and read.up == "z"
     return SolidReading(solid, view_from_above(free.solid), place, tolerance, unit_is_guess, up_is_guess)
-
-
-def _origin(vertices: np.ndarray, metres: float) -> tuple[float, float, float]:
-    """Return the origin in the file's coordinates: its lowest height in whole metres, and zero in plan if near."""
-    low = vertices.min(axis=0) * metres
-    plan = [0.0 if np.abs(vertices[:, k] * metres).max() <= _NEAR_M else np.floor(low[k] / 10) * 10 for k in (0, 1)]
-    x, y, z = (float(value / metres) for value in (*plan, np.floor(low[2])))
-    return x, y, z
 
 
 def _simplified(
@@ -164,7 +152,7 @@ def _warn(path: Path, pieces: ClosedPieces, free: PiecedSpace, params: SolidSurv
     say = partial(warn_user, of=path.name)
     if pieces.holes:
         widest = sorted(pieces.holes, key=lambda hole: -hole.edge_m)
-        sizes = first_few([f"{hole.edge_m / np.pi:.2f} m at {_at(hole.middle_m)}" for hole in widest], _NAMED)
+        sizes = first_few([f"{hole.edge_m / np.pi:.2f} m at {_at(hole.middle_m)}" for hole in widest])
         say(
             f"holes are closed: {sizes}; the widest allowed is {params.close_m:g} m (--close M)",
             count=len(widest),

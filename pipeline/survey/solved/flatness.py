@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pipeline.errors import InputError
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 
 _BLOCK = 256
 # A station may be on the floor, a wall or the roof: a smaller rise between neighbours need not be the floor's.
@@ -36,24 +36,21 @@ class _Legs:
     half_m: np.ndarray
 
 
-def require_flat(path: Path, sections: list[Section]) -> None:
+def require_flat(path: Path, sections: list[Section], rules: FloorRules = FLOOR_RULES) -> None:
     """Refuse workings that a flat world cannot show: steep legs, and passages over each other.
 
-    Raises
-    ------
-    InputError
-        If a leg is steeper than `flat_grade`, or workings that overlap in plan differ by more than `flat_step_m` in
-        height. The message names the stations and the place.
+    Raises InputError if a leg is steeper than `flat_grade`, or workings that overlap in plan differ by more than
+    `flat_step_m` in height. The message names the stations and the place.
     """
     if not any(len(section.names) > 1 for section in sections):
         return
-    _require_level(path, _legs(sections))
-    require_single(path, sections)
+    _require_level(path, _legs(sections), rules)
+    require_single(path, sections, rules)
 
 
-def require_single(path: Path, sections: list[Section]) -> None:
+def require_single(path: Path, sections: list[Section], rules: FloorRules = FLOOR_RULES) -> None:
     """Refuse passages over each other: `InputError` if workings that overlap in plan differ by over `flat_step_m`."""
-    _require_single(path, _legs(sections))
+    _require_single(path, _legs(sections), rules)
 
 
 def _legs(sections: list[Section]) -> _Legs:
@@ -74,10 +71,10 @@ def _legs(sections: list[Section]) -> _Legs:
     return _Legs(names, ends, np.array(places), np.array(widths))
 
 
-def _require_level(path: Path, legs: _Legs) -> None:
+def _require_level(path: Path, legs: _Legs, rules: FloorRules) -> None:
     step = np.diff(legs.positions_m, axis=1)[:, 0]
     run, rise = np.hypot(step[:, 0], step[:, 1]), np.abs(step[:, 2])
-    most = floor_rules().flat_grade
+    most = rules.flat_grade
     steep = np.flatnonzero((rise > _STATION_M) & (rise > most * run))
     if not len(steep):
         return
@@ -90,11 +87,11 @@ def _require_level(path: Path, legs: _Legs) -> None:
     )
 
 
-def _require_single(path: Path, legs: _Legs) -> None:
+def _require_single(path: Path, legs: _Legs, rules: FloorRules) -> None:
     lines = shapely.linestrings(legs.positions_m[:, :, :2])
     shapes = shapely.buffer(lines, legs.half_m, quad_segs=2, cap_style="flat")
     low, high = legs.positions_m[:, :, 2].min(axis=1), legs.positions_m[:, :, 2].max(axis=1)
-    most, tree = floor_rules().flat_step_m, shapely.STRtree(shapes)
+    most, tree = rules.flat_step_m, shapely.STRtree(shapes)
     for start in range(0, len(shapes), _BLOCK):
         k, j = tree.query(shapes[start : start + _BLOCK], predicate="intersects")
         i = k + start

@@ -39,24 +39,11 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     Its passages' cross-sections make the legs. All other legs of the centreline get their walls from splays
     (`walls_across`), from the passages that they continue, or as legs that nobody measured.
 
-    Parameters
-    ----------
-    path : Path
-    survey : SolvedSurvey
-    half_width_m : float or None
-        Distance to a wall where none was measured; None takes half the median width of the survey's own. A warning
-        counts them.
-
-    Raises
-    ------
-    InputError
-        If no walls are known, or legs cross at one height without a station. The message names the file and the
-        stations.
-
-    Returns
-    -------
-    list of SurveyLeg
-        m, in the survey's own frame.
+    `path`: Path. `survey`: SolvedSurvey. `half_width_m`: float or None; distance to a wall where none was measured;
+    None takes half the median width of the survey's own. A warning counts them.
+    Raises InputError if no walls are known, or legs cross at one height without a station. The message names the file
+    and the stations.
+    Returns list of SurveyLeg: m, in the survey's own frame.
     """
     plan = _StationPlan(survey)
     # The ends of splays are no stations of passages; a survey by laser has ten to a station.
@@ -203,10 +190,8 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int =
     Warnings count the stations whose sides were not measured, and say of how many others, and of how many `splays`, the
     usual side comes. With splays it is the median side where no station has both.
 
-    Raises
-    ------
-    InputError
-        If a width is needed and neither stated nor measured anywhere, or a wall is too far from its station.
+    Raises InputError if a width is needed and neither stated nor measured anywhere, or a wall is too far from its
+    station.
     """
     sides = np.concatenate([walls[:, :2].ravel() for _, walls in rows]) if rows else np.zeros(0)
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m

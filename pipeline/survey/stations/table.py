@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from pipeline.errors import InputError
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.passages.grades import with_grades
 from pipeline.survey.passages.legs import (
@@ -32,7 +33,9 @@ _SECTION = (*WALLS, *HEIGHTS[1:])
 _ONE_PLACE_M = 0.01  # stations of two legs that are nearer are one, whatever their names
 
 
-def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[SurveyLeg]:
+def read_stations(
+    path: Path, grades: dict[str, float] | None = None, rules: FloorRules = FLOOR_RULES
+) -> list[SurveyLeg]:
     """Read a station survey and check it.
 
     Parameters
@@ -58,15 +61,18 @@ def read_stations(path: Path, grades: dict[str, float] | None = None) -> list[Su
         elevation is missing or a stray 0, or a roof is not above its floor; if grades cannot be used; if the workings
         are too steep or pass over each other. The message names the file, the line or leg, and the value.
     """
-    result = _read_legs(path, grades=grades, walls_needed=True)
+    result = _read_legs(path, grades=grades, walls_needed=True, rules=rules)
     if result[0].heights_m is not None and result[0].grades is None:
-        require_flat(path, [section_of(leg) for leg in result])
-    check_network(path, result)
+        require_flat(path, [section_of(leg) for leg in result], rules)
+    check_network(path, result, rules)
     return result
 
 
 def read_station_legs(
-    path: Path, grades: dict[str, float] | None = None, columns: Mapping[str, str] | None = None
+    path: Path,
+    grades: dict[str, float] | None = None,
+    columns: Mapping[str, str] | None = None,
+    rules: FloorRules = FLOOR_RULES,
 ) -> list[SurveyLeg]:
     """Read a station table that may be steep, pass over itself and be in pieces, else as `read_stations`.
 
@@ -74,7 +80,7 @@ def read_station_legs(
     one position in plan are the ends of a shaft, which is a leg of its own, after the others. `columns` names the
     table's columns that are ours (`columns_of`).
     """
-    legs = _read_legs(path, _FARTHEST_M, grades, columns=columns)
+    legs = _read_legs(path, _FARTHEST_M, grades, columns=columns, rules=rules)
     shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
     return [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))] + shafts
 
@@ -101,10 +107,7 @@ def section_of(leg: SurveyLeg) -> Section:
 def read_station_survey(path: Path) -> SolvedSurvey:
     """Read a station table with elevations as a survey in three dimensions.
 
-    Raises
-    ------
-    InputError
-        If the table has no elevations or is not valid; it may be steep and pass over itself.
+    Raises InputError if the table has no elevations or is not valid; it may be steep and pass over itself.
     """
     return survey_of_legs(path, _read_legs(path, _FARTHEST_M))
 
@@ -134,6 +137,7 @@ def _read_legs(
     grades: dict[str, float] | None = None,
     walls_needed: bool = False,
     columns: Mapping[str, str] | None = None,
+    rules: FloorRules = FLOOR_RULES,
 ) -> list[SurveyLeg]:
     rows = read_rows(path, walls_needed, columns)
     has_heights = _has_heights(path, rows)
@@ -188,7 +192,7 @@ def _read_legs(
     if not has_grades:
         return found
     of_table = [replace(leg, grades=np.array(stated[leg.name][:-1])) for leg in found]
-    return with_grades(path, of_table, grades or {})
+    return with_grades(path, of_table, grades or {}, rules)
 
 
 def _other_names(

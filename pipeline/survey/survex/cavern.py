@@ -44,10 +44,7 @@ _HANGING_STATION = re.compile(r"(?:.*: info: )?(\S+)")
 def require_cavern(path: Path) -> str:
     """Return the path of `cavern`.
 
-    Raises
-    ------
-    InputError
-        If Survex is not installed.
+    Raises InputError if Survex is not installed.
     """
     program = shutil.which("cavern")
     if program is None:
@@ -61,10 +58,7 @@ def require_cavern(path: Path) -> str:
 def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
     """Refuse a file that needs a newer version of Survex than is installed.
 
-    Raises
-    ------
-    InputError
-        The message names the version that is installed, and the one that is needed.
+    Raises InputError: the message names the version that is installed, and the one that is needed.
     """
     _, output = _run([require_cavern(path), "--version"])
     version = _version(output)
@@ -80,24 +74,12 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
     it. It writes into a temporary folder only. Misclosures, computed declinations and stations that hang on no fixed
     one are listed.
 
-    Parameters
-    ----------
-    path : Path
-        The main file. Errors name it.
-    written : Written
-        What to solve in place of the file itself. Errors name the lines from which it was made.
-    declination_deg : float, optional
-        In place of every declination that Survex computes.
-
-    Raises
-    ------
-    InputError
-        If Survex is not installed, refuses the project, or writes no result. Its first error is given with file and
-        line.
-
-    References
-    ----------
-    Survex manual, "cavern".
+    `path`: Path; the main file. Errors name it. `written`: Written; what to solve in place of the file itself. Errors
+    name the lines from which it was made. `declination_deg`: float, optional; in place of every declination that Survex
+    computes.
+    Raises InputError if Survex is not installed, refuses the project, or writes no result. Its first error is given
+    with file and line.
+    Source: Survex manual, "cavern".
     """
     program = require_cavern(path)
     with tempfile.TemporaryDirectory(prefix="minexplore-") as name:
@@ -222,7 +204,7 @@ def _problem(path: Path, source: Path, status: int, output: str, written: Writte
     if hanging:
         shown = [one_line(written.message(text), 60) for text in hanging]
         return (
-            f"{path}: {first_few(shown, 5)}: no leg and no equate leads from there to a fixed station; tie it by one "
+            f"{path}: {first_few(shown)}: no leg and no equate leads from there to a fixed station; tie it by one "
             "of them, or fix a station of it"
         )
     if status < 0:

@@ -37,14 +37,8 @@ Run = Callable[[list[str]], tuple[int, str]]
 def fix_junctions(source: Path, program: str, run: Run) -> int:
     """Fix the junctions of a large network at the end of its main file; return the number of its loops, 0 if not.
 
-    Parameters
-    ----------
-    source : Path
-        The main file of a copy of a project, which lies in its folder for Survex alone.
-    program : str
-        `cavern`.
-    run : function
-        Runs a command; returns its exit status and what it prints.
+    `source`: Path; the main file of a copy of a project, which lies in its folder for Survex alone. `program`: str;
+    `cavern`. `run`: function; runs a command; returns its exit status and what it prints.
     """
     network = read_network(source)
     if network is None or not network.legs:

@@ -46,10 +46,7 @@ class Fixes:
         One deviation is that of all coordinates; two are those of the plan and of the height. In a coordinate system,
         units and corrections are those of the height alone.
 
-        Raises
-        ------
-        InputError
-            If a number is none.
+        Raises InputError if a number is none.
         """
         if len(line.words) < 5:
             raise InputError(f"{line.where}: expected fix station east north up")
@@ -65,10 +62,7 @@ class Fixes:
     def combine(self) -> None:
         """Replace several places of one station by their mean, weighted by their deviations, and list it.
 
-        Raises
-        ------
-        InputError
-            If the places of a station are in two coordinate systems.
+        Raises InputError if the places of a station are in two coordinate systems.
         """
         for fixes in self.found.values():
             if len(fixes) == 1:

@@ -25,20 +25,9 @@ def project_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:
     Of a configuration only `source` counts, by name or up to `endsource`, and `input` of other configurations; layouts
     and exports are left out. Remarks say what is not applied.
 
-    Parameters
-    ----------
-    path : Path
-    files : list of Path
-        Receives every file that was read.
-
-    Raises
-    ------
-    InputError
-        As `therion_lines`.
-
-    References
-    ----------
-    The Therion Book, "Configuration file".
+    `path`: Path. `files`: list of Path; receives every file that was read.
+    Raises InputError: as `therion_lines`.
+    Source: The Therion Book, "Configuration file".
     """
     within, unused = False, []
     for line in therion_lines(path, files):

@@ -15,10 +15,10 @@ import shapely
 from networkx.utils import UnionFind
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import NAMED, InputError
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import one_line, warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.stray_heights import require_elevations
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
 from pipeline.survey.vector.level_fields import by_levels
@@ -26,7 +26,6 @@ from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
 from pipeline.types import Georeference
 
 _NEAR_M = 3.0  # warns of an end so near to another line, and not joined
-_NAMED = 8  # layers that a message names
 
 Line = np.ndarray  # (k, 3) m
 
@@ -39,6 +38,7 @@ def read_centrelines(
     snap_m: float,
     elevations_m: dict[str, float] | None = None,
     is_checked: bool = True,
+    rules: FloorRules = FLOOR_RULES,
 ) -> tuple[SolvedSurvey, Georeference]:
     """Return the lines of a file as the legs of a survey, and the georeference of the mine frame that they are in.
 
@@ -69,7 +69,7 @@ def read_centrelines(
     lines, flags, georeference = _lines(path, content, unit, origin, elevations_m or {})
     if is_checked:
         require_elevations(path, np.concatenate(lines), "lines")
-    lines = _crossed(path, lines, [] if elevations_m else content.fields)
+    lines = _crossed(path, lines, [] if elevations_m else content.fields, rules)
     lines, kept = _joined(path, lines, snap_m)
     require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
     places = np.concatenate(lines)
@@ -139,7 +139,7 @@ def _parts(
     kept = [k for k in numbers if not elevations_m or of_shape[of[k]] in elevations_m or parts[k].has_z]
     if len(kept) < len(numbers):
         left_out = sorted({of_shape[of[k]] for k in set(numbers) - set(kept)})
-        names = ", ".join(one_line(name, 40) or "no name" for name in left_out[:_NAMED])
+        names = ", ".join(one_line(name, 40) or "no name" for name in left_out[:NAMED])
         warn_user(
             f"lines of {len(left_out)} layers without an elevation are left out: {names}",
             of=path.name,
@@ -152,9 +152,9 @@ def _parts(
     return [parts[k] for k in kept], [of_shape[of[k]] for k in kept], flags
 
 
-def _crossed(path: Path, lines: list[Line], fields: list[str]) -> list[Line]:
+def _crossed(path: Path, lines: list[Line], fields: list[str], rules: FloorRules) -> list[Line]:
     """Return the lines with a common point wherever two cross in plan at one height, with a warning of the places."""
-    segments, most = _Segments(lines), floor_rules().flat_step_m
+    segments, most = _Segments(lines), rules.flat_step_m
     points: dict[int, list[tuple[float, np.ndarray]]] = defaultdict(list)
     one, two = segments.tree.query(segments.shapes, predicate="crosses")
     for a, b in np.column_stack([one, two])[one < two].tolist():

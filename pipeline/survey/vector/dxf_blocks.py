@@ -17,7 +17,6 @@ from pipeline.guard.reading_process import one_line, warn_user
 
 _SCALES = ("xscale", "yscale", "zscale")
 _ANNOTATIONS = ("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER", "ACAD_TABLE")
-_NAMED = 5  # external references, or layers, that a message names
 
 
 def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
@@ -26,10 +25,7 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
     A scale of 0, which some CAD programs write for z, counts as 1. The lines of dimensions, leaders and tables are no
     walls.
 
-    Returns
-    -------
-    dict of str to int
-        How many entities of each type were taken out.
+    Returns dict of str to int: how many entities of each type were taken out.
     """
     references = list(_references(drawing))
     flat = [insert for insert in references if any(insert.dxf.get(scale) == 0 for scale in _SCALES)]
@@ -58,7 +54,7 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
     if absent:
         warn_user(
             "drawings that it refers to are not in the file, and are not read: "
-            f"{first_few(absent, _NAMED)}; bind the external references in CAD",
+            f"{first_few(absent)}; bind the external references in CAD",
             of=path.name,
             count=len(absent),
         )
@@ -78,8 +74,7 @@ def shown(path: Path, drawing: Drawing, entities: list[DXFEntity]) -> list[DXFEn
         return entities
     names = sorted({one_line(str(e.dxf.layer), 40) for e in entities if str(e.dxf.layer).lower() in hidden})
     warn_user(
-        f"entities on layers that are off or frozen are not read: {first_few(names, _NAMED)}; --layer "
-        "NAME reads a layer",
+        f"entities on layers that are off or frozen are not read: {first_few(names)}; --layer NAME reads a layer",
         of=path.name,
         count=len(entities) - len(kept),
         option="--layer",

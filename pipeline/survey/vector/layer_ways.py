@@ -13,7 +13,7 @@ from pipeline.guard.reading_process import one_line
 from pipeline.survey.vector.shapes import Shapes, workings_of
 
 _MOUTH_M = 10.0  # the most that --snap joins: ends of walls so near are a drift's end
-_TRIED, _NAMED = 40, 6  # layers
+_TRIED = 40  # layers
 
 
 def refusal_of_layers(
@@ -35,7 +35,7 @@ def refusal_of_layers(
     layers = list(dict.fromkeys(content.layer_of))
     if len(layers) < 2:
         return error
-    named = first_few([one_line(name, 40) or "no name" for name in layers], _NAMED)
+    named = first_few([one_line(name, 40) or "no name" for name in layers])
     ways = []
     for layer in layers[:_TRIED]:
         own = [shape for shape, name in zip(shapes, content.layer_of, strict=True) if name == layer]
@@ -48,14 +48,12 @@ def refusal_of_layers(
             ways.append(f"--layer {one_line(layer, 40)!r}{option} reads {area_m2:.0f} m2")
             break
     if ways:
-        return InputError(
-            f"{path}: its {len(layers)} layers ({named}) enclose nothing as one plan; {first_few(ways, _NAMED)}"
-        )
+        return InputError(f"{path}: its {len(layers)} layers ({named}) enclose nothing as one plan; {first_few(ways)}")
     lengths = shapely.length(shapes)
     sums = {layer: float(lengths[np.array([name == layer for name in content.layer_of])].sum()) for layer in layers}
     listed = [f"{one_line(name, 40)!r} with {sums[name]:.0f} m" for name in sorted(sums, key=lambda k: -sums[k])]
     return InputError(
         f"{path}: none of its {len(layers)} layers encloses an area; --half-width M reads lines as centrelines of "
         "drifts, M metres from the line to either wall, and --layer NAME those of one layer: "
-        f"{first_few(listed, _NAMED)}"
+        f"{first_few(listed)}"
     )

@@ -11,14 +11,13 @@ from typing import Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import NAMED, InputError
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.survey.vector.shapes import REACH_M, Shapes
 
 _APART_M = 4.0  # between two floors: 3.5 m of drift and 0.5 m of rock; nearer numbers count levels
 _OVERLAP_M2, _OVERLAP_SHARE = 1.0, 0.001  # of the areas: smaller overlaps come from drawing one area beside another
-_NAMED = 12  # levels or fields that a message names
 
 
 def require_field(path: Path, name: str, fields: list[str]) -> None:
@@ -30,7 +29,7 @@ def require_field(path: Path, name: str, fields: list[str]) -> None:
 
 
 def _listed(fields: list[str]) -> str:
-    return ", ".join(one_line(field, 40) for field in fields[:_NAMED]) + (", ..." if len(fields) > _NAMED else "")
+    return ", ".join(one_line(field, 40) for field in fields[:NAMED]) + (", ..." if len(fields) > NAMED else "")
 
 
 def level_advice(fields: list[str]) -> list[str]:
@@ -57,20 +56,9 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
     Without stated elevations, the texts are elevations in metres if all are numbers at least 4 m apart; a warning lists
     them.
 
-    Parameters
-    ----------
-    path : Path
-    content : Shapes
-        Its layers are the texts of the property.
-    field : str
-        The property's name.
-    stated_m : dict of str to float, or None
-        Some or all elevations.
-
-    Raises
-    ------
-    InputError
-        If no elevations are stated and the texts are none; the message names the option for each.
+    `path`: Path. `content`: Shapes; its layers are the texts of the property. `field`: str; the property's name.
+    `stated_m`: dict of str to float, or None; some or all elevations.
+    Raises InputError if no elevations are stated and the texts are none; the message names the option for each.
     """
     if stated_m:
         return stated_m
@@ -82,13 +70,13 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
     except ValueError:
         is_elevation = False
     if not names or not is_elevation:
-        options = " ".join(f"--elevation {one_line(name, 40)!r}=M" for name in names[:_NAMED])
+        options = " ".join(f"--elevation {one_line(name, 40)!r}=M" for name in names[:NAMED])
         raise InputError(
             f"{path}: --level-by {one_line(field, 40)}: its {len(names)} values are no elevations at least "
             f"{_APART_M:g} m apart; state the floor of each level in metres: {options or 'no shape has a value'}"
-            f"{' ...' if len(names) > _NAMED else ''}"
+            f"{' ...' if len(names) > NAMED else ''}"
         )
-    listed = ", ".join(sorted(names, key=elevations.__getitem__)[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    listed = ", ".join(sorted(names, key=elevations.__getitem__)[:NAMED]) + (", ..." if len(names) > NAMED else "")
     warn_user(
         f"levels by {one_line(field, 40)} ({listed}), taken as elevations in metres",
         of=path.name,
@@ -102,15 +90,8 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
 def warn_of_overlaps(path: Path, content: Shapes, moved: Sequence[BaseGeometry], joined: BaseGeometry) -> None:
     """Warn that areas which lie over each other are joined, as they may be those of several levels.
 
-    Parameters
-    ----------
-    path : Path
-    content : Shapes
-        Its layers and the names of its properties say how levels are kept apart.
-    moved : sequence of shapely geometry, m
-        Its shapes.
-    joined : shapely geometry, m
-        What was made of them.
+    `path`: Path. `content`: Shapes; its layers and the names of its properties say how levels are kept apart. `moved`:
+    sequence of shapely geometry, m; its shapes. `joined`: shapely geometry, m; what was made of them.
     """
     if not len(moved) or shapely.get_dimensions(moved).min() < 2:
         return  # lines enclose areas, whatever crosses them

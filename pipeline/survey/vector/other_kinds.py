@@ -10,7 +10,6 @@ from pipeline.survey.vector.shapes import Shapes
 
 MULTIPATCH, NO_GEOMETRY, POINT = "multipatch (TIN, polyhedral surface)", "shapes without geometry", "points"
 XREF = "external reference"  # before its name
-_NAMED = 8  # kinds that a message names
 _SURFACES = ("3DFACE", "MESH", "polyface mesh", "polygon mesh", MULTIPATCH)
 _SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "PLANESURFACE", "SWEPTSURFACE")
 _FILLS = ("HATCH", "MPOLYGON", "SOLID", "TRACE")
@@ -33,10 +32,7 @@ _WAYS = (
 def warn_of_others(path: Path, content: Shapes) -> None:
     """Warn of what a file holds beside lines and polygons: it is not read.
 
-    Raises
-    ------
-    InputError
-        If the file holds nothing else; the message lists the kinds, and how such a file becomes lines.
+    Raises InputError if the file holds nothing else; the message lists the kinds, and how such a file becomes lines.
     """
     if content.shapes:
         if content.others:
@@ -56,4 +52,4 @@ def warn_of_others(path: Path, content: Shapes) -> None:
 
 def _listed(others: dict[str, int]) -> str:
     kinds = sorted(others, key=lambda kind: (-others[kind], kind))
-    return first_few([f"{others[kind]} {one_line(kind, 40)}" for kind in kinds], _NAMED)
+    return first_few([f"{others[kind]} {one_line(kind, 40)}" for kind in kinds])

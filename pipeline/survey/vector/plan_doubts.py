@@ -9,7 +9,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.guard.reading_process import warn_user
-from pipeline.params.floor_rules import floor_rules
+from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.vector.level_fields import by_levels
 from pipeline.survey.vector.shapes import Shapes
 
@@ -18,16 +18,13 @@ _LEAST_CONTOURS = 5  # closed lines within each other, each lower or each higher
 _OWN_HEIGHTS = 0.8  # of the lines; a level of a mine has many lines at its height
 
 
-def require_plan(path: Path, content: Shapes) -> None:
+def require_plan(path: Path, content: Shapes, rules: FloorRules = FLOOR_RULES) -> None:
     """Refuse walls that lie in one vertical plane, and contours of an open pit or of the ground.
 
     Contours are closed lines, five of which lie within each other. If they have heights, each is at one height, and
     they fall or rise all the way.
 
-    Raises
-    ------
-    InputError
-        The message says what the drawing looks like, and the option that reads it all the same.
+    Raises InputError: the message says what the drawing looks like, and the option that reads it all the same.
     """
     lines = _single_lines(content)
     has_heights = bool(lines) and all(line.has_z for line in lines)
@@ -43,7 +40,7 @@ def require_plan(path: Path, content: Shapes) -> None:
             f"{path}: its {len(lines)} lines lie in one vertical plane, {length:g} long and {fall:g} high in the unit "
             f"of the file; --half-width M reads them as centrelines of drifts; if it is a section, give the plan"
         )
-    nested = _nested_contours(lines)
+    nested = _nested_contours(lines, rules)
     if nested >= _LEAST_CONTOURS:
         raise InputError(
             f"{path}: {nested} of its closed lines lie within each other"
@@ -53,9 +50,9 @@ def require_plan(path: Path, content: Shapes) -> None:
         )
 
 
-def contours_hint(content: Shapes) -> str:
+def contours_hint(content: Shapes, rules: FloorRules = FLOOR_RULES) -> str:
     """Return what to say of lines that bound nothing if they look like contours: level, each at a height of its own."""
-    step = floor_rules().flat_step_m
+    step = rules.flat_step_m
     lines = [line for line in _single_lines(content) if line.has_z]
     heights = [shapely.get_coordinates(line, include_z=True)[:, 2] for line in lines]
     level = {round(float(z[0]) / step) for z in heights if np.isfinite(z).all() and np.ptp(z) < step}
@@ -99,12 +96,12 @@ def _extents(places: np.ndarray) -> tuple[float, float]:
     return float(along), float(across)
 
 
-def _nested_contours(lines: list[shapely.Geometry]) -> int:
+def _nested_contours(lines: list[shapely.Geometry], rules: FloorRules) -> int:
     """Return how many closed lines at one height each lie within each other, falling or rising all the way.
 
     Lines without heights need neither.
     """
-    step = floor_rules().flat_step_m
+    step = rules.flat_step_m
     closed = [line for line in lines if line.is_closed and len(line.coords) > 3]
     has_heights = all(line.has_z for line in lines)
     level = [

@@ -36,7 +36,6 @@ from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 BUILT = "built.json"  # with `spawn.json` of the stage's folder; a bundle has both in `world.json`
 _FLOATING_M3 = 1e-3  # of rock in the free space of a solid: a smaller piece is no piece of a file
-_NAMED = 5  # stations that a message names
 
 
 def robot_size(params: VolumeParams) -> RobotSize:
@@ -56,10 +55,8 @@ def compile_volume(
     two the legs follow the middles of its floors. Robots start at `start_m`, (x, y[, z]) m, mine frame, or where
     `start_of` chooses.
 
-    Raises
-    ------
-    GeometryError
-        If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
+    Raises GeometryError if the legs make no closed volume, or robots find no room. The message names `subject`, the
+    survey's file.
     """
     try:
         return _files_of(params, _made_of(params, shape), start_m)
@@ -113,7 +110,7 @@ class _VolumeDraft:
 def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     network, offset = mine_network(surveyed, params.height_m, params.volume)
     if network.repairs:
-        warn_user(f"repaired are {first_few(network.repairs, _NAMED, '; ')}", of="compile3d")
+        warn_user(f"repaired are {first_few(network.repairs, '; ')}", of="compile3d")
     _warn_of_lowered(network)
     require_flat_leg(network)
     solved = solve_floors(network)
@@ -178,5 +175,5 @@ def _warn(built: BuiltVolume) -> None:
     )
     for what, ends in (("entrances are", built.entrances), ("ends of the survey are", built.closed_ends)):
         if ends:
-            named = first_few([end.station for end in ends], _NAMED)
+            named = first_few([end.station for end in ends])
             warn_user(f"{what} closed by rock: {named}", of="compile3d", count=len(ends))

@@ -31,16 +31,11 @@ from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord
 from pipeline.volume.world.topology import LegNetwork, LegRecord, mine_network
 
-_NAMED = 10  # pieces that the page lists
-
 
 def volume_view(root: Path, mine: MineSurvey) -> WorldView:
     """Return what the report of a volume world shows.
 
-    Raises
-    ------
-    ArtifactError
-        If an artifact is missing or broken; the message names it.
+    Raises ArtifactError if an artifact is missing or broken; the message names it.
     """
     bundle = root / "realism" / "world"
     record = read_volume_record(bundle)
@@ -174,7 +169,7 @@ def _built_of(record: VolumeRecord, surveyed: SurveyedLegs | None) -> dict[str, 
         "high_m": figures.high_m + figures.datum_m,
         "entrances": [end.station for end in figures.entrances],
         "closed_ends": [end.station for end in figures.closed_ends],
-        "others": first_few([f"{m:,.0f} m about {name}" for name, m in pieces], _NAMED),
+        "others": first_few([f"{m:,.0f} m about {name}" for name, m in pieces]),
     }
 
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms, footprint_errors, tile_rock
+from pipeline.geometry.rock.collision import decomposed_hulls, exact_prisms, tile_rock
 from pipeline.geometry.rock.decompose import coacd_decomposer, vhacd_decomposer
 from pipeline.geometry.rock.extrude import extrude_polygon
 from pipeline.geometry.rock.partition import rock_around, world_box
-from tests.mines import RING, TEE
+from tests.mines import RING, TEE, footprint_errors
 
 BOX = world_box(TEE, 2.0, TEE.bounds)
 ROCK = rock_around(TEE, BOX)

@@ -7,12 +7,12 @@ from shapely import LineString, Polygon
 from shapely.affinity import rotate
 
 from pipeline.errors import ArtifactError
-from pipeline.geometry.rock.collision import exact_prisms, footprint_errors
+from pipeline.geometry.rock.collision import exact_prisms
 from pipeline.geometry.rock.partition import convex_partition, cut_lines, rock_around, tiled_rock, world_box
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.proof.validator import Validator
 from tests.composed import compose
-from tests.mines import TEE, BuiltMine, random_mine
+from tests.mines import TEE, BuiltMine, footprint_errors, random_mine
 
 LONG = rotate(LineString([(0, 0), (1500, 0)]).buffer(1.6, cap_style="flat"), 31, origin=(0, 0))
 

@@ -8,8 +8,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.survey.passages.workings import build_workings
-from pipeline.survey.solved_surveys import read_passages, survey_files
+from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.stations.compass import read_plt
+from tests.solved import read_passages
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 

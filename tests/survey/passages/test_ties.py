@@ -47,7 +47,7 @@ def pairs(legs):
 
 def test_a_side_passage_that_hangs_on_a_repeated_leg_belongs_to_the_piece(capsys):
     whole, piece = read(given("duplicate-tie.svx"))
-    assert piece.others == []
+    assert not piece.others
     assert pairs(piece.legs) == {frozenset({f"cave.{a}", f"cave.{b}"}) for a, b in ("12", "23", "bc", "cd")}
     assert piece.surveyed_m == pytest.approx(140, abs=0.02)
     assert "pieces" not in capsys.readouterr().err
@@ -63,7 +63,7 @@ def test_a_repeated_leg_is_built_if_nothing_else_leads_to_what_hangs_on_it(tmp_p
     assert "repeated" not in capsys.readouterr().err
     _, piece = read(write(tmp_path, apart))
     assert frozenset("1b") in pairs(piece.legs)
-    assert piece.others == []
+    assert not piece.others
     assert footprint(path, piece.legs).geom_type == "Polygon"
     assert "a.svx: 1 repeated legs alone lead to what hangs on them, and are built: " in capsys.readouterr().err
 
@@ -72,7 +72,7 @@ def test_repeated_legs_in_a_row_tie_as_one_does(tmp_path):
     text = MAIN + DUPLICATE.format("1 x 20 045 -5\nx b 20 045 -5\n") + SIDE
     _, piece = read(write(tmp_path, text))
     assert {frozenset("1x"), frozenset("xb")} <= pairs(piece.legs)
-    assert piece.others == []
+    assert not piece.others
 
 
 def test_a_leg_on_the_surface_ties_nothing(tmp_path):
@@ -107,7 +107,7 @@ def test_an_entrance_is_open_whichever_of_its_names_the_legs_have():
     path = given("entrance-equated.svx")
     whole, piece = read(path)
     assert whole.entrances == ("mine.1",)
-    assert piece.entrances == ["mine.1"]
+    assert piece.entrances == ("mine.1",)
     assert lines_of(whole_in_frame(piece, (0.0, 0.0)).entrances) == ["mine.1"]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, old_3d, place, ring_3d
+from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, place, ring_3d
 from pipeline.errors import InputError
 from pipeline.guard import plain_file
 from pipeline.survey.passages.relief import has_relief
@@ -17,14 +17,22 @@ from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import read_passages, solve_file, survey_files
+from pipeline.survey.solved_surveys import solve_file, survey_files
 from pipeline.survey.survex import cavern
 from pipeline.types import Source
 from tests.project import ROOT
-from tests.solved import position_of
+from tests.solved import position_of, read_passages
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT / "data/wheal_pell/pell.3d"
+
+
+def old_3d() -> bytes:
+    """Return a `.3d` file of version 3: one leg between two stations of `mine`, and a splay."""
+    out = head(3, b"old") + b"\x0f" + place((0, 0, 0))
+    out += b"\x80\x05mine." + place((0, 2000, 10)) + b"\x84\x00" + place((100, 2000, 10))
+    out += b"\x42\x01a" + place((0, 0, 0)) + b"\x10" + b"\x42\x01b" + place((0, 2000, 10))
+    return out + b"\0\0"
 
 
 def write(folder, files):

@@ -18,10 +18,11 @@ from pipeline.survey.solved.splay_walls import (
     measured,
     usual_half_width_m,
 )
-from pipeline.survey.solved_surveys import read_passages, survey_files
+from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.whole_survey import WholeSurvey, built_piece
 from pipeline.types import Source
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
+from tests.solved import read_passages
 
 NAN = np.nan
 ROW = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]])

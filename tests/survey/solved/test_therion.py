@@ -14,11 +14,11 @@ from benchmarks.fuzzing.surveys import THERION, ring_3d
 from pipeline.errors import InputError
 from pipeline.survey.solved.model import LegFlag
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import entrances_of, read_passages, solve_file, survey_files
+from pipeline.survey.solved_surveys import entrances_of, solve_file, survey_files
 from pipeline.survey.therion.convert import to_survex
 from pipeline.survey.therion.place import _convergence_deg, _square
 from tests.project import ROOT
-from tests.solved import position_of
+from tests.solved import position_of, read_passages
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT.parent / "shared/data/wheal_pell"

@@ -76,10 +76,7 @@ def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
     Without `checked` neither the tables of `pipeline.schema` nor hashes are applied: the tests of the measures need
     worlds that they refuse.
 
-    Raises
-    ------
-    ArtifactError
-        If a file is missing, changed or not allowed, or the record is invalid; the message names it.
+    Raises ArtifactError if a file is missing, changed or not allowed, or the record is invalid; the message names it.
     """
     if checked:
         verify_world(folder)
@@ -109,10 +106,7 @@ def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
 def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: VolumeShape) -> Validated:
     """Measure a volume world against its survey: its legs, the solid where it is one, or drawn floors.
 
-    Raises
-    ------
-    GeometryError
-        If its mesh is not closed.
+    Raises GeometryError if its mesh is not closed.
     """
     rng, volume = np.random.default_rng(params.seed), closed_volume(world.mine)
     fronts = fronts_of(volume, world.parts)

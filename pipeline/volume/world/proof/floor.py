@@ -19,7 +19,6 @@ from pipeline.volume.world.topology import mine_network
 
 _MM = 1e3
 _ASSUMED = ", whose roof is assumed"
-_NAMED = 10  # pairs of legs that break through each other
 
 
 def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
@@ -38,7 +37,7 @@ def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: Volum
     if through:
         assumed = sum(k.is_assumed for k in found.elsewhere)
         why = f", {assumed} of them under an assumed roof (up_m, compile3d.height_m)" if assumed else ", as surveyed"
-        named = first_few(through, _NAMED)
+        named = first_few(through)
         warn_user(
             f"pairs of legs break through each other's floors{why}: {named}",
             of="validation",

@@ -51,6 +51,3 @@ class ScanColours:
         near = (every[row] * weight[..., None]).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-9)[:, None]
         share = _synthetic(apart[:, 0])
         return near * (1 - share)[:, None] + self._rgb.mean(axis=0) * share[:, None], share
-
-
-NO_COLOURS = ScanColours(NO_SCAN, NO_RGB)

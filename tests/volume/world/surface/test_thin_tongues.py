@@ -21,7 +21,7 @@ from pipeline.volume.world.surface.crossed import _on_facets, places_crossed
 from pipeline.volume.world.surface.displace import displace_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
 from pipeline.volume.world.surface.proof import _borders_m
-from pipeline.volume.world.surface.scanned import NO_COLOURS
+from pipeline.volume.world.surface.scanned import ScanColours
 from tests.composed import compose
 
 SURFACE = compose(["+mine=heights"]).surface
@@ -112,7 +112,8 @@ def test_rock_about_a_thin_tongue_crosses_itself_nowhere_in_its_files_and_meets_
     assert len(rock.crossings) == 0
     assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
     assert np.std(rock.given_m) > 0.05  # it is rough elsewhere
-    chunks, _ = cut_rock(rock, SURFACE, np.full((8, 8, 3), 255, np.uint8), NO_COLOURS)
+    no_colours = ScanColours(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+    chunks, _ = cut_rock(rock, SURFACE, np.full((8, 8, 3), 255, np.uint8), no_colours)
     written = {name: dataclasses.replace(one, vertices=one.vertices.astype(np.float32)) for name, one in chunks.items()}
     vertices, faces = join_meshes(written)
     assert len(find_crossings(vertices, faces)) == 0

@@ -1,1 +1,0 @@
-"""What each format states about its coordinates, and what the reader does with it."""
