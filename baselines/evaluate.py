@@ -10,7 +10,6 @@ from pathlib import Path
 import minexplore
 from baselines.base.environments import BENCHMARK, find_id, make_env
 from baselines.base.errors import BaselineError, run_command
-from baselines.base.progress import Progress
 from baselines.base.result_file import (
     CHECKPOINTS,
     MOST_EPISODES,
@@ -30,12 +29,18 @@ from baselines.running.protocol import SEEDS, head_of
 from baselines.scoring.bounds import bound_of
 from baselines.scoring.verified_runs import note_driven
 from minexplore.envs.vector import MineVectorEnv
+from pieces.work import HERE, Where, add_options, where_of
 
 UNVERIFIED = "unverified: these are the file's own figures; `--rerun all` drives its episodes and verifies them"
 
 
-def evaluate(policy_name: str, env_id: str, seeds: list[int], out: Path, jobs: int = 1) -> tuple[Head, list[Episode]]:
-    """Run a policy's episodes in `jobs` processes, write the results file, and return what it holds.
+def evaluate(
+    policy_name: str, env_id: str, seeds: list[int], out: Path, where: Where = HERE
+) -> tuple[Head, list[Episode]]:
+    """Run a policy's episodes, write the results file, and return what it holds.
+
+    Episodes of an explorer or a checkpoint are kept piece by piece: a file's hash does not cover all that the module of
+    another policy may import.
 
     Raises
     ------
@@ -45,10 +50,9 @@ def evaluate(policy_name: str, env_id: str, seeds: list[int], out: Path, jobs: i
     require_place(out)
     env = make_env(env_id, 1)
     head = expected_head(policy_name, env_id, env, seeds)
-    progress = Progress(f"{head.policy} in {env_id}", len(seeds) * env.task.max_steps)
     env.close()
-    episodes = drive(policy_name, env_id, seeds, progress.add, jobs)
-    progress.close()
+    whole = None if ":" in policy_name else head.policy_sha256
+    episodes = drive(policy_name, env_id, seeds, where, policy_sha256=whole)
     write_results(out, head, episodes)
     return head, episodes
 
@@ -79,7 +83,7 @@ def print_table(head: Head, episodes: list[Episode], verified: bool = True) -> N
         print(f"  {name:26} {as_text(name, figure)}{some}")
 
 
-def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
+def evaluate_all(env_ids: list[str], seeds: list[int], where: Where) -> None:
     """Evaluate all classical policies and kept checkpoints whose results are not current.
 
     Of the checkpoints, those that were trained there, or in generated mines.
@@ -92,9 +96,9 @@ def evaluate_all(env_ids: list[str], seeds: list[int], jobs: int) -> None:
         heads = {name: expected_head(name, env_id, env, seeds) for name in names}
         env.close()
         stale = [name for name, head in heads.items() if not is_current(result_path(head.policy, env_id), head)]
-        for name in stale:
+        for name in (name for name in stale if where.piece is None or where.piece.startswith(f"{name} in {env_id},")):
             out = result_path(heads[name].policy, env_id)
-            print_table(*evaluate(name, env_id, seeds, out, jobs))
+            print_table(*evaluate(name, env_id, seeds, out, where))
             if heads[name].policy not in RESERVED:
                 note_driven(out, RESULTS, *read_results(out))
         print(f"{env_id}: {len(stale)} policies evaluated, the results of the others are current", flush=True)
@@ -122,23 +126,21 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=len(SEEDS))
     parser.add_argument("--seeds", type=int, nargs="*", help="one an episode; 0, 1, 2, ... by default")
     parser.add_argument("--out", type=Path, help="baselines/results/ENV/POLICY.jsonl by default")
-    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 4), help="processes; each holds the world")
+    add_options(parser, min(os.cpu_count() or 1, 4))
     arguments = parser.parse_args()
-    if arguments.jobs < 1:
-        raise BaselineError(f"jobs = {arguments.jobs}: want 1 or more")
     if not 1 <= arguments.episodes <= MOST_EPISODES:
         raise BaselineError(f"episodes = {arguments.episodes}: want 1 to {MOST_EPISODES}")
     seeds = arguments.seeds or list(range(arguments.episodes))
     if len(set(seeds)) < len(seeds) or not all(0 <= seed < 2**32 for seed in seeds) or len(seeds) > MOST_EPISODES:
         raise BaselineError(f"seeds = {seeds}: want at most {MOST_EPISODES} different ones, from 0 to 2^32 - 1")
     if arguments.all:
-        evaluate_all([find_id(arguments.env)] if arguments.env else list(BENCHMARK), seeds, arguments.jobs)
+        evaluate_all([find_id(arguments.env)] if arguments.env else list(BENCHMARK), seeds, where_of(arguments))
         return
     if arguments.policy is None or arguments.env is None:
         raise BaselineError("nothing to evaluate: give --policy and --env, or --all")
     env_id = find_id(arguments.env)
     out = arguments.out or result_path(policy_label(arguments.policy), env_id)
-    print_table(*evaluate(arguments.policy, env_id, seeds, out, arguments.jobs))
+    print_table(*evaluate(arguments.policy, env_id, seeds, out, where_of(arguments)))
     if arguments.out is None and arguments.policy in EXPLORERS:  # the project's own code
         note_driven(out, RESULTS, *read_results(out))
 

@@ -20,6 +20,7 @@ from baselines.score import check, require_name
 from baselines.scoring.bounds import Bound, bound_of, read_bounds
 from baselines.scoring.degraded import degraded_table, read_degraded
 from baselines.scoring.verified_runs import was_driven_here
+from pieces.work import HERE, Where, add_options, where_of
 
 PAGE = Path("LEADERBOARD.md")
 _PROFILES = Path("docs/unseen-profiles.png")
@@ -41,7 +42,7 @@ class _LeaderboardRow:
         return as_text(name, self.figures.get(name, Figure(None, None, None, 0)))
 
 
-def leaderboard(results: Path, profiles: Path | None = None) -> str:
+def leaderboard(results: Path, profiles: Path | None = None, where: Where = HERE) -> str:
     """Return the tables: one for each environment, own mines last, the policy with the highest coverage first.
 
     Parameters
@@ -49,6 +50,8 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
     results : Path
     profiles : Path, optional
         Where the performance profiles over the unseen mines are drawn.
+    where : Where, optional
+        Where the unseen mines are checked.
 
     Raises
     ------
@@ -56,7 +59,7 @@ def leaderboard(results: Path, profiles: Path | None = None) -> str:
         If there are no results, or one is rejected.
     """
     sections = sections_of(results)
-    return "\n".join([*filter(None, [split_section(results, "test", profiles)]), *sections.values()])
+    return "\n".join([*filter(None, [split_section(results, "test", profiles, where)]), *sections.values()])
 
 
 def sections_of(results: Path, envs: Collection[str] | None = None) -> dict[str, str]:
@@ -138,12 +141,13 @@ def main() -> None:
     """Read the command line and write the page."""
     parser = argparse.ArgumentParser(prog="python -m baselines.leaderboard", description=__doc__)
     parser.add_argument("--env", nargs="*", help="ids, or NAME for MineXplore/NAME-v0; other sections stay as they are")
+    add_options(parser, 1, keeps=False)
     arguments = parser.parse_args()
     if arguments.env:
         tables = PAGE.read_text().partition(BEGIN)[2].partition(END)[0]
         write_table(PAGE, with_sections(tables, sections_of(RESULTS, [find_id(name) for name in arguments.env])))
     else:
-        write_table(PAGE, leaderboard(RESULTS, _PROFILES))
+        write_table(PAGE, leaderboard(RESULTS, _PROFILES, where_of(arguments)))
     print(f"{PAGE} is written")
 
 

@@ -18,6 +18,7 @@ from baselines.scoring.rerun import Rerun, drive_again
 from baselines.scoring.split_file import Drive, is_of_split, read_drives, read_parts, require_one_policy, split_of
 from baselines.scoring.verified_runs import note_driven
 from minexplore.splits import SIZES
+from pieces.work import add_options, where_of
 
 _ALL = max(SIZES.values())  # episodes of a file at most: one in each mine of a split
 
@@ -117,19 +118,18 @@ def main() -> None:
     parser.add_argument("results", nargs="+", type=Path)
     parser.add_argument("--rerun", default="0", metavar="N", help="drive the first N episodes again, or `all`")
     parser.add_argument("--policy", help="what drives them: a file NAME.safetensors or module:Class")
-    parser.add_argument("--jobs", type=int, default=1, help="processes; each holds the world")
+    add_options(parser, 1, keeps=False)
     parser.add_argument("--trust-policy", action="store_true", help="run the policy unconfined, with your rights")
     parser.add_argument("--memory-gb", type=float, default=4.0, help="limit on the policy's memory")
     parser.add_argument("--time-s", type=float, default=7200.0, help="limit on the policy's own time")
     arguments = parser.parse_args()
     count = _ALL if arguments.rerun == "all" else _whole(arguments.rerun)
-    if arguments.jobs < 1 or not 0.5 <= arguments.memory_gb <= 1024 or not 1 <= arguments.time_s <= 1e6:
+    if not 0.5 <= arguments.memory_gb <= 1024 or not 1 <= arguments.time_s <= 1e6:
         raise BaselineError(
-            f"jobs = {arguments.jobs}, memory-gb = {arguments.memory_gb:g}, time-s = {arguments.time_s:g}: "
-            "want 1 or more, 0.5 to 1024, and 1 to 1000000"
+            f"memory-gb = {arguments.memory_gb:g}, time-s = {arguments.time_s:g}: want 0.5 to 1024, and 1 to 1000000"
         )
     limits = Limits(round(arguments.memory_gb * 2**30), arguments.time_s)
-    rerun = Rerun(count, arguments.policy, limits, arguments.jobs, arguments.trust_policy)
+    rerun = Rerun(count, arguments.policy, limits, where_of(arguments), arguments.trust_policy)
     if count and arguments.trust_policy:
         print("--trust-policy: policies run unconfined, with your rights, and verify nothing", file=sys.stderr)
     verifies = count if not arguments.trust_policy else 0

@@ -19,16 +19,17 @@ from baselines.base.beams import beam_ranges
 from baselines.base.environments import BENCHMARK, built_ids, find_id, make_env, world_of
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
-from baselines.base.progress import Progress
 from baselines.base.statistics import Figure, estimate
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.reach import cells_within_reach, least_time_s
 from baselines.policies.policy_lookup import source_files
-from baselines.running.parallel import in_processes
+from baselines.running.parallel import MEMORY_GB
 from baselines.scoring.split_statistics import middle, stratified
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.splits import SIZES, STYLES
+from pieces.run import map_pieces
+from pieces.work import Where, Work, add_options, where_of
 
 KEPT = Path("baselines/results/team.jsonl")
 _PAGE = Path("docs/evidence/parts/team.md")
@@ -128,19 +129,19 @@ def team_sha256() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(AssignedFrontiers))).hexdigest()
 
 
-def measure_all(keys: list[Key], jobs: int, work: Callable[[Key], dict[str, Any]] = measure) -> None:
+def measure_all(keys: list[Key], where: Where, work: Callable[[Key], dict[str, Any]] = measure) -> None:
     """Measure what is not kept of the same world and the same team."""
     kept = read_kept()
     worlds = {env_id: world_of(env_id) for env_id in dict.fromkeys(env_id for env_id, _ in keys)}
     ours = team_sha256()
     current = {key for key, record in kept.items() if record["team_sha256"] == ours}
     missing = [key for key in keys if key not in current or kept[key]["world_sha256"] != worlds[key[0]]]
-    progress = Progress("teams", len(keys), len(keys) - len(missing), "episodes of each size")
-    for key, record in in_processes(work, missing, jobs):
+
+    def keep(key: Key, record: dict[str, Any]) -> None:
         kept[key] = record
         write_kept(kept)
-        progress.add(1)
-    progress.close()
+
+    map_pieces(Work("teams", work, dict[str, Any], "", kept=None, memory_gb=MEMORY_GB), missing, where, keep)
 
 
 def read_kept(path: Path = KEPT) -> dict[Key, dict[str, Any]]:
@@ -209,17 +210,16 @@ def main() -> None:
     parser.add_argument(
         "--mines", type=int, default=0, help="also one episode in each of the first mines of the test split"
     )
-    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 16))
+    add_options(parser, min(os.cpu_count() or 1, 16), keeps=False)
     arguments = parser.parse_args()
-    if not 1 <= arguments.episodes <= 512 or arguments.jobs < 1 or not 0 <= arguments.mines <= SIZES["test"]:
+    if not 1 <= arguments.episodes <= 512 or not 0 <= arguments.mines <= SIZES["test"]:
         raise BaselineError(
-            f"episodes = {arguments.episodes}, mines = {arguments.mines}, jobs = {arguments.jobs}: "
-            f"want 1 to 512, 0 to {SIZES['test']}, 1 or more"
+            f"episodes = {arguments.episodes}, mines = {arguments.mines}: want 1 to 512, 0 to {SIZES['test']}"
         )
     named = BENCHMARK if arguments.env is None else arguments.env
     keys = [(find_id(name), seed) for name in named for seed in range(arguments.episodes)]
     keys += [(env_id, 0) for env_id in (built_ids("test", arguments.mines) if arguments.mines else [])]
-    measure_all(keys, arguments.jobs)
+    measure_all(keys, where_of(arguments))
     write_table(_PAGE, tables(read_kept()))
     print(tables(read_kept()))
 

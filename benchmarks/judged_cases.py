@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
+import sys
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import Row, resume
+from benchmarks.resume import Row
+from pieces.results import PiecesError
+from pieces.run import map_pieces
+from pieces.work import Work, add_options, code_sha256, where_of
 
-PAGES, RESULTS = Path("docs/evidence/parts"), Path("artifacts/bench")
+PAGES = Path("docs/evidence/parts")
+_MEMORY_GB = 4.0  # of a case, the largest of all kinds
 CODE = "EVIDENCE_CODE"  # the variable by which `python -m benchmarks` states the hash of a measurement's code
 ALL = "all"
 
@@ -73,18 +76,17 @@ class JudgedCases:
         """
         parser = argparse.ArgumentParser(prog=f"python -m benchmarks {self.name}", description=about)
         parser.add_argument("--count", type=int, default=len(self.cases), help="the first cases of the sample only")
-        parser.add_argument("--jobs", type=int, default=2, help="cases at a time")
+        add_options(parser, 2)
         given = parser.parse_args()
-        wanted, code = list(self.cases[: given.count]), os.environ.get(CODE, "")
-
-        def judged(cases: list[Any]) -> Iterable[Row]:
-            return ({**row, "code": code} for row in _in_processes(self.judge, cases, given.jobs))
-
-        def is_valid(row: Row) -> bool:
-            return row.get("code") == code
-
-        kept = resume(RESULTS / f"{self.name}.jsonl", wanted, judged, "case", _case_of, is_valid)
-        rows = sorted((row for row in kept if _case_of(row) in wanted), key=lambda row: wanted.index(_case_of(row)))
+        wanted = list(self.cases[: given.count])
+        code = os.environ.get(CODE) or code_sha256("minexplore", "pipeline", "stages", "baselines", "benchmarks")
+        work = Work(self.name, self.judge, Row, code, memory_gb=_MEMORY_GB, label=_label_of)
+        try:
+            found = map_pieces(work, wanted, where_of(given))
+        except PiecesError as error:
+            print(f"{self.name}: {error}", file=sys.stderr)
+            return 2
+        rows = [{"case": case, **row} for case, row in zip(wanted, found, strict=True)]
         text = self.table(rows)
         if len(wanted) == len(self.cases):
             write_table(PAGES / f"{self.name}.md", text)
@@ -95,19 +97,8 @@ class JudgedCases:
         return 2 if failed else 0
 
 
-def _case_of(row: Row) -> Any:
-    """Return a row's case; JSON has lists for tuples."""
-    return tuple(row["case"]) if isinstance(row["case"], list) else row["case"]
-
-
-def _in_processes(judge: Callable[[Any], Row], cases: list[Any], jobs: int) -> Iterable[Row]:
-    """Yield the rows of cases, with the case, as they are done; one job runs in this process."""
-    if jobs < 2 or len(cases) < 2:
-        yield from ({"case": case, **judge(case)} for case in cases)
-        return
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(judge, case): case for case in cases}
-        yield from ({"case": waiting[done], **done.result()} for done in as_completed(waiting))
+def _label_of(case: Any) -> str:
+    return "-".join(map(str, case)) if isinstance(case, tuple) else str(case)
 
 
 def largest(key: str, form: str = "g", factor: float = 1.0) -> Callable[[list[Row]], str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from benchmarks.faults.injection import edit_model, seal
 from benchmarks.faults.judge import CRASHED, MISSED, judge_many, prove, summarise
 from benchmarks.faults.listed import Mutant, faults
 from benchmarks.resume import run_benchmark
+from pieces.work import add_options, where_of
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
 from pipeline.params.reading.composed import composed_section
@@ -136,6 +136,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--random", type=int, default=300, help="number of random mutants")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first random mutant")
+    add_options(parser)
     arguments = parser.parse_args()
     plan = (
         decode(ARTIFACTS / "contours/cleaned.png", Mask),
@@ -155,8 +156,7 @@ def main() -> int:
     rows.append(break_chain(Path()))
     _print_row(rows[-1])
     seeds = list(range(arguments.first_seed, arguments.first_seed + arguments.random))
-    judged = tqdm(judge_many(seeds, os.cpu_count() or 1), desc="random", total=len(seeds), disable=None)
-    verdicts = list(judged)
+    verdicts = judge_many(seeds, where_of(arguments))
     caught = sum(row["caught"] for row in rows)
     lost = [verdict for verdict in verdicts if verdict.outcome in (MISSED, CRASHED)]
     summary = summarise(verdicts)

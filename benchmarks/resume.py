@@ -22,7 +22,6 @@ def resume(
     measure: Callable[[list[Any]], Iterable[Row]],
     unit: str,
     key: Callable[[Row], Any] = lambda row: row["seed"],
-    is_valid: Callable[[Row], bool] = lambda row: True,
 ) -> list[Row]:
     """Return the rows of a file of JSON lines, with those that are missing, which are measured and added to it.
 
@@ -37,11 +36,9 @@ def resume(
         What a row is of, for the progress bar.
     key : callable
         Returns a row's key.
-    is_valid : callable
-        Whether a kept row counts; others are measured again if they are wanted.
     """
     lines = path.read_text().splitlines() if path.is_file() else []
-    rows = {key(row): row for row in filter(is_valid, map(json.loads, lines))}
+    rows = {key(row): row for row in map(json.loads, lines)}
     missing = [each for each in wanted if each not in rows]
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a") as log:

@@ -19,6 +19,9 @@ from baselines.scoring.split_file import Drive, read_drives, require_whole, spli
 from baselines.scoring.split_statistics import difference, improvement, middle, strata_of, stratified
 from baselines.scoring.verified_runs import was_driven_here
 from minexplore.splits import STYLES
+from pieces.results import PiecesError
+from pieces.run import map_pieces
+from pieces.work import HERE, Where, Work
 
 _CURVE_POINTS = 601
 _SEEN = 0.9  # of the cells that a robot can reach
@@ -72,7 +75,13 @@ def require_own_rows(kept: dict[Path, list[Drive]]) -> None:
             )
 
 
-def split_section(results: Path, split: str, picture: Path | None = None) -> str:
+def _check_mine(mine: list[tuple[Path, Drive]]) -> None:
+    """Check the episodes of all files in one mine, whose environment is made once."""
+    for path, (head, episode) in mine:
+        check(path, head, [episode])
+
+
+def split_section(results: Path, split: str, picture: Path | None = None, where: Where = HERE) -> str:
     """Return the section of a split from a folder of results, or nothing if it holds none.
 
     Parameters
@@ -81,6 +90,8 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
     split : str
     picture : Path, optional
         Where the performance profiles are drawn.
+    where : Where, optional
+        Where the mines are checked.
 
     Raises
     ------
@@ -97,9 +108,12 @@ def split_section(results: Path, split: str, picture: Path | None = None) -> str
         require_whole(path, drives, split)
     built_ids(split, len(kept[files[0]]))
     require_own_rows(kept)
-    for mine in zip(*kept.values(), strict=True):  # a mine's environment is made once for all files
-        for path, (head, episode) in zip(files, mine, strict=True):
-            check(path, head, [episode])
+    mines = [list(zip(files, mine, strict=True)) for mine in zip(*kept.values(), strict=True)]
+    checks = Work("mines checked", _check_mine, None, "", kept=None, label=lambda mine: mine[0][1][0].env)
+    try:
+        map_pieces(checks, mines, where)
+    except PiecesError as error:
+        raise RejectedError(str(error)) from error
     rows = in_order([_row(path, drives) for path, drives in kept.items()])
     claimed, rows = [row for row in rows if not row.verified], [row for row in rows if row.verified]
     head, _ = kept[files[0]][0]

@@ -1,49 +1,79 @@
-"""Work in several processes: episodes of a policy, which do not depend on what runs beside them, and other items."""
+"""Episodes of a policy as pieces of work: they do not depend on what runs beside them."""
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed, wait
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
+from pydantic_core import to_json
 
-from baselines.base.environments import make_env
+from baselines.base.environments import make_env, world_of
+from baselines.base.errors import BaselineError, RejectedError
 from baselines.base.result_file import Episode
-from baselines.base.worker import begin_worker
 from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
+from baselines.sandbox.bubblewrap import require_sandbox
 from baselines.sandbox.confined import Confined, ConfinedPolicy
+from pieces.results import PiecesError
+from pieces.run import map_pieces
+from pieces.work import KEPT, Where, Work, code_sha256
 
-Item = TypeVar("Item")
-_POLL_S = 1.0
-_steps_done: Any = None  # the steps that all workers have made
+SEEDS_A_PIECE = 5  # robots of one environment, whose steps cost less together
+MEMORY_GB = 1.0  # of a process with an environment
 
 
 def drive(
     policy_name: str,
     env_id: str,
     seeds: list[int],
-    step_done: Callable[[int], Any],
-    jobs: int = 1,
+    where: Where,
     confined: Confined | None = None,
+    policy_sha256: str | None = None,
 ) -> list[Episode]:
-    """Run one episode of each seed in `jobs` processes and return the episodes in the order of the seeds.
+    """Run one episode of each seed and return the episodes in the order of the seeds.
 
-    `step_done` is called now and then with the number of new robot steps. With `confined` the policy runs in a confined
-    process beside each of the `jobs`.
+    With `confined` the policy runs in a confined process beside each process with an environment, on any node. Episodes
+    are kept, and those that are kept are not driven again, if the hash of the policy's code is given.
+
+    Raises
+    ------
+    BaselineError
+        If episodes failed; the reason of each is listed. It is a `RejectedError` if the policy is another one.
     """
-    jobs = min(jobs, len(seeds))
-    if jobs == 1:
-        return _drive_part(policy_name, env_id, seeds, step_done, confined)
+    parts = [seeds[k : k + SEEDS_A_PIECE] for k in range(0, len(seeds), SEEDS_A_PIECE)]
     with _copies_removed(confined) as confined:
-        return _drive_in_pool(policy_name, env_id, seeds, step_done, jobs, confined)
+        work = Work(
+            "episodes",
+            partial(_drive_part, policy_name, gymnasium.spec(env_id), confined),
+            list[Episode],
+            code_of_episodes(),
+            (policy_name, policy_sha256, facts_of_env(env_id)),
+            KEPT if policy_sha256 else None,
+            memory_gb=MEMORY_GB,
+            label=lambda part: f"{policy_name} in {env_id}, seeds {part[0]} to {part[-1]}",
+        )
+        try:
+            return [episode for part in map_pieces(work, parts, where) for episode in part]
+        except PiecesError as error:
+            kind = RejectedError if RejectedError.__name__ in str(error) else BaselineError
+            raise kind(str(error)) from error
+
+
+def code_of_episodes() -> str:
+    """Return the hash of the code that drives episodes."""
+    return code_sha256("baselines", "minexplore")
+
+
+def facts_of_env(env_id: str) -> str:
+    """Return a hash of an environment's world and settings."""
+    return sha256(to_json([world_of(env_id), gymnasium.spec(env_id).kwargs], fallback=str)).hexdigest()
 
 
 @contextmanager
@@ -56,81 +86,18 @@ def _copies_removed(confined: Confined | None) -> Iterator[Confined | None]:
         yield replace(confined, folder=Path(folder))
 
 
-def _drive_in_pool(
-    policy_name: str,
-    env_id: str,
-    seeds: list[int],
-    step_done: Callable[[int], Any],
-    jobs: int,
-    confined: Confined | None,
-) -> list[Episode]:
-    context = multiprocessing.get_context("spawn")  # a fork takes none of this process's threads along
-    counter = context.Value("q", 0)
-    parts = [seeds[k::jobs] for k in range(jobs)]
-    pool = ProcessPoolExecutor(jobs, context, _begin, (gymnasium.spec(env_id), counter))
-    try:
-        futures = [pool.submit(_drive_counting, policy_name, env_id, part, confined) for part in parts]
-        waiting, shown = set(futures), 0
-        while waiting:
-            waiting = wait(waiting, _POLL_S).not_done
-            now = counter.value
-            step_done(now - shown)
-            shown = now
-        episodes = {episode.seed: episode for future in futures for episode in future.result()}
-    except BaseException:
-        for worker in multiprocessing.active_children():
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown()
-    return [episodes[seed] for seed in seeds]
-
-
-def in_processes(work: Callable[[Item], Any], items: list[Item], jobs: int) -> Iterator[tuple[Item, Any]]:
-    """Yield each item with what `work` returns for it, in the order in which the `jobs` processes finish."""
-    if jobs == 1:
-        for item in items:
-            yield item, work(item)
-        return
-    pool = ProcessPoolExecutor(min(jobs, max(len(items), 1)), multiprocessing.get_context("spawn"), begin_worker)
-    try:
-        waiting = {pool.submit(work, item): item for item in items}
-        for future in as_completed(waiting):
-            yield waiting[future], future.result()
-    except BaseException:
-        for worker in multiprocessing.active_children():
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _begin(spec: EnvSpec, counter: Any) -> None:
-    """Prepare a worker that knows its parent's environment."""
-    global _steps_done
+def _drive_part(policy_name: str, spec: EnvSpec, confined: Confined | None, seeds: list[int]) -> list[Episode]:
     gymnasium.registry.setdefault(spec.id, spec)
-    _steps_done = counter
-    begin_worker()
-
-
-def _drive_counting(policy_name: str, env_id: str, seeds: list[int], confined: Confined | None) -> list[Episode]:
-    def count(steps: int) -> None:
-        with _steps_done.get_lock():
-            _steps_done.value += steps
-
-    return _drive_part(policy_name, env_id, seeds, count, confined)
-
-
-def _drive_part(
-    policy_name: str, env_id: str, seeds: list[int], step_done: Callable[[int], Any], confined: Confined | None
-) -> list[Episode]:
-    env = make_env(env_id, len(seeds))
+    env = make_env(spec.id, len(seeds))
     heights = env.world.has_heights
     try:
         if confined is None:
             policy = make_policy(policy_name, len(seeds), env.task, env.robot, heights)
-            return list(run_episodes(env, policy, seeds, step_done))
+            return list(run_episodes(env, policy, seeds))
+        require_sandbox()  # of this node
+        if confined.folder is not None:
+            confined.folder.mkdir(exist_ok=True)
         with ConfinedPolicy(policy_name, len(seeds), env.task, env.robot, confined, heights) as driver:
-            return list(run_episodes(env, driver, seeds, step_done))
+            return list(run_episodes(env, driver, seeds))
     finally:
         env.close()

@@ -7,7 +7,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from baselines.base.errors import BaselineError, RejectedError
-from baselines.base.progress import Progress
 from baselines.base.result_file import RESULTS, Episode, Head
 from baselines.explorers import EXPLORERS
 from baselines.policies.policy_lookup import RESERVED, find_checkpoint, policy_label
@@ -18,6 +17,7 @@ from baselines.sandbox.confined import Confined
 from baselines.sandbox.policy_copy import copy_policy
 from baselines.scoring.split_file import read_parts
 from baselines.scoring.verified_runs import was_driven_here
+from pieces.work import HERE, Where
 
 _FIGURES = [key for key in Episode.model_fields if key != "previous"]
 UNCONFINED = "--trust-policy runs it unconfined"
@@ -35,8 +35,9 @@ class Rerun:
         A file NAME.safetensors or `module:Class`; without it, the explorer or the checkpoint that the head names.
     limits : Limits
         Of a sandboxed policy.
-    jobs : int
-        Processes with an environment, each beside a process with the policy.
+    where : Where
+        Each process with an environment has a process with the policy beside it. What is kept is not read: all that is
+        verified is driven.
     trusted : bool
         Whether a stranger's policy runs unconfined, in the environment's process. It could change the figures there, so
         that nothing is verified.
@@ -45,7 +46,7 @@ class Rerun:
     count: int = 0
     policy: str | None = None
     limits: Limits = field(default_factory=Limits)
-    jobs: int = 1
+    where: Where = HERE
     trusted: bool = False
 
 
@@ -71,13 +72,10 @@ def drive_again(path: Path, head: Head, episodes: list[Episode], how: Rerun) -> 
         If there is no such policy, it fails, it exceeds its limits, or this system has no sandbox.
     """
     name, seeds = _find_policy(path, head, how.policy), [episode.seed for episode in episodes]
-    progress = Progress(f"{head.policy} in {head.env}", sum(episode.steps for episode in episodes))
     try:
-        again = drive(name, head.env, seeds, progress.add, how.jobs, _admit(name, head, how))
+        again = drive(name, head.env, seeds, how.where, _admit(name, head, how))
     except BaselineError as error:
         raise type(error)(f"{path}: {error}") from error
-    finally:
-        progress.close()
     compare(path, head, episodes, again)
     return again
 

@@ -8,6 +8,7 @@ import pytest
 import minexplore
 from baselines import split
 from baselines.base import result_file
+from baselines.running import parallel
 from baselines.scoring import split_file
 from baselines.scoring.split_file import mine_id
 from tests.mines import BuiltMine
@@ -38,6 +39,13 @@ def short_id(tee: BuiltMine) -> Iterator[str]:
     register(SHORT_ID, tee, {"max_steps": 240, "stall_steps": 50})
     yield SHORT_ID
     del gymnasium.registry[SHORT_ID]
+
+
+@pytest.fixture(autouse=True)
+def pieces_of_this_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the results of pieces in a folder of the test."""
+    for module in (split, parallel):
+        monkeypatch.setattr(module, "KEPT", str(tmp_path / "pieces"))
 
 
 @pytest.fixture

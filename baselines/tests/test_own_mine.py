@@ -111,7 +111,7 @@ def test_an_own_mine_can_be_chosen_for_training(own):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGKILL])
 def test_an_evaluation_that_is_ended_leaves_no_process_behind(own, kind):
-    words = ["--policy", "random", "--env", "my-mine", "--episodes", "2", "--jobs", "2"]
+    words = ["--policy", "random", "--env", "my-mine", "--episodes", "10", "--jobs", "2"]
     with subprocess.Popen(
         [sys.executable, "-m", "baselines.evaluate", *words], cwd=own.folder, stderr=subprocess.PIPE, text=True
     ) as run:
@@ -138,10 +138,13 @@ class Sleeps:
 """
 DRIVES = """
 from baselines.base.errors import run_command
-from baselines.running.parallel import drive
+from baselines.running.parallel import SEEDS_A_PIECE, drive
 from baselines.sandbox.confined import Confined
+from pieces.work import Where
 
-run_command("drive", lambda: drive("sleeps:Sleeps", "MineXplore/my-mine-v0", [0, 1], int, 2, Confined()))
+if __name__ == "__main__":
+    seeds = list(range(2 * SEEDS_A_PIECE))
+    run_command("drive", lambda: drive("sleeps:Sleeps", "MineXplore/my-mine-v0", seeds, Where(2), Confined()))
 """
 
 

@@ -14,7 +14,7 @@ from baselines.explorers import EXPLORERS
 from baselines.leaderboard import leaderboard, sections_of, with_sections
 from baselines.pages.split_page import UNVERIFIED_HEADING
 from baselines.policies.policy_lookup import find_checkpoint, make_policy, policy_label
-from baselines.running.parallel import drive
+from baselines.running.parallel import SEEDS_A_PIECE, drive
 from baselines.running.protocol import SEEDS, head_of, run_episodes
 from baselines.sandbox.bubblewrap import require_sandbox
 from baselines.score import main, score
@@ -22,11 +22,11 @@ from baselines.scoring.rerun import Rerun
 from baselines.scoring.split_file import read_drives
 from baselines.scoring.verified_runs import RECORD, note_driven, was_driven_here
 from baselines.tests.test_learned import write_policy
+from pieces.work import HERE, Where
 from tests.forked import run_forked
 from tests.project import ROOT
 from tests.sandbox import needs_sandbox
 
-FEW = [0, 1]
 TURNER = """
 import numpy as np
 
@@ -79,12 +79,10 @@ def test_an_honest_file_passes_and_comes_out_the_same_when_driven_here(honest):
 
 @pytest.mark.slow
 def test_episodes_driven_in_two_processes_are_those_driven_in_one(honest, short_id):
-    counted = []
-    parallel = drive("wall-following", short_id, FEW, counted.append, jobs=2)
+    seeds = list(SEEDS[: 2 * SEEDS_A_PIECE])
+    parallel = drive("wall-following", short_id, seeds, Where(2))
     head, episodes = read_results(honest)
-    episodes = episodes[: len(FEW)]
-    assert chain(head, parallel) == chain(head, episodes)
-    assert sum(counted) == sum(episode.steps for episode in episodes)
+    assert chain(head, parallel) == chain(head, episodes[: len(seeds)])
 
 
 @needs_sandbox
@@ -146,10 +144,10 @@ def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(
     monkeypatch.setattr("baselines.evaluate.EXPLORERS", ["reactive"])
     monkeypatch.setattr("baselines.evaluate.CHECKPOINTS", tmp_path)  # the kept ones would be driven, too
     out = tmp_path / "ShortTee-v0" / "reactive.jsonl"
-    evaluate_all([short_id], [0], 1)
+    evaluate_all([short_id], [0], HERE)
     assert was_driven_here(out, tmp_path, *read_results(out))
     written, made = out.read_bytes(), out.stat().st_mtime_ns
-    evaluate_all([short_id], [0], 1)
+    evaluate_all([short_id], [0], HERE)
     assert out.stat().st_mtime_ns == made  # current: kept
     head, _ = read_results(out)
     for change in (
@@ -163,10 +161,10 @@ def test_results_of_another_world_or_policy_are_recognised_as_stale_and_renewed(
         out.write_bytes(written)
         assert is_current(out, head)
     forge(out, _set(world_sha256="0" * 64))
-    evaluate_all([short_id], [0], 1)
+    evaluate_all([short_id], [0], HERE)
     assert out.read_bytes() == written
     out.write_bytes(written[: len(written) // 2])  # what an interrupted copy leaves
-    evaluate_all([short_id], [0], 1)
+    evaluate_all([short_id], [0], HERE)
     assert out.read_bytes() == written
 
 

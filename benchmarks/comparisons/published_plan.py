@@ -24,6 +24,7 @@ from baselines.running.protocol import SEEDS
 from baselines.scoring.bounds import Bound
 from baselines.split import bound_at_the_end
 from benchmarks.resume import run_benchmark
+from pieces.work import Where, add_options, where_of
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 
@@ -62,18 +63,18 @@ def known_bound() -> Bound:
         kept = Bound.model_validate_json(_BOUND.read_bytes())
         if kept.world_sha256 == world:
             return kept
-    bound = bound_at_the_end(ENV)
+    bound = bound_at_the_end((ENV, world))
     replace_text(_BOUND, bound.model_dump_json() + "\n")
     return bound
 
 
-def drive(policy: str, jobs: int) -> None:
+def drive(policy: str, where: Where) -> None:
     """Drive a policy's episodes; results that are current are kept."""
     env = make_env(ENV, 1)
     head = expected_head(policy, ENV, env, list(SEEDS))
     env.close()
     if not is_current(_results(policy), head):
-        evaluate(policy, ENV, list(SEEDS), _results(policy), jobs)
+        evaluate(policy, ENV, list(SEEDS), _results(policy), where)
 
 
 def tables(policies: list[str], bound: Bound) -> str:
@@ -97,12 +98,12 @@ def main() -> int:
     """Build the world, drive in it, and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.comparisons.published_plan", description=__doc__)
     parser.add_argument("--policy", nargs="+", default=list(POLICIES), help="names or checkpoints NAME.safetensors")
-    parser.add_argument("--jobs", type=int, default=min(os.cpu_count() or 1, 4))
+    add_options(parser, min(os.cpu_count() or 1, 4))
     arguments = parser.parse_args()
     build()
     bound = known_bound()
     for policy in arguments.policy:
-        drive(policy, arguments.jobs)
+        drive(policy, where_of(arguments))
     write_table(_PAGE, tables(arguments.policy, bound))
     print(f"{_PAGE} is written")
     return 0

@@ -3,38 +3,62 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
 from datetime import date
+from functools import cache, partial
 from pathlib import Path
-
-from tqdm import tqdm
 
 from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, Workshop, copy_evidence, generated, with_heights
 from benchmarks.corpus.metadata import CorpusEntry, read_entry, require_ours, write_metadata
 from minexplore.bundle import RECORD
 from minexplore.extra.corpus import BUNDLE, WORLDS
+from pieces.run import map_pieces
+from pieces.work import HERE, Where, Work, add_options, code_sha256, where_of
 from pipeline.errors import ArtifactError, run_command
 
 OUT = Path("artifacts/corpus")
 MOST_MB = 400.0
 _EACH, _WITH_HEIGHTS = 20, 20
+_MEMORY_GB = 4.0  # of a surveyed mine with rock
 
 
-def build(folder: Path, members: list[CorpusMember]) -> list[CorpusEntry]:
+@cache
+def _workshop(generated: int) -> Workshop:
+    """Return the workshop of this process, which is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="corpus-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Workshop(Path(folder) / "project", generated)
+
+
+def build_member(folder: Path, generated: int, member: CorpusMember) -> None:
+    """Build one member and copy what the corpus has of it."""
+    if not (folder / WORLDS / member.name / BUNDLE / RECORD).is_file():
+        copy_evidence(_workshop(generated).build(member), folder / WORLDS / member.name)
+
+
+def build(folder: Path, members: list[CorpusMember], where: Where = HERE) -> list[CorpusEntry]:
     """Build the members that the folder lacks, write what describes all of them, and return the entries.
 
     Raises ArtifactError if the folder has other files where this writes, the pipeline refuses a member, a certificate
     does not hold, or all are larger than `MOST_MB`.
     """
     require_ours(folder)  # before hours of building
-    missing = [member for member in members if not (folder / WORLDS / member.name / BUNDLE / RECORD).is_file()]
-    with tempfile.TemporaryDirectory() as place:
-        workshop = Workshop(Path(place) / "project", sum(not member.words for member in members if member != DEFAULT))
-        for member in tqdm(missing, desc="corpus", unit="world", disable=None):
-            copy_evidence(workshop.build(member), folder / WORLDS / member.name)
+    work = Work(
+        "corpus",
+        partial(build_member, folder, sum(not member.words for member in members if member != DEFAULT)),
+        None,
+        code_sha256("minexplore", "pipeline", "stages", "benchmarks"),
+        kept=None,  # the folder states what it has
+        memory_gb=_MEMORY_GB,
+        label=lambda member: member.name,
+        folder=lambda member: folder / WORLDS / member.name,
+    )
+    map_pieces(work, members, where)
     entries = [read_entry(folder, member) for member in members]
     broken = [entry.member.name for entry in entries if not entry.holds]
     if broken:
@@ -61,9 +85,11 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--each", type=int, default=_EACH, help="generated mines of each style")
     parser.add_argument("--heights", type=int, default=_WITH_HEIGHTS, help="generated mines with heights")
+    add_options(parser)
     arguments = parser.parse_args()
     members = [DEFAULT, *CASES, *generated(arguments.each), *with_heights(arguments.heights)]
-    return run_command("corpus", lambda: build(arguments.out, members), "interrupted; run it again to go on")
+    where = where_of(arguments)
+    return run_command("corpus", lambda: build(arguments.out, members, where), "interrupted; run it again to go on")
 
 
 if __name__ == "__main__":

@@ -102,9 +102,8 @@ class Workshop:
     """A copy of the project in which worlds are built as a user builds them; the project's own worlds stay."""
 
     def __init__(self, folder: Path, generated: int) -> None:
-        """Copy the project; so many mines of the split are built when the first is asked for."""
+        """Copy the project; the corpus has so many mines of the split."""
         self._project, self._generated = Project(folder, tiny=False), generated
-        self._split: Path | None = None
 
     def build(self, member: CorpusMember) -> Path:
         """Build a member; return its folder with the artifacts of all stages and the report.
@@ -123,10 +122,9 @@ class Workshop:
         return folder / "artifacts" / "worlds" / member.name
 
     def _build_generated(self, member: CorpusMember) -> Path:
-        if not self._split:  # all at once: every call looks at the mines before it
-            self._run("worlds", "--light", "--split", SPLIT, "--count", str(self._generated), "--jobs", "1")
-            self._split = self._project.folder / FAMILIES
-        folder = self._split / light_folder(*parse_name(member.name))
+        place = light_folder(*parse_name(member.name))
+        self._run("worlds", "--light", "--split", SPLIT, "--count", str(self._generated), "--piece", place.as_posix())
+        folder = self._project.folder / FAMILIES / place
         write_page(folder, f"MineXplore/corpus:{member.name}-v0", {})
         return folder
 

@@ -7,16 +7,17 @@ Each change must be refused, or be a claim that the page on security lists.
 from __future__ import annotations
 
 import argparse
+import atexit
 import hashlib
 import json
+import shutil
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,8 @@ from minexplore.physics.robot import RobotParams
 from minexplore.sealed.files import read_folder
 from minexplore.task import TaskParams
 from minexplore.world import load_world
+from pieces.run import map_pieces
+from pieces.work import HERE, Where, Work, code_sha256
 from pipeline.commands.proofs import limits_of_kind
 from pipeline.compose import compose
 from pipeline.errors import MineError
@@ -78,21 +81,28 @@ class Verdict:
     reason: str
 
 
-def judge_many(seeds: list[int], jobs: int = 1) -> Iterator[Verdict]:
-    """Build the small world, change it by every seed, and yield a verdict each.
+def judge_many(seeds: list[int], where: Where = HERE) -> list[Verdict]:
+    """Build the small world, change it by every seed, and return a verdict each.
 
     Outcomes: refused by an expected error; harmless, with an equal compiled model and equal rays; other rock, where
     only meshes of the rough rock differ and stay closed and within bounds; missed; or crashed by another error.
     """
-    with tempfile.TemporaryDirectory() as name:
-        good = Path(name) / "good"
-        build_small_world(good)
-        params = compose([]).validation
-        if jobs == 1:
-            yield from map(partial(judge, good, params), seeds)
-            return
-        with ProcessPoolExecutor(jobs) as pool:
-            yield from pool.map(partial(judge, good, params), seeds, chunksize=8)
+    code = code_sha256("minexplore", "pipeline", "stages", "benchmarks")
+    return map_pieces(Work("mutants", judge_seed, Verdict, code), seeds, where)
+
+
+def judge_seed(seed: int) -> Verdict:
+    """Change the small world by one seed and return what becomes of it."""
+    return judge(_small_world(), compose([]).validation, seed)
+
+
+@cache
+def _small_world() -> Path:
+    """Build the small world of this process, which is removed when the process ends."""
+    folder = Path(tempfile.mkdtemp(prefix="good-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    build_small_world(folder / "good")
+    return folder / "good"
 
 
 def judge(good: Path, params: ValidationParams, seed: int) -> Verdict:

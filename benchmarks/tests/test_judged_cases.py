@@ -33,7 +33,7 @@ def cases(**changed):
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     monkeypatch.setattr(judged_cases, "PAGES", tmp_path)
-    monkeypatch.setattr(judged_cases, "RESULTS", tmp_path)
+    monkeypatch.chdir(tmp_path)
 
     def go(page, code, *words):
         monkeypatch.setenv(CODE, code)

@@ -3,36 +3,38 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
-import os
-import signal
-from collections.abc import Callable, Generator, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from minexplore.sealed.json_text import describe_json_error
 from minexplore.splits import SEEDS, STYLES, mine_name
+from pieces.results import PiecesError
+from pieces.run import map_pieces
+from pieces.work import Where, Work
 from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, InputError, LimitError
-from pipeline.guard.process_limits import die_with_parent, has_limits
+from pipeline.guard.process_limits import has_limits
 from pipeline.metrics.limits import flatten
+from pipeline.places import CONF
 from pipeline.stage import ARTIFACTS
 from pipeline.store.files import write_atomically
-from pipeline.store.hashing import read_text_file
+from pipeline.store.hashing import read_text_file, sha256_file, sha256_named
 from pipeline.store.locks import hold_lock
+from pipeline.store.manifest import code_sha256
+from pipeline.store.registry import REGISTRY
 from pipeline.store.verify import verify_world
+from stages.__main__ import STAGES
 
 FAMILIES = ARTIFACTS / "families"
-_ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
 _LIGHT = "preset=light"
+_MEMORY_GB = 1.5  # of a world with rock, the largest
 # What preset=light leaves out; conf/validation/default.yaml has the same values.
 _STRESS_TEST = (
     "validation.certificate.contacts=1000",
@@ -62,9 +64,6 @@ class MemberOutcome:
     iou: float | None
     certificate: bool
     problem: str | None
-
-
-Progress = Callable[[Iterable[MemberOutcome], int], Iterable[MemberOutcome]]
 
 
 def generated(split: str, count: int, overrides: list[str]) -> list[Member]:
@@ -128,14 +127,9 @@ def variants(
 
 
 def make_family(
-    members: list[Member],
-    jobs: int,
-    progress: Progress,
-    on: Literal["local", "ray"] = "local",
-    listed: Mapping[tuple[str, int], Listed] | None = None,
-    again: str = "",
+    members: list[Member], where: Where, listed: Mapping[tuple[str, int], Listed] | None = None, again: str = ""
 ) -> list[MemberOutcome]:
-    """Build all members in parallel, over the cores or over the Ray cluster at RAY_ADDRESS, which shares this folder.
+    """Build all members; nodes of a cluster share this folder, unless the worlds are kept at an address (`where.to`).
 
     Members that are up to date are skipped, so an interrupted run continues where it stopped. Each outcome enters
     `artifacts/families/manifest.json`: split, seed and hash of every world of this and earlier calls.
@@ -143,11 +137,7 @@ def make_family(
     Parameters
     ----------
     members : list of Member
-    jobs : int
-        Local processes.
-    progress : callable
-        Wraps the outcomes, as `tqdm` does.
-    on : {"local", "ray"}
+    where : Where
     listed : mapping, optional
         Worlds of the committed list by split and seed; a world with another hash fails.
     again : str, optional
@@ -163,24 +153,53 @@ def make_family(
     LimitError
         If worlds breach a limit, cannot be built, or differ from the list; the manifest has their problems.
     InputError
-        If there is no cluster to build on.
+        If this system cannot build worlds.
     ArtifactError
         If another command is building worlds of the same folder, or the manifest is broken.
+    PiecesError
+        If processes that build worlds were ended, or there is no cluster.
     """
     _read_record(FAMILIES / "manifest.json")  # refuse a broken one before worlds are built
-    built = _over_cluster(members, again) if on == "ray" else _over_cores(members, jobs, again)
-    place = FAMILIES / Path(members[0].folder).parent
-    lock = hold_lock(place / ".lock", f"{place}: another command is building these worlds")
-    with lock, closing(built):  # closed also where an interrupt arrives in `progress`
-        outcomes = [_compared(outcome, listed or {}) for outcome in progress(built, len(members))]
+    if where.on == "local" and not has_limits():
+        raise InputError("this system forks no processes, as Windows does not: build worlds on Linux, or with --on ray")
+    work = Work(
+        "worlds",
+        partial(make_member, FAMILIES, again),
+        MemberOutcome,
+        _code_sha256() if where.to else "",
+        kept=None,  # the worlds' own manifests state what is up to date
+        memory_gb=_MEMORY_GB,
+        label=lambda member: member.folder,
+        problem=problem_of,
+        folder=lambda member: FAMILIES / member.folder,
+    )
+    outcomes, place, failure = list[MemberOutcome](), FAMILIES / Path(members[0].folder).parent, None
+    with hold_lock(place / ".lock", f"{place}: another command is building these worlds"):
+        try:
+            map_pieces(work, members, where, lambda member, made: outcomes.append(_compared(made, listed or {})))
+        except PiecesError as error:
+            failure = error
     order = {member.folder: number for number, member in enumerate(members)}
     outcomes.sort(key=lambda outcome: order[outcome.member.folder])
     record_outcomes(outcomes)
     failed = [o for o in outcomes if o.problem is not None]
     if failed:
         first = failed[0]
-        raise LimitError(f"{len(failed)} of {len(outcomes)} worlds failed, {first.member.folder}: {first.problem}")
+        raise LimitError(f"{len(failed)} of {len(members)} worlds failed, {first.member.folder}: {first.problem}")
+    if failure is not None:
+        raise failure
     return outcomes
+
+
+def problem_of(outcome: MemberOutcome) -> str | None:
+    """Return why a world does not count."""
+    return outcome.problem
+
+
+def _code_sha256() -> str:
+    """Return the hash of all that decides a world beside its overrides: code, configuration, and registered data."""
+    files = [*sorted(CONF.rglob("*.yaml")), REGISTRY]
+    return sha256_named({s: code_sha256(s, Path.cwd()) for s in STAGES} | {str(f): sha256_file(f) for f in files})
 
 
 def record_outcomes(outcomes: list[MemberOutcome]) -> None:
@@ -218,7 +237,7 @@ def to_list(outcomes: Iterable[MemberOutcome]) -> list[Listed]:
     return [Listed(o.member.split, o.member.seed, o.member.style, str(o.world_sha256)) for o in outcomes]
 
 
-def make_member(member: Member, families: Path, again: str = "") -> MemberOutcome:
+def make_member(families: Path, again: str, member: Member) -> MemberOutcome:
     """Build one member below `families` and return the result; it has figures if all six stages have run."""
     folder, problem = families / member.folder, None
     try:
@@ -235,60 +254,3 @@ def make_member(member: Member, families: Path, again: str = "") -> MemberOutcom
         return MemberOutcome(member, digest, iou, certificate, problem)
     except Exception as error:  # this world fails; the others continue
         return MemberOutcome(member, None, None, False, f"{type(error).__name__}: {error}")
-
-
-def _over_cores(members: list[Member], jobs: int, again: str) -> Generator[MemberOutcome]:
-    if not has_limits():
-        raise InputError("this system forks no processes, as Windows does not: build worlds on Linux, or with --on ray")
-    context = multiprocessing.get_context("fork")  # a worker is a child of this process, with which it ends
-    pool = ProcessPoolExecutor(min(jobs, len(members)), context, _begin_worker, (os.getpid(),))
-    try:
-        # A process that gets a signal to end before `_begin_worker` would go on as a second parent, by its handler.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
-        try:
-            futures = [pool.submit(make_member, m, FAMILIES, again) for m in members]
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for future in as_completed(futures):
-            yield future.result()
-    except BrokenProcessPool as error:
-        raise LimitError(
-            "a process that builds worlds was ended, perhaps for want of memory: try fewer --jobs"
-        ) from error
-    except BaseException:  # the worlds that are being built are built again by the next call
-        for worker in multiprocessing.active_children():
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _begin_worker(parent: int) -> None:
-    """Prepare a process that builds worlds: it leaves Ctrl-C to its parent, and ends with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
-    die_with_parent(parent)
-
-
-def _over_cluster(members: list[Member], again: str) -> Generator[MemberOutcome]:
-    address = os.environ.get("RAY_ADDRESS")
-    if not address:
-        raise InputError("--on ray: RAY_ADDRESS is not set; it names the cluster, for example 10.0.0.1:6379")
-    try:
-        import ray
-    except ImportError:
-        raise InputError("--on ray: Ray is not installed; `make setup-baselines` installs it") from None
-    project, families = Path.cwd(), FAMILIES
-    environment = {"env_vars": {"PYTHONPATH": str(project)}}
-    ray.init(address=address, ignore_reinit_error=True, logging_level="ERROR", runtime_env=environment)
-
-    @ray.remote  # type: ignore[untyped-decorator]
-    def build(member: Member) -> MemberOutcome:
-        os.chdir(project)
-        return make_member(member, families, again)
-
-    waiting = [build.remote(member) for member in members]
-    while waiting:
-        (ready,), waiting = ray.wait(waiting, num_returns=1)
-        yield ray.get(ready)

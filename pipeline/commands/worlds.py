@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NoReturn
 
+from pieces.work import Where, add_options, where_of
 from pipeline.commands.arguments import natural, number, positive
 
 if TYPE_CHECKING:
@@ -46,16 +46,13 @@ def worlds(
     split: str,
     of: str | None,
     height_sd_m: float,
-    jobs: int,
+    where: Where,
     overrides: list[str],
     light: bool = False,
-    on: Literal["local", "ray"] = "local",
     stress_tests: int = 50,
     write: bool = False,
 ) -> None:
     """Make many worlds: generated mines, or with --of variants of one world within its survey's error."""
-    from tqdm import tqdm
-
     from minexplore.splits import SIZES
     from pipeline.build.family import FAMILIES, generated, make_family, to_list, variants, without_rock
     from pipeline.build.splits import LIST, read_list, write_list
@@ -77,11 +74,7 @@ def worlds(
     if light:
         members = without_rock(members, stress_tests)
     listed = read_list() if benchmark and not write else {}
-
-    def progress(done: Iterable, count: int) -> Iterable:
-        return tqdm(done, total=count, desc=split, unit="world", disable=None)
-
-    outcomes = make_family(members, jobs, progress, on, listed, this_command())
+    outcomes = make_family(members, where, listed, this_command())
     if write:
         write_list(to_list(outcomes))
     print(LIST if write else FAMILIES / "manifest.json")
@@ -153,14 +146,13 @@ def add_to(commands: Any) -> None:
     many.add_argument("--light", action="store_true", help="without visible rock (preset=light)")
     many.add_argument("--stress-tests", type=natural, default=50, help="light worlds that pass the stress test as well")
     many.add_argument("--list", dest="write", action="store_true", help="write the hashes to data/families/splits.csv")
-    many.add_argument("--on", choices=["local", "ray"], default="local", help="ray: the cluster at RAY_ADDRESS")
     many.add_argument("--of", help="make variants of this world")
     many.add_argument("--height-sd", type=number, default=0.1, help="standard deviation of the variants' height, m")
-    many.add_argument("--jobs", type=positive, default=os.cpu_count() or 1)
+    add_options(many)
     many.add_argument("overrides", nargs="*", help="for example survey.mine.loops=0.8")
     many.set_defaults(
         run=lambda a: worlds(
-            a.count, a.split, a.of, a.height_sd, a.jobs, a.overrides, a.light, a.on, a.stress_tests, a.write
+            a.count, a.split, a.of, a.height_sd, where_of(a), a.overrides, a.light, a.stress_tests, a.write
         )
     )
     commands.add_parser("list", help=list_.__doc__).set_defaults(run=lambda a: list_())

@@ -18,6 +18,8 @@ import pytest
 import shapely
 
 from minexplore.splits import SEEDS, SIZES, STYLES, mine_name, parse_name, world_folder
+from pieces.results import PiecesError
+from pieces.work import HERE, Where
 from pipeline.build import family
 from pipeline.build.family import Member, generated, make_family, to_list, variants, without_rock
 from pipeline.build.splits import LIST, Listed, read_list, write_list
@@ -163,31 +165,21 @@ def small_members(count):
     return [replace(member, overrides=overrides) for member, overrides in zip(members, few, strict=True)]
 
 
-def plainly(done, count):
-    return done
-
-
 def test_a_world_that_cannot_be_built_is_in_the_manifest_with_its_problem(monkeypatch, tmp_path):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(family, "FAMILIES", tmp_path)
     with pytest.raises(LimitError, match=r"1 of 1 worlds failed, broken: ParamsError: survey\.mine\.style = 'maze'"):
-        make_family([broken_member()], 1, plainly)
+        make_family([broken_member()], HERE)
     (record,) = json.loads((tmp_path / "manifest.json").read_text()).values()
     assert record["world_sha256"] is None
     assert "maze" in record["problem"]
-
-
-def test_a_cluster_without_an_address_is_refused(monkeypatch):
-    monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    with pytest.raises(InputError, match="--on ray: RAY_ADDRESS is not set"):
-        make_family([broken_member()], 1, plainly, on="ray")
 
 
 def test_light_worlds_are_small_and_certified_and_a_second_call_builds_nothing_again(monkeypatch, tmp_path):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(family, "FAMILIES", tmp_path)
     members = small_members(2)
-    first = make_family(members, 1, plainly)
+    first = make_family(members, HERE)
     assert [outcome.member.seed for outcome in first] == [1_000_000, 1_000_001]
     assert all(outcome.certificate for outcome in first)
     contacts = []
@@ -203,7 +195,7 @@ def test_light_worlds_are_small_and_certified_and_a_second_call_builds_nothing_a
     with pytest.raises(
         LimitError, match=r"1 of 2 worlds failed, light/validation/0001: world hash .* differs from 000"
     ):
-        make_family(members, 1, plainly, listed=changed)
+        make_family(members, HERE, changed)
     assert before == {file: file.stat().st_mtime_ns for file in before}
     records = json.loads((tmp_path / "manifest.json").read_text())
     assert [record["world_sha256"] for record in records.values()] == [outcome.world_sha256 for outcome in first]
@@ -248,13 +240,13 @@ def test_variants_of_the_embedded_mine_have_their_own_split_and_no_other(monkeyp
     monkeypatch.chdir(ROOT)
     for split, of in (("train", "default"), ("test", "default"), ("variants", None), ("variants", "my-mine")):
         with pytest.raises(InputError, match="variants of the default world have the split variants"):
-            worlds(1, split, of, 0.1, 1, [])
+            worlds(1, split, of, 0.1, HERE, [])
 
 
 def test_the_list_is_not_written_from_worlds_with_other_parameters(monkeypatch):
     monkeypatch.chdir(ROOT)
     with pytest.raises(InputError, match="--list: the list has light generated mines without overrides only"):
-        worlds(1, "test", None, 0.1, 1, ["survey.mine.loops=0.9"], light=True, write=True)
+        worlds(1, "test", None, 0.1, HERE, ["survey.mine.loops=0.9"], light=True, write=True)
 
 
 def test_a_mine_has_one_name_and_a_name_that_no_split_has_is_refused(tmp_path):
@@ -270,6 +262,7 @@ def test_a_mine_has_one_name_and_a_name_that_no_split_has_is_refused(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.ray
 def test_a_cluster_of_two_nodes_builds_the_worlds_that_local_processes_build(monkeypatch, tmp_path):
     pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
     import ray
@@ -278,16 +271,16 @@ def test_a_cluster_of_two_nodes_builds_the_worlds_that_local_processes_build(mon
     monkeypatch.chdir(ROOT)
     members = small_members(4)
     monkeypatch.setattr(family, "FAMILIES", tmp_path / "local")
-    local = make_family(members, 1, plainly)
+    local = make_family(members, HERE)
     monkeypatch.setattr(family, "FAMILIES", tmp_path / "cluster")
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
     cluster.add_node(num_cpus=1)
     monkeypatch.setenv("RAY_ADDRESS", cluster.address)
     try:
-        built = make_family(members, 1, plainly, on="ray")
+        built = make_family(members, Where(on="ray"))
         assert len([node for node in ray.nodes() if node["Alive"]]) == 2
         with pytest.raises(LimitError, match=r"ParamsError: survey\.mine\.style = 'maze'"):
-            make_family([broken_member()], 1, plainly, on="ray")
+            make_family([broken_member()], Where(on="ray"))
     finally:
         ray.shutdown()
         cluster.shutdown()
@@ -305,12 +298,12 @@ def test_rooms_that_are_more_than_half_of_the_plan_are_no_inverted_plan(monkeypa
     assert traced["cleaned"].sum() > 0.5 * frame.width_px * frame.height_px
 
 
-def _wait(member, families, again):
+def _wait(families, again, member):
     time.sleep(60)
     Path("ended").touch()
 
 
-def _end(member, families, again):
+def _end(families, again, member):
     os._exit(9)
 
 
@@ -324,7 +317,7 @@ def test_an_interrupt_ends_the_processes_that_build_worlds(monkeypatch, tmp_path
     signal.setitimer(signal.ITIMER_REAL, 1.0)
     try:
         with pytest.raises(KeyboardInterrupt):
-            make_family(without_rock(generated("train", 6, []), 0), 2, lambda outcomes, count: outcomes)
+            make_family(without_rock(generated("train", 6, []), 0), Where(2))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
@@ -336,43 +329,14 @@ def test_a_killed_process_and_a_second_command_are_reported_in_one_line(monkeypa
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("pipeline.build.family.make_member", _end)
     members = without_rock(generated("train", 2, []), 0)
-    with pytest.raises(LimitError, match="was ended, perhaps for want of memory: try fewer --jobs"):
-        make_family(members, 2, lambda outcomes, count: outcomes)
+    with pytest.raises(PiecesError, match=r"2 of 2 pieces failed, .*its process was ended, perhaps for want of memory"):
+        make_family(members, Where(2))
     place = family.FAMILIES / "light" / "train"
     with (
         hold_lock(place / ".lock", "held"),
         pytest.raises(ArtifactError, match=r"light/train: another command is building these worlds \(process"),
     ):
-        make_family(members, 2, lambda outcomes, count: outcomes)
-
-
-ENDED_AT_ONCE = """
-import os, signal
-from pipeline.build import family
-
-fork = os.fork
-
-def interrupt(kind, frame):
-    raise KeyboardInterrupt
-
-def fork_and_end():
-    pid = fork()
-    if pid == 0:
-        os.kill(os.getpid(), signal.SIGTERM)
-    return pid
-
-os.fork = fork_and_end
-signal.signal(signal.SIGTERM, interrupt)
-try:
-    list(family._over_cores([1, 2], 2, ""))
-except BaseException as error:
-    print(type(error).__name__, flush=True)
-"""
-
-
-def test_a_process_that_is_ended_before_it_begins_does_not_go_on_as_a_second_parent():
-    done = subprocess.run([sys.executable, "-c", ENDED_AT_ONCE], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert done.stdout == "LimitError\n"
+        make_family(members, Where(2))
 
 
 def test_two_commands_of_two_splits_that_end_at_once_both_enter_the_manifest(monkeypatch, tmp_path):
@@ -405,4 +369,4 @@ def test_a_broken_manifest_is_refused_before_worlds_are_built(monkeypatch, tmp_p
     monkeypatch.setattr(family, "FAMILIES", tmp_path)
     (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(ArtifactError, match=r"manifest\.json: .*; remove it$"):
-        make_family([broken_member()], 1, plainly)
+        make_family([broken_member()], HERE)

@@ -17,7 +17,7 @@ import minexplore
 from tests.project import ROOT, modules_below
 
 PROJECTS = ("pyproject.toml", "packaging/pyproject.toml")
-APART = ("baselines", "benchmarks")  # distributions of their own
+APART = ("baselines", "benchmarks", "pieces")  # distributions of their own
 
 
 def project_of(name):
@@ -75,7 +75,7 @@ def test_what_baselines_need_is_what_the_lock_is_made_of():
     root, apart = project_of("pyproject.toml")["project"], project_of("baselines/pyproject.toml")["project"]
     train, locked = (set(apart["optional-dependencies"]["train"]), set(root["optional-dependencies"]["baselines"]))
     assert locked == train - set(root["dependencies"])
-    assert set(apart["dependencies"]) - {"minexplore"} <= {*root["dependencies"], *locked}
+    assert set(apart["dependencies"]) - {"minexplore", "minexplore-pieces"} <= {*root["dependencies"], *locked}
 
 
 def test_every_link_on_the_page_of_the_wheel_is_absolute(monkeypatch):

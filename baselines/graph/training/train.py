@@ -23,7 +23,6 @@ from baselines.base.environments import built_ids, make_env, require_trainable
 from baselines.base.errors import BaselineError, need, run_command
 from baselines.base.progress import Progress
 from baselines.base.run_folders import take_run_folder
-from baselines.base.worker import begin_worker
 from baselines.explorers.graph_explorer import Situation
 from baselines.graph.checkpoint import write_network
 from baselines.graph.choosing import LearnedChoice, Rule, choose_nearest
@@ -33,6 +32,7 @@ from baselines.graph.training.fresh_ground import fresh_ground
 from baselines.graph.training.settings import GraphSettings, compose_settings
 from baselines.graph.training.simulator import MapSimulator
 from minexplore.splits import STYLES
+from pieces.places import begin_worker
 
 RUNS = Path("artifacts/train")  # NAME/policy.safetensors is found by the evaluation
 _WATCHED_ROBOTS = 4
