@@ -36,6 +36,12 @@ def test_rays_that_meet_edges_are_cast_again():
     assert (WindingNumber(box.vertices, box.faces).at(places, np.arange(19), CELL_M) == 1).all()
 
 
+def test_a_place_on_a_corner_of_one_ball_is_inside_the_other_one():
+    vertices, faces = balls([0.0, 0, 0], [0.7, 0.4, -0.2])
+    place = np.array([[-0.3, 0.4, -0.2]])  # a plumb line through it touches the second ball alone
+    assert (WindingNumber(vertices, faces).at(place + [[0, 0, z] for z in (-1e-7, 0, 1e-7)], np.arange(3), 1) > 0).all()
+
+
 @pytest.mark.parametrize("cell_m", [0.05, 0.083])
 def test_what_two_balls_enclose_is_found_without_facets_inside(cell_m):
     vertices, faces = balls([0.0, 0, 0], [0.7, 0.4, -0.2])

@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.geometry.ray_scene import ray_scene
 
 _ASIDE = (0.0, 0.013, -0.017, 0.019)  # of a cell: a ray that meets an edge is cast again, as its hits do not add up
+_ON_M = 1e-5  # of a facet: a place so near to it is on both of its sides, and hits there come in any order
 
 
 class WindingNumber:
@@ -22,7 +23,10 @@ class WindingNumber:
         self._scene = ray_scene(vertices - self._middle, faces)
 
     def at(self, places: np.ndarray, column: np.ndarray, cell_m: float) -> np.ndarray:
-        """Return how often (n,) the mesh goes about places (n, 3) m, of vertical lines numbered (n,)."""
+        """Return how often (n,) the mesh goes about places (n, 3) m, of vertical lines numbered (n,).
+
+        A place on a facet has the larger number of both sides.
+        """
         own = places - self._middle
         _, first, line = np.unique(column, return_index=True, return_inverse=True)
         height = np.clip(own[:, 2] - self._floor, 0.0, self._tall)
@@ -40,7 +44,8 @@ class WindingNumber:
             number[left] = np.arange(len(left))
             rows = np.flatnonzero(number[line] >= 0)
             ray = number[line[rows]]
-            found[rows] = total[np.searchsorted(at[order], ray * self._tall + height[rows])] - ends[ray]
+            around = ray * self._tall + height[rows] + np.array([[-_ON_M], [_ON_M]])
+            found[rows] = total[np.searchsorted(at[order], around)].max(axis=0) - ends[ray]
             left = left[ends[1:] != ends[:-1]]
             if not len(left):
                 break
