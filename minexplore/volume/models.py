@@ -27,8 +27,7 @@ from minexplore.volume.flat import FlatFloors, FlatTile
 from minexplore.volume.rock import add_part, bits_of
 from minexplore.world import World
 
-FLAT_TILE_M, TILE_M, EXACT_TILE_M = (2.0, 1.0), (1.0, 0.5), (0.5, 0.25)  # width and height of a tile
-_OTHERS_TILE_M = (2.0, 1.0)  # of robots that always stand on parts: a husky then steps 1.5 times as often a second
+TILE_M, EXACT_TILE_M = (2.0, 1.0), (1.0, 0.5)  # width and height of a tile: with half of each, more models are made
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
 _ABOVE_M = 0.25  # beyond a robot's radius: what it can touch over its axle in one control step, in any position
 _GRAVITY_MPS2 = 9.81
@@ -39,7 +38,6 @@ _HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond t
 PARKED_M = np.array([[1e4 * (1 + k), 0.0, -1e4] for k in range(len(FEET))])  # places of unused boxes
 _ZONE_BITS = 10  # of a wheel's zone in a model's code: a world has at most 1,000
 _WHOLE, NONE = -1, -2  # numbers of the tile that is the whole mine, and of none
-_FLAT_SIDE_M = np.array([FLAT_TILE_M[0], *FLAT_TILE_M])
 
 
 def code_of(on_parts: np.ndarray, zones: np.ndarray) -> np.ndarray:
@@ -85,7 +83,7 @@ class VolumeModels:
         self._low, self._high = self._parts.boxes_m
         self._bits = bits_of(self._parts)
         self._zones = world.active_zones(task.terrain)
-        exact_tile_m = exact_tile_m or (EXACT_TILE_M if self.has_planes else _OTHERS_TILE_M)
+        exact_tile_m = exact_tile_m or (EXACT_TILE_M if self.has_planes else TILE_M)
         self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
@@ -100,13 +98,18 @@ class VolumeModels:
         """Return the numbers (n,) of the tiles that places (n, 3) m, mine frame, are in; a whole mine has one."""
         if self.whole:
             return np.full(len(places_m), _WHOLE)
-        numbers, side = self._number[is_exact], self._side[is_exact]
-        rows = [(x, y, z) for x, y, z in np.floor(places_m / side).astype(int).tolist()]
-        for row in rows:
-            if row not in numbers:
-                numbers[row] = len(self._boxes)
-                self._boxes.append((np.array(row) * side, np.array(row) * side + side))
-        return np.array([numbers[row] for row in rows], dtype=int)
+        return np.array([self._numbered(row, is_exact) for row in self._rows(places_m, is_exact)], dtype=int)
+
+    def _rows(self, places_m: np.ndarray, is_exact: bool) -> list[tuple[int, int, int]]:
+        return [(x, y, z) for x, y, z in np.floor(places_m / self._side[is_exact]).astype(int).tolist()]
+
+    def _numbered(self, row: tuple[int, int, int], is_exact: bool) -> int:
+        """Return the number of a tile, which is new the first time."""
+        number = self._number[is_exact].setdefault(row, len(self._boxes))
+        if number == len(self._boxes):
+            low = np.array(row) * self._side[is_exact]
+            self._boxes.append((low, low + self._side[is_exact]))
+        return number
 
     def flat_tiles(self, places_m: np.ndarray) -> np.ndarray:
         """Return the models (n, 2) of places (n, 3) m, mine frame, whose floor is one plane.
@@ -115,17 +118,16 @@ class VolumeModels:
         """
         if self.whole:
             return np.full((len(places_m), 2), NONE)
-        rows = [(x, y, z) for x, y, z in np.floor(places_m / _FLAT_SIDE_M).astype(int).tolist()]
+        rows = self._rows(places_m, False)
         return np.array([self._flat_choice.get(row) or self._look_at(row) for row in rows], dtype=int)
 
     def _look_at(self, row: tuple[int, int, int]) -> tuple[int, int]:
         """Find out whether a tile's floor is one plane, and in one zone."""
-        box, number = (np.array(row) * _FLAT_SIDE_M, np.array(row) * _FLAT_SIDE_M + _FLAT_SIDE_M), len(self._boxes)
-        low, high = self._reach_of(box, in_any_position=True)
+        number = self._numbered(row, False)
+        low, high = self._reach_of(self._boxes[number], in_any_position=True)
         zones, flat = self.world.zones_at(np.array([low[0], high[0]])), self._floors.within(low, high)
         choice = (NONE, NONE)
         if flat is not None:
-            self._boxes.append(box)
             self._flat[number] = flat
             choice = number, int(code_of(np.zeros(1, int), zones[None])[0]) if zones[0] == zones[1] else NONE
         self._flat_choice[row] = choice
@@ -157,7 +159,7 @@ class VolumeModels:
             add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
         flat = self._flat.get(number)
         if flat is not None:
-            flat.add_to(mine, FLAT_TILE_M[0] + self.robot.radius_m)
+            flat.add_to(mine, TILE_M[0] + self.robot.radius_m)
         for name in robots:
             self._add_robot(spec, name, code, has_boxes, flat is not None)
         return spec
