@@ -33,10 +33,12 @@ class Creases:
         count = np.ceil(length / max(_STEP_M, float(length.sum()) / _MOST)).astype(int) + 1
         number = np.repeat(np.arange(len(a)), count)
         share = (np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)) / np.maximum(count - 1, 1)[number]
-        self._places = a[number] + share[:, None] * (b[number] - a[number])
+        places = a[number] + share[:, None] * (b[number] - a[number])
+        self._places = places[np.argsort(places[:, 0], kind="stable")]  # from west to east
 
     def within(self, low_m: np.ndarray, high_m: np.ndarray, beside_m: float) -> np.ndarray:
         """Return the places (k, 3) m in a box (2,) to (2,) m seen from above, and so far beside it."""
-        inside = (self._places[:, :2] >= low_m - beside_m) & (self._places[:, :2] <= high_m + beside_m)
-        found: np.ndarray = self._places[inside.all(axis=1)]
+        low, high = low_m - beside_m, high_m + beside_m
+        near = self._places[slice(*np.searchsorted(self._places[:, 0], [low[0], np.nextafter(high[0], np.inf)]))]
+        found: np.ndarray = near[(near[:, 1] >= low[1]) & (near[:, 1] <= high[1])]
         return found

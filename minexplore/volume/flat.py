@@ -67,8 +67,8 @@ class FlatFloors:
         return FlatTile(np.array([0.0, 0.0, self.level_m]), (low_m + high_m)[:2] / 2)
 
     def _one_plane(self, low_m: np.ndarray, high_m: np.ndarray) -> FlatTile | None:
-        near = ((self._low <= high_m) & (self._high >= low_m)).all(axis=1)
-        up = np.flatnonzero(near & self._faces_up)
+        near = np.flatnonzero(((self._low <= high_m) & (self._high >= low_m)).all(axis=1))
+        up = near[self._faces_up[near]]
         if not len(up):
             return None
         middle, half = (low_m + high_m)[:2] / 2, (high_m - low_m)[:2] / 2
