@@ -1,7 +1,9 @@
 """How walls follow splays: of those that make the walls, and of every fifth one, held back in turn.
 
 Each survey is built without visible rock. Then every fifth splay is left out, the survey is built again, and the ends
-of those left out are compared with the rock that was built without them; five times, so that each is left out once.
+of those left out are compared with the rock that was built without them; five times, so that each is left out once, and
+all of them are judged together. With `--every 50` nearly all others are kept: what then is left is the spread of splays
+that hit side by side, which no rule between them can know.
 """
 
 from __future__ import annotations
@@ -21,10 +23,10 @@ from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.whole_survey import built_piece, whole_in_frame, whole_of
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import Volume
-from pipeline.volume.world.proof.surveyed.walls import splay_figures
+from pipeline.volume.world.proof.surveyed.walls import splay_ends, splay_figures
 from pipeline.volume.world.topology import mine_network
 
-PARTS = 5
+EVERY = 5
 _HEIGHT_M = 3.5  # where nobody measured a roof, as compile3d.height_m
 _COLUMNS = ("count", "median", "p95", "within_10cm", "within_30cm", "nearer_30cm")
 _ENDS_M = 0.01  # coordinates of solved surveys are centimetres
@@ -41,10 +43,10 @@ def build(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> tuple
     return dataclasses.replace(solved, vertices=solved.vertices + up), found.positions_m + datum, found.splays_m + datum
 
 
-def held_back(path: Path, survey: SolvedSurvey, half_width_m: float | None, part: int) -> dict[str, Any]:
-    """Return the figures of every fifth splay, against the volume that is built without these."""
+def held_back(path: Path, survey: SolvedSurvey, half_width_m: float | None, part: int, every: int) -> np.ndarray:
+    """Return the ends of every so many splays from one on, as `splay_ends`, in the volume built without these."""
     splays = np.flatnonzero((survey.leg_flags & LegFlag.SPLAY) > 0)
-    out = splays[part::PARTS]
+    out = splays[part::every]
     kept = np.setdiff1d(np.arange(len(survey.legs)), out)
     less = dataclasses.replace(
         survey, legs=survey.legs[kept], leg_flags=survey.leg_flags[kept], leg_styles=survey.leg_styles[kept]
@@ -52,7 +54,7 @@ def held_back(path: Path, survey: SolvedSurvey, half_width_m: float | None, part
     volume, stations, _ = build(path, less, half_width_m)
     ends = survey.positions_m[survey.legs[out]]
     near = np.array([np.abs(stations - start).max(axis=1).min() < _ENDS_M for start in ends[:, 0]])
-    return splay_figures(volume, ends[near])
+    return splay_ends(volume, ends[near])
 
 
 def main() -> int:
@@ -60,7 +62,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks splays", description=__doc__)
     parser.add_argument("file", nargs="+", type=Path, help="solved surveys, or what `pipeline new` solves")
     parser.add_argument("--half-width", type=float, help="m to a wall that nobody measured")
-    parser.add_argument("--parts", type=int, default=PARTS, help="of the five parts, how many are held back in turn")
+    parser.add_argument("--every", type=int, default=EVERY, help="of so many splays one is held back at a time")
     arguments = parser.parse_args()
     for path in arguments.file:
         survey = solve_file(path)
@@ -68,10 +70,11 @@ def main() -> int:
             print(f"{path.name}: no splays", file=sys.stderr)
             continue
         volume, _, splays = build(path, survey, arguments.half_width)
-        rows = [["used", kind, *_row(found)] for kind, found in splay_figures(volume, splays).items()]
-        for part in range(arguments.parts):
-            left_out = held_back(path, survey, arguments.half_width, part)
-            rows += [[f"held back, part {part + 1}", kind, *_row(found)] for kind, found in left_out.items()]
+        parts = [held_back(path, survey, arguments.half_width, k, arguments.every) for k in range(arguments.every)]
+        judged = {"used": splay_ends(volume, splays), f"held back, 1 of {arguments.every}": np.concatenate(parts)}
+        rows = [
+            [name, kind, *_row(found)] for name, ends in judged.items() for kind, found in splay_figures(ends).items()
+        ]
         print(f"\n{path.name}\n\n" + markdown_table(["splays", "direction", *_COLUMNS], rows))
     return 0
 

@@ -3,19 +3,11 @@
 import numpy as np
 import trimesh
 
-from pipeline.proof.rebuilt.same_surface import NearestFace, triangles_differ
+from pipeline.proof.rebuilt.same_surface import triangles_differ
 
-# A chamfer of 0.9 m along 80 m of wall, as two triangles, and a third that is 100 m long and 4 cm high.
+# A chamfer of 0.9 m along 80 m of wall, as two triangles.
 CHAMFER = np.array([[30.0, 5, 2.6], [110, 5, 2.6], [110, 4.1, 3.5], [30, 4.1, 3.5]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
-THIN = np.array([[[30.0, 5, 2.6], [130, 5, 2.6], [90, 4.97, 2.63]]])
-
-
-def test_the_distance_to_a_long_thin_triangle_is_right_to_a_centimetre():
-    places = np.random.default_rng(0).dirichlet([1, 1, 1], 1000) @ THIN[0]
-    apart, owner = NearestFace(THIN).query(places)
-    assert apart.max() < 0.01
-    assert not owner.any()
 
 
 def test_a_chamfer_with_a_dent_is_another():

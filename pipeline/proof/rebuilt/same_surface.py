@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.geometry.ray_scene import ray_scene
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.types import Mesh
 
 _CORNER_M = 0.01  # far from the origin a vertex has millimetres
 _APART_M = 0.1  # between the same corners: a diagonal across a bend may run either way
 _AREA_SHARE = 2e-3
 _SLIVER_M2 = 1e-4  # smaller faces have no reliable normal
-_LONGEST_M = 8.0  # of the faces that are searched: in 32 bits, distances to long thin ones are metres wrong
-_MOST_PIECES = 1_000_000
 _SAME_SIDE = 0.5  # cosine between normals of the two surfaces
 
 
@@ -35,60 +33,15 @@ def triangles_differ(one: np.ndarray, two: np.ndarray) -> str | None:
     off = max(float(cKDTree(a).query(b)[0].max()) for a, b in (corners, corners[::-1]))
     if not off <= _CORNER_M:
         return f"a corner {off:.4f} m from where it should be"
-    apart, side = NearestFace(two).query(_samples(one))
-    worst = max(float(apart.max()), float(NearestFace(one).query(_samples(two))[0].max()))
+    found, back = NearestFacets.of(two).query(_samples(one)), NearestFacets.of(one).query(_samples(two))
+    worst = max(float(found.distance_m.max()), float(back.distance_m.max()))
     if not worst <= _APART_M:
         return f"{worst:.4f} m from where it should be"
-    facing = np.einsum("ij,ij->i", _unit(_crossed(one)), _unit(_crossed(two))[side[: len(one)]])
+    facing = np.einsum("ij,ij->i", _unit(_crossed(one)), _unit(_crossed(two))[found.facet[: len(one)]])
     size = np.linalg.norm(_crossed(one), axis=1) / 2
     if ((facing < _SAME_SIDE) & (size > _SLIVER_M2)).any():
         return "a face that faces the wrong way"
     return None
-
-
-def _distances(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the distance (n,) m of each point (n, 3) m from its triangle (n, 3, 3) m."""
-    from trimesh.triangles import closest_point  # takes half a second to load, and light worlds do without
-
-    return np.asarray(np.linalg.norm(closest_point(triangles, points) - points, axis=1))
-
-
-class NearestFace:
-    """Finds the nearest of triangles (m, 3, 3) m, in 32 bits about their mean, and its distance in 64 bits."""
-
-    def __init__(self, triangles: np.ndarray) -> None:
-        """Index the triangles, long ones in pieces."""
-        triangles, self._owner = _halved(triangles)
-        self._pieces = triangles
-        self._middle = triangles.reshape(-1, 3).mean(axis=0)
-        about_middle = (triangles - self._middle).reshape(-1, 3)
-        self._scene = ray_scene(about_middle, np.arange(3 * len(triangles)).reshape(-1, 3))
-
-    def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the distance (n,) m of points (n, 3) m to the triangles, and the nearest triangle (n,)."""
-        near = self._scene.compute_closest_points((points - self._middle).astype(np.float32))
-        piece = near["primitive_ids"].numpy().astype(np.int64)
-        return _distances(self._pieces[piece], points), self._owner[piece]
-
-
-def _halved(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangles (k, 3, 3) m with no edge too long, and which triangle (k,) each is a piece of."""
-    owner = np.arange(len(triangles))
-    while len(triangles) < _MOST_PIECES:
-        lengths = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
-        long = lengths.max(axis=1) > _LONGEST_M
-        if not long.any():
-            break
-        cut, rows = triangles[long], np.arange(int(long.sum()))
-        first = lengths[long].argmax(axis=1)
-        second = (first + 1) % 3
-        middle = (cut[rows, first] + cut[rows, second]) / 2
-        one, two = cut.copy(), cut
-        one[rows, second] = middle
-        two[rows, first] = middle
-        triangles = np.concatenate([triangles[~long], one, two])
-        owner = np.concatenate([owner[~long], owner[long], owner[long]])
-    return triangles, owner
 
 
 def _rim(faces: np.ndarray) -> int:

@@ -15,8 +15,8 @@ from shapely import Polygon
 from minexplore.bundle import MESHES, RECORD, SMOOTH_MESHES, WALLS, is_fitting, mesh_file, mesh_of
 from minexplore.looks import PLAIN
 from pipeline.errors import ArtifactError
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.proof.rebuilt.same_surface import NearestFace
 from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.proof.rebuilt.smooth import RemadeSmooth
 from pipeline.store.codecs import decode
@@ -48,7 +48,7 @@ def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occu
     sizes = smooth.sizes
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
     rough: dict[str, Mesh] = {name: decode(folder / mesh_file(name), Mesh) for name in rough_meshes(names)}
-    near, foot_m = NearestFace(smooth.triangles), record.height_m - sizes.roof_chamfer_m
+    near, foot_m = NearestFacets.of(smooth.triangles), record.height_m - sizes.roof_chamfer_m
     walls = cKDTree(shapely.get_coordinates(shapely.segmentize(free.boundary, _FINE_M)))
     far, relaxed = [np.zeros((0, 2))], record.look != PLAIN
     for name, chunk in rough.items():
@@ -88,7 +88,7 @@ def _require_tiles(folder: Path, chunks: dict[str, Mesh]) -> None:
             )
 
 
-def _require_near(path: Path, mesh: Mesh, smooth: NearestFace, repeat_m: float, relaxed: bool) -> None:
+def _require_near(path: Path, mesh: Mesh, smooth: NearestFacets, repeat_m: float, relaxed: bool) -> None:
     """Check that all vertices of a mesh are used, lie near the smooth surface, and carry the texture of their piece.
 
     A `relaxed` texture follows the rock, and so leaves the wall's heights by as much as the rock leaves the wall.
@@ -106,7 +106,7 @@ def _require_near(path: Path, mesh: Mesh, smooth: NearestFace, repeat_m: float, 
         )
     if len(np.unique(mesh.faces)) != len(mesh.vertices):
         raise ArtifactError(f"{path}: vertices that belong to no face")
-    apart, _ = smooth.query(mesh.vertices)
+    apart = smooth.query(mesh.vertices).distance_m
     worst = int(apart.argmax())
     if not apart[worst] <= _FROM_SMOOTH_M:
         raise ArtifactError(

@@ -7,7 +7,7 @@ import manifold3d
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.geometry.ray_scene import ray_scene
+from pipeline.geometry.nearest_facets import NearestFacets
 
 # Of 100 vertices so many move by no more than so many tolerances. The rest are those of edges, which noise rounds.
 _WITHIN = ((0.8, 1.0), (0.99, 3.0))
@@ -70,5 +70,5 @@ def _mesh_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
 
 
 def distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the distance (k,) of points (k, 3) from a mesh, in 32 bits."""
-    return np.asarray(ray_scene(vertices, faces).compute_distance(points.astype(np.float32)).numpy())
+    """Return the distance (k,) of points (k, 3) from a mesh."""
+    return NearestFacets(vertices, faces).query(points).distance_m

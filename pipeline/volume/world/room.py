@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter
 from minexplore.floors.volume_arrays import WAYS, FacetLabel, FloorSpans, VolumeFacets
 from minexplore.physics.robot import CASTOR_M, RobotParams
 from minexplore.volume.standing import neighbours
-from pipeline.geometry.ray_scene import ray_scene
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.volume.world.reach import RobotSize
 
 _NO_ROCK_M = 1e3  # clearance where there is no rock at all
@@ -70,8 +70,8 @@ class _Chassis:
 
     def __init__(self, volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray) -> None:
         self._middle, self._stretched = volume.vertices.mean(axis=0), np.array([1.0, 1.0, _FLAT])
-        vertices = (volume.vertices - self._middle) * self._stretched  # distances are measured in 32 bits
-        self._scene = ray_scene(vertices, volume.faces[volume.label != FacetLabel.FLOOR], 1)
+        vertices = (volume.vertices - self._middle) * self._stretched
+        self._rock = NearestFacets(vertices, volume.faces[volume.label != FacetLabel.FLOOR], 1)
         robot, self._slope = RobotParams(), slope
         normal = np.column_stack([-slope, np.ones(len(slope))])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -106,9 +106,8 @@ class _Chassis:
         """Return the level distances (k, m) m from rock of places (m, 2) m beside those (s, 3) of spans (k,)."""
         beside = np.empty((len(spans), len(aside_m), 3))
         beside[:, :, :2], beside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
-        seen = ((places_m[spans, None] + beside) * self._stretched).astype(np.float32)
-        found: np.ndarray = self._scene.compute_distance(seen, nthreads=1).numpy()
-        return found
+        seen = (places_m[spans, None] + beside) * self._stretched
+        return self._rock.query(seen.reshape(-1, 3)).distance_m.reshape(seen.shape[:2])
 
 
 def _spread(room: np.ndarray, start: np.ndarray) -> np.ndarray:

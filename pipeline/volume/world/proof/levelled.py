@@ -18,11 +18,11 @@ from shapely import MultiPolygon, Polygon
 
 from minexplore.bundle import ROOF, WALLS
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.metrics.rock.relief import Relief
 from pipeline.metrics.rock.sampling import unit_normals
 from pipeline.params.validation import TextureReportParams
 from pipeline.proof.groups import JUDGED_HEIGHT_M
-from pipeline.proof.rebuilt.same_surface import NearestFace
 from pipeline.proof.surface import Drifts, SeenRock, report_relief, split_long
 from pipeline.proof.texture import TextureReport, part_of, report_texture, texture_metrics
 from pipeline.volume.union import STEEPEST
@@ -163,7 +163,7 @@ def level_rock_of(world: VolumeBundle) -> SeenRock | None:
     def plumb() -> tuple[np.ndarray, np.ndarray]:
         facets = _facets(level, world.mine, world.mine.label != FacetLabel.FLOOR, WALLS)
         normals, walls = unit_normals(facets), rough(WALLS)
-        _, nearest = NearestFace(facets).query(walls.mean(axis=1))
+        nearest = NearestFacets.of(facets).query(walls.mean(axis=1)).facet
         upright = np.abs(normals[nearest, 2]) < _LEANS
         return walls[upright], normals[nearest[upright]]
 

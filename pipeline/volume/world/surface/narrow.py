@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from minexplore.floors.volume_arrays import VolumeFacets
-from pipeline.geometry.ray_scene import ray_scene
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.volume.union import Volume
 from pipeline.volume.world.topology import LegNetwork
 
@@ -56,16 +55,14 @@ def balls_along(volume: Volume | VolumeFacets, legs: LegNetwork) -> Balls:
     the ball is as wide as the passage.
     """
     places, ways = places_along(legs)
-    middle = volume.vertices.mean(axis=0)  # distances are found in 32 bits
-    scene = ray_scene(volume.vertices - middle, volume.faces, 1)
-    places = places - middle
-    radii, away = _away(scene, places, ways)
+    facets = NearestFacets(volume.vertices, volume.faces, 1)
+    radii, away = _away(facets, places, ways)
     kept = radii > _LEAST_M
     places, ways, radii, away = places[kept], ways[kept], radii[kept], away[kept]
     step = np.full(len(places), _FIRST_M)
     for _ in range(_ROUNDS):
         tried = places + step[:, None] * away
-        found, onwards = _away(scene, tried, ways)
+        found, onwards = _away(facets, tried, ways)
         better = found > radii
         places, radii, away = (
             np.where(better[:, None], tried, places),
@@ -73,14 +70,13 @@ def balls_along(volume: Volume | VolumeFacets, legs: LegNetwork) -> Balls:
             np.where(better[:, None], onwards, away),
         )
         step = np.where(better, step, step / 2)
-    return Balls(places + middle, radii)
+    return Balls(places, radii)
 
 
-def _away(scene: Any, places: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _away(facets: NearestFacets, places: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distances (n,) m of places from the nearest facet, and the way (n, 3) from it, across the legs."""
-    nearest = scene.compute_closest_points(places.astype(np.float32), nthreads=1)["points"].numpy()
-    away = places - nearest
-    distance = np.linalg.norm(away, axis=1)
+    nearest = facets.query(places)
+    away = places - nearest.place_m
     across = away - (away * ways).sum(axis=1, keepdims=True) * ways
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-    return distance, across
+    return nearest.distance_m, across

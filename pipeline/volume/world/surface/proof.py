@@ -10,6 +10,7 @@ import numpy as np
 
 from minexplore.bundle import mesh_of
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
 from pipeline.store.codecs import decode
@@ -111,11 +112,9 @@ def _beside_m(edges: np.ndarray, others: np.ndarray) -> float:
 
 def _distance_to_edges(places: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the distance (n,) m of places from the nearest of edges (k, 2, 3), as triangles without an area."""
-    middle = edges.reshape(-1, 3).mean(axis=0)
     numbers = 2 * np.arange(len(edges))
-    scene = ray_scene((edges - middle).reshape(-1, 3), np.column_stack([numbers, numbers + 1, numbers + 1]), 1)
-    found: np.ndarray = scene.compute_distance((places - middle).astype(np.float32), nthreads=1).numpy()
-    return found
+    triangles = np.column_stack([numbers, numbers + 1, numbers + 1])
+    return NearestFacets(edges.reshape(-1, 3), triangles, 1).query(places).distance_m
 
 
 _Triangles = tuple[np.ndarray, np.ndarray]
@@ -162,7 +161,6 @@ def _kept(balls: Balls, rock: _Triangles, walls: _Triangles) -> float:
     """Return the share of the distance to walls and roofs that the rock leaves in the middle of the narrowest ball."""
     if not len(balls.radii_m):
         return 1.0
-    middle = rock[0].mean(axis=0)
-    narrow = (balls.middles_m[balls.radii_m.argmin()][None] - middle).astype(np.float32)
-    seen, solid = (_scene(middle, one).compute_distance(narrow, nthreads=1).numpy() for one in (rock, walls))
-    return float(seen[0] / solid[0])
+    narrow = balls.middles_m[balls.radii_m.argmin()][None]
+    seen, solid = (float(NearestFacets(*one, 1).query(narrow).distance_m[0]) for one in (rock, walls))
+    return seen / solid

@@ -33,7 +33,7 @@ def wall_figures(surveyed: SurveyedLegs, volume: Volume) -> dict[str, Any]:
     if len(surveyed.sources):
         found = _shares(legs_of(surveyed))
     if len(surveyed.splays_m):
-        found["splay_m"] = splay_figures(volume, surveyed.splays_m)
+        found["splay_m"] = splay_figures(splay_ends(volume, surveyed.splays_m))
     return found
 
 
@@ -71,21 +71,30 @@ def _shares(legs: list[SurveyLeg]) -> dict[str, Any]:
     return found
 
 
-def splay_figures(volume: Volume, splays_m: np.ndarray) -> dict[str, Any]:
-    """Return how far the ends of splays (k, 2, 3) m are from the rock, of all and by direction, m and shares.
+def splay_ends(volume: Volume, splays_m: np.ndarray) -> np.ndarray:
+    """Return of splays (k, 2, 3) m, those without a length left out, what the rock makes of them (n, 5), m.
 
-    Splays within 45 deg of level are `level`, steeper ones `up` or `down`. `nearer_30cm` is the share before whose ends
-    rock is nearer by more than 0.3 m on the way from the station.
+    That is the way from start to end, how far the end is from the rock, and how much nearer than the end rock is on
+    the way.
     """
     step = splays_m[:, 1] - splays_m[:, 0]
     length = np.linalg.norm(step, axis=1)
     splays_m, step, length = (rows[length > _LEAST_M] for rows in (splays_m, step, length))
     off = np.abs(Inside(volume).distance_m(splays_m[:, 1]))
     way = _ways_m(volume, splays_m[:, 0], step / length[:, None])
-    run = np.hypot(step[:, 0], step[:, 1])
-    level = np.abs(step[:, 2]) <= run
-    kinds = {"all": level | True, "level": level, "up": ~level & (step[:, 2] > 0), "down": ~level & (step[:, 2] < 0)}
-    return {name: _spread(off[some], (length - way)[some]) for name, some in kinds.items() if some.any()}
+    return np.column_stack([step, off, length - way])
+
+
+def splay_figures(ends: np.ndarray) -> dict[str, Any]:
+    """Return how far `splay_ends` (n, 5) m are from the rock, of all and by direction, m and shares.
+
+    Splays within 45 deg of level are `level`, steeper ones `up` or `down`. `nearer_30cm` is the share before whose ends
+    rock is nearer by more than 0.3 m on the way from the station.
+    """
+    run, rise = np.hypot(ends[:, 0], ends[:, 1]), ends[:, 2]
+    level = np.abs(rise) <= run
+    kinds = {"all": level | True, "level": level, "up": ~level & (rise > 0), "down": ~level & (rise < 0)}
+    return {name: _spread(ends[some, 3], ends[some, 4]) for name, some in kinds.items() if some.any()}
 
 
 def _spread(off: np.ndarray, nearer: np.ndarray) -> dict[str, Any]:
