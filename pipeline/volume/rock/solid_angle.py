@@ -85,9 +85,7 @@ def _add(angle: np.ndarray, places: np.ndarray, some: np.ndarray, triangles: np.
         a, b, c = (triangles[:, n].T[:, None] - places[rows].T[:, :, None] for n in range(3))
         x, y, z = (np.sqrt((one * one).sum(axis=0)) for one in (a, b, c))
         over = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
+            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
         )
         under = x * y * z + (a * b).sum(axis=0) * z + (b * c).sum(axis=0) * x + (c * a).sum(axis=0) * y
         angle[rows] += 2 * np.arctan2(over, under).sum(axis=1)
