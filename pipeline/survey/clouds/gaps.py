@@ -44,7 +44,7 @@ def find_gaps(vertices: np.ndarray, faces: np.ndarray, points_m: np.ndarray, far
         return []
     a, b, c = np.moveaxis(vertices[bare], 1, 0)
     normal = np.cross(b - a, c - a) / 2
-    area = np.linalg.norm(normal, axis=1)
+    area, middle = np.linalg.norm(normal, axis=1), (a + b + c) / 3
     pairs = np.concatenate([bare[:, :2], bare[:, 1:]])
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), (len(vertices),) * 2)
     part = connected_components(graph, directed=False)[1][bare[:, 0]]
@@ -52,7 +52,7 @@ def find_gaps(vertices: np.ndarray, faces: np.ndarray, points_m: np.ndarray, far
     found = []
     for rows in np.split(order, np.flatnonzero(np.diff(part[order])) + 1):
         if area[rows].sum() >= _LEAST_M2:
-            x, y, z = np.average((a + b + c)[rows] / 3, axis=0, weights=area[rows] + 1e-12).tolist()
+            x, y, z = np.average(middle[rows], axis=0, weights=area[rows] + 1e-12).tolist()
             corners = np.unique(bare[rows])
             found.append(Gap((x, y, z), float(area[rows].sum()), corners[far[corners]], normal[rows].sum(axis=0)))
     return sorted(found, key=lambda gap: -gap.area_m2)

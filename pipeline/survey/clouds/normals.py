@@ -15,6 +15,8 @@ _NEAR_POINTS = 12
 _BLOCK = 200_000
 _LOOK = (1.5, 2.5, 3.5, 4.5)  # voxels from a point to either side at which free space is looked for
 _MOST_COUNT = 50.0  # points of one voxel count at most so many times
+_APART_POINTS, _APART = 4, 2.5  # the fourth point from a stray one is farther than so many times the usual
+_SCATTERED, _OFF = 0.2, 0.5  # of the farthest point's distance, and of the fourth's: the points about it are on no wall
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,24 @@ class PointPlanes:
         again = np.flatnonzero(near <= reach)
         normals[again], reach[again] = _planes(cKDTree(rest.points_m), rest.points_m[again])
         return rest, PointPlanes(normals, reach)
+
+
+def strays_of(cloud: ThinnedCloud) -> np.ndarray:
+    """Return the rows of points that stand apart in the air, such as dust and mirrored ones: they are on no wall.
+
+    The points about those of a wall that was hardly seen are far as well, but lie on a plane with them.
+    """
+    tree = cKDTree(cloud.points_m)
+    fourth = tree.query(cloud.points_m, [min(_APART_POINTS + 1, tree.n)])[0][:, 0]
+    rows = np.flatnonzero(fourth > _APART * np.median(fourth))
+    if not len(rows):
+        return rows
+    far, number = tree.query(cloud.points_m[rows], min(_PLANE_POINTS, tree.n))
+    near = tree.data[number] - tree.data[number].mean(axis=1, keepdims=True)
+    spread, ways = np.linalg.eigh(near.transpose(0, 2, 1) @ near / near.shape[1])
+    is_thick = np.sqrt(spread[:, 0].clip(0)) > _SCATTERED * far[:, -1]
+    off = np.abs(np.einsum("nk,nk->n", near[:, 0], ways[:, :, 0]))
+    return np.asarray(rows[is_thick | (off > _OFF * fourth[rows])])
 
 
 def planes_of(cloud: ThinnedCloud, rows: np.ndarray | slice = slice(None)) -> PointPlanes:

@@ -115,6 +115,8 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             of=name,
             option="--simplify",
         )
+    for side in found.missing:
+        warn_user(f"{side}; the surface there is a guess", of=name)
     if found.things:
         listed = [
             f"{a:.1f} x {b:.1f} x {c:.1f} m at {_place(thing.middle_m, down)}"
@@ -122,6 +124,8 @@ def _warn(path: Path, found: ScannedVolume, params: CloudSurveyParams, down: flo
             for a, b, c in [thing.size_m]
         ]
         warn_user(f"things stand free and are left out: {first_few(listed)}", of=name, count=len(found.things))
+    if found.strays:
+        warn_user("voxels with points stand apart in the air, and are left out", of=name, count=found.strays)
     thin = len(found.thin_points_m)
     if thin:
         warn_user(

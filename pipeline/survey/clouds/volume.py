@@ -14,7 +14,7 @@ from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
 from pipeline.survey.clouds.missing import missing_sides
-from pipeline.survey.clouds.normals import PointPlanes, SidedPoints, SignedDistance, planes_of, sided
+from pipeline.survey.clouds.normals import PointPlanes, SidedPoints, SignedDistance, planes_of, sided, strays_of
 from pipeline.survey.clouds.sight import nearest_in_sight, seen_from
 from pipeline.survey.clouds.surface import BlockSurface
 from pipeline.survey.clouds.things import Thing, find_things
@@ -46,7 +46,8 @@ class ScannedVolume:
     such as ropes, `beyond_m` points with none, which bound nothing, 30 cm and more behind the surface, `gaps` where
     nobody saw the surface, and `others_m3` the sizes of other free spaces that the points bound. `rays_m` (k, 2, 3) are
     places of the scanner and points that it saw from there: a sample of those of walls, and with times of those behind
-    walls too. `unseen` points of that sample no place sees.
+    walls too. `unseen` points of that sample no place sees. `missing` are sides most of which nobody saw, in words,
+    `strays` is how many voxels with points stood apart in the air and were left out.
     """
 
     apart: UncrossedMesh
@@ -61,6 +62,8 @@ class ScannedVolume:
     others_m3: list[float]
     rays_m: np.ndarray
     unseen: int
+    missing: list[str]
+    strays: int
 
     @property
     def vertices(self) -> np.ndarray:
@@ -102,20 +105,22 @@ def volume_of_cloud(
     InputError
         If the points enclose no space. The message names the side without points: roof, floor or wall.
     """
+    strays = strays_of(cloud)
+    cloud, seen_from_m = _without(cloud, strays, seen_from_m)
     planes = planes_of(cloud)
     free, walls, others = _flooded(cloud, planes, voxel_m, way_m)
     sides = sided(cloud, planes, free.free, voxel_m)
     things, rows = find_things(cloud, planes, sides, free.free, voxel_m)
     standing = cloud.points_m[rows]
     if len(rows):
-        seen_from_m = np.delete(seen_from_m, rows, axis=0) if len(seen_from_m) else seen_from_m
+        seen_from_m = _without(cloud, rows, seen_from_m)[1]
         cloud, planes = planes.without(cloud, rows)
         walls = _walls(cloud, planes, voxel_m)
         free = _seen(walls, way_m) if len(way_m) else walls.flood_again(free.free)
         sides = sided(cloud, planes, free.free, voxel_m)
     enclosed_m3 = len(free.free) * voxel_m**3
+    missing = missing_sides(cloud.points_m, planes.normals, voxel_m)
     if enclosed_m3 < _LEAST_M3 or not len(sides.rows):
-        missing = missing_sides(cloud.points_m, planes.normals, voxel_m)
         if missing:
             raise InputError(f"its points bound no space of {_LEAST_M3:g} m3: {'; '.join(missing)}")
         raise InputError(
@@ -150,7 +155,15 @@ def volume_of_cloud(
         gaps,
         [round(len(other.free) * voxel_m**3, 1) for other in others],
         *_rays(cloud, sides, seen_from_m, way_m, walls),
+        missing,
+        len(strays),
     )
+
+
+def _without(cloud: ThinnedCloud, rows: np.ndarray, seen_from_m: np.ndarray) -> tuple[ThinnedCloud, np.ndarray]:
+    """Return a cloud without some points, and from where the others were seen, where that is known."""
+    left = np.setdiff1d(np.arange(len(cloud)), rows)
+    return cloud.some(left), seen_from_m[left] if len(seen_from_m) else seen_from_m
 
 
 def _rays(

@@ -119,8 +119,23 @@ def test_a_drift_without_a_last_wall_ends_where_the_scan_does(plain):
     assert solid_of(found).volume() == pytest.approx(drift().volume(), rel=0.06)
 
 
+def test_a_drift_most_of_whose_roof_nobody_saw_lacks_its_roof(plain, closed):
+    found = scanned(plain[(plain[:, 2] < HIGH_M - 0.1) | (plain[:, 0] < 3.0)])
+    assert found.missing == ["above most of its floor there are no points: it has no roof"]
+    assert solid_of(found).volume() == pytest.approx(drift().volume(), rel=0.06)
+    assert closed.missing == []
+
+
+def test_dust_in_the_air_makes_no_rock(plain):
+    stray = np.random.default_rng(4).uniform([0.5, 0.5, 0.5], [LONG_M - 0.5, WIDE_M - 0.5, HIGH_M - 0.5], (800, 3))
+    found = scanned(np.concatenate([plain, stray]))
+    assert found.strays >= 500
+    assert len(solid_of(found).decompose()) == 1
+    assert iou(found, drift()) >= 0.97
+
+
 def test_points_beyond_the_walls_bound_nothing(plain):
-    far = np.random.default_rng(3).uniform([0, 8, 0], [14, 10, 3], (200, 3))
+    far = noisy(np.random.default_rng(3).uniform([0, 8, 0], [14, 8, 3], (2000, 3)))
     found = scanned(np.concatenate([plain, far]))
     assert len(found.beyond_m) >= 150
     assert iou(found, drift()) >= 0.97
