@@ -25,7 +25,7 @@ _ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
 _AHEAD = 2  # calls that wait for each processor, so that none idles
 _LEAST_AHEAD = 1000  # calls that wait for a cluster, which may grow by them
 _RETRIES = 2  # of a call whose worker or node ended
-_WAIT_S = 1.0
+_TAKEN, _WAIT_S = 100, 0.1  # answers that are taken at once, and how long they are waited for
 Call = Callable[[Any], Any]
 Answers = Generator[tuple[Any, Any]]  # each argument with what its call returned, or the error of its process
 
@@ -103,7 +103,7 @@ def over_cluster(call: Call, left: Iterator[Any], jobs: int, processors: float, 
             under_way |= {remote.remote(each): each for each in islice(left, ahead - len(under_way))}
             if not under_way:
                 return
-            for done in ray.wait(list(under_way), num_returns=len(under_way), timeout=_WAIT_S)[0]:
+            for done in ray.wait(list(under_way), num_returns=min(_TAKEN, len(under_way)), timeout=_WAIT_S)[0]:
                 try:
                     answer = ray.get(done)
                 except ray.exceptions.RayError as error:

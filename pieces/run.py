@@ -56,11 +56,16 @@ def map_pieces(
     results = Results(store, work.title) if store else None
     kept = results.names() if results and where.piece is None else set()
 
-    def take(piece: WorkPiece, data: bytes) -> None:
-        if results and where.to and piece.folder and not piece.folder.is_dir():
-            unpack(results.read(f"{piece.name}.zip") or b"", piece.folder)
-        found[piece.name] = adapter.validate_json(data)
-        done(piece.item, found[piece.name])
+    def take(piece: WorkPiece, data: bytes) -> str:
+        result, archive = adapter.validate_json(data), f"{piece.name}.zip"
+        if results and where.to and piece.folder:
+            if not piece.folder.is_dir() and (packed_files := results.read(archive)) is not None:
+                unpack(packed_files, piece.folder)
+            if not piece.folder.is_dir() or (work.holds and not work.holds(piece.item, result)):
+                return f"{piece.folder}: is not what was made; move it away"
+        found[piece.name] = result
+        done(piece.item, result)
+        return ""
 
     for piece in pieces:
         data = results.read(f"{piece.name}.json") if results and f"{piece.name}.json" in kept else None
@@ -76,8 +81,7 @@ def map_pieces(
             data, problem = answer if isinstance(answer, tuple) else (b"", f"{type(answer).__name__}: {answer}")
             if results and not where.to and not problem:
                 results.write(f"{piece.name}.json", data)
-            if data:
-                take(piece, data)
+            problem = (take(piece, data) if data else "") or problem
             if problem:
                 again = shlex.join(["python", *sys.orig_argv[1:], "--piece", work.label(piece.item)])
                 failed.append(f"{work.title}: {work.label(piece.item)}: {problem}\n  again: {again}")

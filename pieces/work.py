@@ -31,6 +31,7 @@ class Work:
     label: Callable[[Any], str] = str  # returns an item's name for people
     problem: Callable[[Any], str | None] | None = None  # returns why a result does not count; it is not kept
     folder: Callable[[Any], Path] | None = None  # returns the folder that a piece writes, kept with `--to` as well
+    holds: Callable[[Any, Any], bool] | None = None  # returns whether the folder of an item here is that of a result
 
 
 @dataclass(frozen=True)

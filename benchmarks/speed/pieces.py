@@ -118,6 +118,7 @@ def start_node(number: int) -> subprocess.Popen[str]:
 def two_nodes() -> Iterator[list[subprocess.Popen[str]]]:
     """Run two nodes on this machine, which end with the block."""
     os.environ |= {"RAY_ADDRESS": f"127.0.0.1:{_PORT}", "RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0"}
+    os.environ["RAY_worker_niceness"] = "0"  # noqa: SIM112  Ray has 15, so that other work would slow these pieces only
     os.environ["PYTHONPATH"] = str(Path.cwd())
     nodes: list[subprocess.Popen[str]] = []
     try:

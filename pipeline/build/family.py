@@ -33,6 +33,7 @@ from pipeline.store.verify import verify_world
 from stages.__main__ import STAGES
 
 FAMILIES = ARTIFACTS / "families"
+_WORLD = "realism/world"  # below a world's folder
 _LIGHT = "preset=light"
 _MEMORY_GB = 1.5  # of a world with rock, the largest
 # What preset=light leaves out; conf/validation/default.yaml has the same values.
@@ -172,6 +173,7 @@ def make_family(
         label=lambda member: member.folder,
         problem=problem_of,
         folder=lambda member: FAMILIES / member.folder,
+        holds=lambda member, made: verify_world(FAMILIES / member.folder / _WORLD) == made.world_sha256,
     )
     outcomes, place, failure = list[MemberOutcome](), FAMILIES / Path(members[0].folder).parent, None
     with hold_lock(place / ".lock", f"{place}: another command is building these worlds"):
@@ -249,7 +251,7 @@ def make_member(families: Path, again: str, member: Member) -> MemberOutcome:
         except LimitError as error:
             problem = f"LimitError: {error}"
         figures = flatten(json.loads((folder / "validation" / "metrics.json").read_text()))
-        digest = verify_world(folder / "realism" / "world")
+        digest = verify_world(folder / _WORLD)
         iou, certificate = figures.get("iou.free_space_vs_cleaned"), bool(figures["certificate.holds"])
         return MemberOutcome(member, digest, iou, certificate, problem)
     except Exception as error:  # this world fails; the others continue

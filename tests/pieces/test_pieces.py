@@ -182,3 +182,15 @@ def test_pieces_on_a_cluster_that_is_started_here_are_those_of_local_processes(t
     with pytest.raises(PiecesError, match="seven is refused"):
         map_pieces(squares(tmp_path), range(8), Where(2, "ray"))
     assert begun(tmp_path) == [*range(5), 5, 6, 7]
+
+
+def test_a_folder_here_that_is_of_another_result_is_not_taken_for_it(tmp_path):
+    folder = tmp_path / "one"
+    held = {"folder": lambda n: folder / str(n), "holds": lambda n, made: (folder / str(n) / "inner").is_dir()}
+    work = Work("f", partial(write_folder, folder), None, "1", **held)
+    map_pieces(work, [5], Where(to=str(tmp_path / "store")))
+    map_pieces(work, [5], Where(to=str(tmp_path / "store")))  # is not made again, which would fail
+    (folder / "5" / "inner" / "world.txt").unlink()
+    (folder / "5" / "inner").rmdir()
+    map_pieces(work, [5], Where(to=str(tmp_path / "store")))
+    assert (folder / "5" / "inner" / "world.txt").is_file()

@@ -64,7 +64,7 @@ def extended(tmp_path_factory):
     """Return a copy of the code in which the changes of all rows are made."""
     folder = tmp_path_factory.mktemp("extended")
     left_out = shutil.ignore_patterns("__pycache__", "results", "worlds", "tests")
-    for name in ("minexplore", "pipeline", "stages", "baselines", "benchmarks", "conf", "docs", "data"):
+    for name in ("minexplore", "pieces", "pipeline", "stages", "baselines", "benchmarks", "conf", "docs", "data"):
         shutil.copytree(ROOT / name, folder / name, ignore=left_out)
     shutil.copy(ROOT / "params.yaml", folder)
     for change in ROWS.values():
