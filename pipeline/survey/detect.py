@@ -80,7 +80,7 @@ def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None 
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
-def _detect(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
+def _detect(path: Path, stated: StatedOptions, rules: FloorRules = FLOOR_RULES) -> Detection:
     return _DETECTORS[kind_of(path)](path, stated, rules)
 
 
