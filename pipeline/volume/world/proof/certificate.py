@@ -24,7 +24,7 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.built import built_lengths_m
+from pipeline.volume.world.built_length import built_lengths_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.compiled import compare_model
