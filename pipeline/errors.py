@@ -147,10 +147,10 @@ def printable(text: str, most: int) -> str:
 NAMED = 10  # things that a message names
 
 
-def first_few(items: Sequence[str], between: str = ", ", most: int = NAMED) -> str:
-    """Return the first `most` items in one line, and how many more there are."""
-    more = f" and {len(items) - most} more" if len(items) > most else ""
-    return between.join(items[:most]) + more
+def first_few(items: Sequence[str], between: str = ", ") -> str:
+    """Return the first items in one line, and how many more there are."""
+    more = f" and {len(items) - NAMED} more" if len(items) > NAMED else ""
+    return between.join(items[:NAMED]) + more
 
 
 def describe_os_error(error: OSError) -> str:

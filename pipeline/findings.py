@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pipeline.remarks import Remark
-from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.detected_section import Detection
 from pipeline.survey.drawing.workings import WIDTHS_M
 
 _KINDS = {

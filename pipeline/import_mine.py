@@ -27,7 +27,7 @@ from pipeline.store.hashing import absence_of, sha256_bytes, sha256_file
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister
 from pipeline.store.written import take_back
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.detected_section import Detection
 from pipeline.survey.surfaces import HEIGHT_SUFFIXES, height_files
 from pipeline.types import Image
 

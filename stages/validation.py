@@ -62,8 +62,8 @@ def _validate_volume(
         open_volume,
         validate_volume,
     )
+    from pipeline.volume.world.proof.derived_content import require_remade
     from pipeline.volume.world.proof.levelled import measure_volume_texture
-    from pipeline.volume.world.proof.remade import require_remade
     from pipeline.volume.world.surface.furnished import hang_again
 
     opened, frame, shape = open_volume(world), mine.survey.frame, volume_of(mine, traced)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tests.heights import HEADER, Leg, levels, spiral, table
+from tests.heights import HEADER, Leg, spiral, table
 from tests.volume_worlds import VolumeWorld
 
 BOX = HEADER + "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
@@ -24,11 +24,6 @@ def spiral_with_side_drift() -> str:
     legs: dict[str, Leg] = spiral(2)
     name, x, y, z = legs["D"][12]
     return table({**legs, "S": [(name, x, y, z), ("side", x + 26.0, y, z)]})
-
-
-def three_levels() -> str:
-    """Return three levels, ramps and a winze."""
-    return table(levels())
 
 
 def build_volume(source: str | Path, folder: Path, **values: Any) -> Path:

@@ -61,7 +61,7 @@ from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.certificate import open_volume
-from pipeline.volume.world.proof.remade import require_remade
+from pipeline.volume.world.proof.derived_content import require_remade
 from pipeline.volume.world.surface.furnished import hang_again
 
 CAUGHT, HARMLESS, OTHER_ROCK, MISSED, CRASHED = "caught", "harmless", "other rock", "MISSED", "CRASHED"

@@ -86,7 +86,7 @@ def _of_volume(bundle: Path, contacts: int, overrides: list[str]) -> Certificate
     from pipeline.proof.rebuilt.fittings import require_furniture
     from pipeline.volume.world.proof.alone import certify_alone, survey_alone
     from pipeline.volume.world.proof.certificate import open_volume
-    from pipeline.volume.world.proof.remade import require_remade
+    from pipeline.volume.world.proof.derived_content import require_remade
     from pipeline.volume.world.surface.furnished import hang_again
 
     limits, world = limits_of_kind(read_made_by(bundle).kind, overrides), open_volume(bundle)

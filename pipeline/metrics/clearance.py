@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 from shapely import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.network.skeleton import LEAST_HALF_WIDTH_M, passage_stations
 from pipeline.geometry.wall_distance import distances_to_walls
@@ -35,23 +34,18 @@ class WallGaps:
     median_kept: float
 
 
-def measure_walls(
-    seen: np.ndarray, free: Polygon, network: DriftNetwork, lines: BaseGeometry | None = None
-) -> WallGaps:
+def measure_walls(seen: np.ndarray, free: Polygon, network: DriftNetwork) -> WallGaps:
     """Compare visible wall points (n, 2) m at one height with the free space that the collision walls enclose.
-
-    The walls are `lines`, by default the boundary of the free space.
 
     Passages are the network's stations, except those nearer to a dead end than their own half width.
     """
-    lines = lines or free
-    gap = distances_to_walls(lines, seen)
+    gap = distances_to_walls(free, seen)
     stations, half = passage_stations(network)
     stations = stations[half >= LEAST_HALF_WIDTH_M]
     nudge = np.stack(np.meshgrid(_NUDGES_M, _NUDGES_M), axis=-1).reshape(-1, 2)
     places = (stations[:, None, :] + nudge).reshape(-1, 2)
     inside = shapely.contains_xy(free, places[:, 0], places[:, 1])
-    plan = np.where(inside, distances_to_walls(lines, places), 0.0)
+    plan = np.where(inside, distances_to_walls(free, places), 0.0)
     rock = np.where(inside, cKDTree(seen).query(places)[0], 0.0)
     plan, rock = (np.max(v.reshape(-1, len(nudge)), axis=1, initial=0.0) for v in (plan, rock))
     kept = rock / np.maximum(plan, 1e-9)

@@ -104,9 +104,7 @@ def _draw(
         model.light_active[:] = active
 
 
-def render_free_space(
-    model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Frame, z_top_m: float, z_low_m: float = 0.0
-) -> Mask:
+def render_free_space(model: mujoco.MjModel, T_world_mine: np.ndarray, frame: Frame, z_top_m: float) -> Mask:
     """Render the world from straight above on the pixel grid of the plan and mark the pixels that show the floor.
 
     Parameters
@@ -119,8 +117,6 @@ def render_free_space(
         The plan's pixel grid.
     z_top_m : float
         Top of the rock, m, mine frame.
-    z_low_m : float
-        The lowest floor, m, mine frame.
 
     Returns
     -------
@@ -139,7 +135,7 @@ def render_free_space(
             camera.orthographic = 1
             camera.frustum_center, camera.frustum_width = 0.0, 0.0
             camera.frustum_bottom, camera.frustum_top = -(north - south) / 2, (north - south) / 2
-            camera.frustum_near, camera.frustum_far = 1.0, 2 * _CAMERA_HEIGHT_M + z_top_m - z_low_m
+            camera.frustum_near, camera.frustum_far = 1.0, 2 * _CAMERA_HEIGHT_M + z_top_m
         return _shows(renderer, np.flatnonzero(model.geom_group == GeomGroup.FLOOR))
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from shapely import MultiPolygon, Polygon
-from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import ROOF, WALLS
 from pipeline.metrics.clearance import WallGaps, measure_walls
@@ -87,14 +86,10 @@ def report_walls(
     network: DriftNetwork,
     height_m: float,
     seed: int,
-    lines: BaseGeometry | None = None,
 ) -> WallBands:
-    """Compare the visible walls at a height and 5 cm over the floor with the collision walls.
-
-    These are `lines`, by default the outline's boundary.
-    """
+    """Compare the visible walls at a height and 5 cm over the floor with the collision walls on the outline."""
     walls = visible_triangles(visible, WALLS)
-    return WallBands(*(_gaps_at(walls, free, network, height, seed, lines) for height in (height_m, _FOOT_M)))
+    return WallBands(*(_gaps_at(walls, free, network, height, seed) for height in (height_m, _FOOT_M)))
 
 
 def _gaps_at(
@@ -103,12 +98,11 @@ def _gaps_at(
     network: DriftNetwork,
     height_m: float,
     seed: int,
-    lines: BaseGeometry | None,
 ) -> WallGaps:
     z = walls[:, :, 2]
     band = walls[(z.max(axis=1) > height_m - _BAND_M) & (z.min(axis=1) < height_m + _BAND_M)]
     points, _ = sample_triangles(split_long(band), _WALL_POINTS, np.random.default_rng(seed))
-    return measure_walls(between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network, lines)
+    return measure_walls(between(points, (height_m - _BAND_M, height_m + _BAND_M))[:, :2], free, network)
 
 
 def walls_metrics(walls: WallBands) -> dict[str, Any]:

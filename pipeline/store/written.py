@@ -44,13 +44,12 @@ def written_files(folder: Path, ours: Written, sizes: Mapping[str, int] | None =
     return found
 
 
-def remove_written(folder: Path, ours: Written, sizes: Mapping[str, int] | None = None) -> None:
+def remove_written(folder: Path, ours: Written) -> None:
     """Remove a folder whose files are all ours; see `written_files`.
 
     Raises ArtifactError if one is not; then nothing is removed.
     """
-    names = written_files(folder, ours, sizes)
-    for name in names:
+    for name in written_files(folder, ours):
         (folder / name).unlink()
     remove_empty(folder)
 

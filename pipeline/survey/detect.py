@@ -23,7 +23,7 @@ from pipeline.params.survey import (
 )
 from pipeline.remarks import Remark, collect_remarks, hand_on
 from pipeline.survey.detection.cloud import detect_cloud, is_cloud
-from pipeline.survey.detection.found import Detection, section_for
+from pipeline.survey.detection.detected_section import Detection, section_for
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
@@ -80,7 +80,7 @@ def detect_here(path: str, stated: dict[str, Any], rules: dict[str, Any] | None 
     return Payload(values, {} if found.picture is None else {"detected": found.picture})
 
 
-def _detect(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
+def _detect(path: Path, stated: StatedOptions, rules: FloorRules = FLOOR_RULES) -> Detection:
     return _DETECTORS[kind_of(path)](path, stated, rules)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.facets.crossings import CROSSING_M, crosses_more
 from pipeline.volume.height_field.plan_weights import second_and_third
-from pipeline.volume.keyed import keyed, near_facets, volume_of
+from pipeline.volume.labelled_solid import keyed, near_facets, volume_of
 from pipeline.volume.mesh_edges import MeshEdges, ranges
 from pipeline.volume.union import Volume
 

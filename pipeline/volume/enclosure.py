@@ -13,8 +13,8 @@ from pipeline.volume.rock.depth import Depth, deepest
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.gaps import SurfaceGap, widest_gap
 from pipeline.volume.rock.inside import Inside
+from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.ragged import PartCorners
-from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.tiles import Tile
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.height_field.leg_lines import drop, leg_floor_samples, way_samples
+from pipeline.volume.height_field.overlapping_floors import SharedFloors
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.network import NEAR_M, SurveyNetwork
 from pipeline.volume.rock.inside import Inside

@@ -10,7 +10,7 @@ from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.height_field.heights import solve_heights
 from pipeline.volume.height_field.leg_lines import along_legs, way_samples
 from pipeline.volume.height_field.slabs import PassageFloors, slabs_of
-from pipeline.volume.keyed import simplified
+from pipeline.volume.labelled_solid import simplified
 from pipeline.volume.network import NEAR_M, SurveyNetwork
 from pipeline.volume.passages.views import with_views
 from pipeline.volume.slivers import without_slivers

@@ -10,14 +10,14 @@ import manifold3d
 import numpy as np
 
 from pipeline.geometry.facets.separation import ROUNDING_M, ConvexBodies, Facets
-from pipeline.volume.keyed import near_facets, of_facets
+from pipeline.volume.labelled_solid import near_facets, of_facets
 from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import ON_PLANE_M
 from pipeline.volume.rock.inside import Inside
+from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
-from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tile
 from pipeline.volume.union import Volume

@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from pipeline.geometry.facets.crossings import CROSSING_M, crosses_more
-from pipeline.volume.keyed import KeyedSolid, keyed, near_facets, volume_of
+from pipeline.volume.labelled_solid import KeyedSolid, keyed, near_facets, volume_of
 from pipeline.volume.union import Volume, mesh_of
 
 SHORT_M = 0.003  # of an edge, and of a facet's height over its longest edge: floors keep within 1 cm of the survey

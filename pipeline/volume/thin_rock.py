@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
-from pipeline.volume.keyed import KeyedSolid, Neighbourhood, keyed, near_facets, volume_of
+from pipeline.volume.labelled_solid import KeyedSolid, Neighbourhood, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.union import Volume, without_crumbs

@@ -29,10 +29,6 @@ def write_open3d(path, points, **how):
     open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)), **how)
 
 
-def read_open3d(path):
-    return np.asarray(load_open3d().io.read_point_cloud(str(path)).points)
-
-
 @pytest.mark.parametrize(
     ("name", "how"),
     [

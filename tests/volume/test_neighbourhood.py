@@ -10,9 +10,9 @@ from benchmarks.comparisons.volume.cases import CASES
 from pipeline.errors import GeometryError
 from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.keyed import Neighbourhood, boxes_apart, of_facets
+from pipeline.volume.labelled_solid import Neighbourhood, boxes_apart, of_facets
 from pipeline.volume.rock.inside import Inside
-from pipeline.volume.rock.shared import shared_m3
+from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.slivers import without_slivers
 
 
@@ -47,7 +47,7 @@ def joined_one_by_one(low, high):
 
 @pytest.mark.parametrize("together", [10, 1000])
 def test_boxes_that_meet_become_one_whether_or_not_they_are_taken_by_halves(together, monkeypatch):
-    monkeypatch.setattr("pipeline.volume.keyed._TOGETHER", together)
+    monkeypatch.setattr("pipeline.volume.labelled_solid._TOGETHER", together)
     rng = np.random.default_rng(0)
     low = rng.uniform(0, 10, (300, 3))
     high = low + rng.uniform(0, 0.9, (300, 3))

@@ -37,13 +37,13 @@ def drop_straight(lines: Mask, share: float = _LONG) -> Mask:
     return lines & ~level & ~upright
 
 
-def drop_ruled(lines: Mask, share: float = _LONG) -> Mask:
+def drop_ruled(lines: Mask) -> Mask:
     """Remove long straight lines as `drop_straight` does, also where a light letter breaks them."""
     mask = lines.astype(np.uint8)
     straight = np.zeros_like(mask)
     for axis, side in enumerate(lines.shape):
         shape, gap = np.ones(2, int), np.ones(2, int)
-        shape[axis], gap[axis] = max(40, round(share * side)), _BREAK_PX
+        shape[axis], gap[axis] = max(40, round(_LONG * side)), _BREAK_PX
         whole = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones(gap, np.uint8))
         covered = cv2.blur(mask.astype(np.float32), shape[::-1].tolist(), borderType=cv2.BORDER_CONSTANT)
         inked = cv2.dilate((covered >= _INKED).astype(np.uint8), np.ones(shape, np.uint8))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -105,13 +104,8 @@ def triangulate(polygon: BaseGeometry) -> tuple[Points2, np.ndarray]:
     return points, faces
 
 
-def merge_convex(
-    points: np.ndarray, loops: list[list[int]], accepts: Callable[[list[int]], bool] | None = None
-) -> list[list[int]]:
-    """Join counter-clockwise loops across shared edges while the union stays convex, shortest edges first.
-
-    With `accepts`, only unions that it accepts are made.
-    """
+def merge_convex(points: np.ndarray, loops: list[list[int]]) -> list[list[int]]:
+    """Join counter-clockwise loops across shared edges while the union stays convex, shortest edges first."""
     owner = {(loop[i - 1], loop[i]): k for k, loop in enumerate(loops) for i in range(len(loop))}
     xy = points.tolist()
 
@@ -141,10 +135,7 @@ def merge_convex(
         a, b = tail[0], head[0]
         if not (turns_left(head[-2], a, tail[1]) and turns_left(tail[-2], b, head[1])):
             continue
-        merged = head + tail[1:-1]
-        if accepts is not None and not accepts(merged):
-            continue
-        loops[left], loops[right] = merged, []
+        loops[left], loops[right] = head + tail[1:-1], []
         for k in range(len(tail) - 1):
             owner[tail[k], tail[k + 1]] = left
         for start, end in gone:

@@ -13,6 +13,8 @@ from pipeline.metrics.digits import repeatable
 from pipeline.metrics.rock.planefit import fit_voxel_planes, planes_at
 
 _LEAST_POINTS = 24
+_LEAST_OF_LINE = 6  # points of a window
+_STRIP_M = 0.05
 _FILL = 0.8  # share of a window that a profile must span
 _HANN = np.hanning(257)  # at even places along a profile
 
@@ -65,7 +67,7 @@ def profiles_of_runs(runs: list[np.ndarray], window_m: float) -> list[Profile]:
     return profiles
 
 
-def profiles_of_cloud(points: np.ndarray, window_m: float, strip_m: float = 0.05) -> list[Profile]:
+def profiles_of_cloud(points: np.ndarray, window_m: float) -> list[Profile]:
     """Cut points of a surface (n, 3) m into voxels, and each voxel into horizontal strips along its fitted plane."""
     planes = fit_voxel_planes(points, window_m, 4 * _LEAST_POINTS)
     plane = planes_at(points, planes, window_m)
@@ -78,7 +80,7 @@ def profiles_of_cloud(points: np.ndarray, window_m: float, strip_m: float = 0.05
     level /= np.linalg.norm(level, axis=1, keepdims=True)
     local = points[used] - planes.centre[plane]
     along, up, out = (np.einsum("ij,ij->i", local, of[plane]) for of in (level, np.cross(normal, level), normal))
-    strip = np.floor(up / strip_m).astype(np.int64)
+    strip = np.floor(up / _STRIP_M).astype(np.int64)
     order, count = _runs(along, plane * (np.ptp(strip) + 1) + strip - strip.min() if len(strip) else strip)
     last = np.cumsum(count) - 1
     long = along[order[last]] - along[order[last - count + 1]] >= _FILL * window_m * 0.8
@@ -184,7 +186,7 @@ def amplitude_of(profiles: list[Profile]) -> Amplitude | None:
     )
 
 
-def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6) -> np.ndarray:
+def line_roughness(runs: list[np.ndarray], window_m: float) -> np.ndarray:
     """Return the RMS residual to a straight line, (k,) m, of each of the adjoining windows along runs (n, 2) m."""
     residuals = [np.zeros(0)]
     for run in runs:
@@ -197,7 +199,7 @@ def line_roughness(runs: list[np.ndarray], window_m: float, min_points: int = 6)
         x, y = x - mx[index], y - my[index]
         xx, xy, yy = (np.bincount(index, v) for v in (x * x, x * y, y * y))
         least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)  # the smaller eigenvalue of the scatter
-        residuals.append(np.sqrt(np.maximum(least, 0.0) / np.maximum(count, 1))[count >= min_points])
+        residuals.append(np.sqrt(np.maximum(least, 0.0) / np.maximum(count, 1))[count >= _LEAST_OF_LINE])
     return np.concatenate(residuals)
 
 

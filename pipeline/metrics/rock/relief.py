@@ -55,18 +55,16 @@ def measure_relief(
     walls: np.ndarray,
     sample: np.ndarray,
     free: Polygon | MultiPolygon,
-    lines: BaseGeometry | None = None,
     plumb: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Relief:
     """Measure the walls, faces (n, 3, 3) m in the mine frame; flat faces are grown in a `sample` (k, 3, 3) of rock.
 
-    The plan's walls are `lines`, by default the boundary of the free space. Where not all walls are plumb without
-    relief, `plumb` are faces (m, 3, 3) m of those that are, and unit normals (m, 3) of the walls without relief.
+    The plan's walls are the boundary of the free space. Where not all walls are plumb without relief, `plumb` are faces
+    (m, 3, 3) m of those that are, and unit normals (m, 3) of the walls without relief.
     """
-    lines = lines or free.boundary
-    cuts = {_cm("at", z): cut_walls(walls, free, z, lines) for z in CUT_HEIGHTS_M}
+    cuts = {_cm("at", z): cut_walls(walls, free, z) for z in CUT_HEIGHTS_M}
     faces = walls if plumb is None else plumb[0]
-    angle, area = face_angles_deg(walls, lines) if plumb is None else angles_to_deg(*plumb)
+    angle, area = face_angles_deg(walls, free.boundary) if plumb is None else angles_to_deg(*plumb)
     bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(faces).items() if band.any()}
     share = _steep_share(angle, area) if len(area) else {}
     return repeatable(Relief(share, bands, flat_face_share(sample), cuts))
@@ -112,12 +110,9 @@ def _sides(line: shapely.LineString) -> np.ndarray:
     return np.stack([xy[:-1], xy[1:]], axis=1)
 
 
-def cut_walls(walls: np.ndarray, free: Polygon, height_m: float, lines: BaseGeometry | None = None) -> Cut:
-    """Cut the walls, faces (n, 3, 3) m, at a height above the floor, and measure the cut against the plan's walls.
-
-    These are `lines`, by default the boundary of the free space.
-    """
-    lines = lines or free.boundary
+def cut_walls(walls: np.ndarray, free: Polygon, height_m: float) -> Cut:
+    """Cut the walls, faces (n, 3, 3) m, at a height above the floor, and measure the cut against the plan's walls."""
+    lines = free.boundary
     import trimesh  # takes half a second to load, and light worlds do without
 
     mesh = trimesh.Trimesh(walls.reshape(-1, 3), np.arange(3 * len(walls)).reshape(-1, 3), process=False)

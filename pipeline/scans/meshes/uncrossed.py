@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import InputError
 from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
-from pipeline.scans.meshes.rebuilt import rebuilt_within
+from pipeline.scans.meshes.crossing_regions import rebuilt_within
 from pipeline.scans.meshes.winding import WindingNumber
 
 _CELLS = 6.0  # along the median edge of facets that cross

@@ -15,9 +15,9 @@ from pipeline.survey.clouds.flood import Flood, Walls, largest_flood
 from pipeline.survey.clouds.gaps import Gap, fill_gaps, find_gaps, plates_of
 from pipeline.survey.clouds.missing import missing_sides
 from pipeline.survey.clouds.normals import PointPlanes, SidedPoints, SignedDistance, planes_of, sided, strays_of
+from pipeline.survey.clouds.people_and_vehicles import Thing, find_things
 from pipeline.survey.clouds.sight import nearest_in_sight, seen_from
 from pipeline.survey.clouds.surface import BlockSurface
-from pipeline.survey.clouds.things import Thing, find_things
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import cells_at, grown, keys_of
 from pipeline.survey.solids.closing import close_pieces

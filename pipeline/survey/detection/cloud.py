@@ -10,7 +10,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import FileKind, StatedOptions
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.scans.text_clouds import has_point_rows
-from pipeline.survey.detection.found import Detection, section_for
+from pipeline.survey.detection.detected_section import Detection, section_for
 from pipeline.survey.formats import kind_of
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2

@@ -17,7 +17,7 @@ from pipeline.params.reader_limits import reader_limits
 from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
-from pipeline.survey.detection.found import Detection
+from pipeline.survey.detection.detected_section import Detection
 from pipeline.survey.drawing.georeference import has_placement, placement_files, read_placement
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark

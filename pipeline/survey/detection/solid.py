@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.survey.detection.found import Detection, section_for
+from pipeline.survey.detection.detected_section import Detection, section_for
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 
 

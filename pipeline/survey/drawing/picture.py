@@ -194,10 +194,10 @@ def keep_workings(path: Path, picture: Image, params: PlanSurveyParams) -> Image
     return np.where(inside[..., None], 40, 255).astype(np.uint8).repeat(3, axis=2)
 
 
-def turn_picture(picture: Image, turn_deg: float, paper: int = 255) -> tuple[Image, np.ndarray]:
+def turn_picture(picture: Image, turn_deg: float) -> tuple[Image, np.ndarray]:
     """Rotate a picture counter-clockwise. Return it and the (2, 3) affine map of image points.
 
-    The result is large enough to hold the whole picture. The added pixels have the grey value `paper`.
+    The result is large enough to hold the whole picture. The added pixels are white.
 
     Raises InputError if the rotated picture exceeds 16,384 px a side.
     """
@@ -213,7 +213,5 @@ def turn_picture(picture: Image, turn_deg: float, paper: int = 255) -> tuple[Ima
     turn[:, 2] += width / 2 - cols / 2, height / 2 - rows / 2
     on_centres = turn.copy()  # OpenCV's origin is a pixel's centre, that of the image plane its corner
     on_centres[:, 2] += turn[:, :2] @ (0.5, 0.5) - 0.5
-    turned = cv2.warpAffine(
-        picture, on_centres, (width, height), flags=cv2.INTER_AREA, borderValue=(paper, paper, paper)
-    )
-    return turned, turn
+    white = (255, 255, 255)
+    return cv2.warpAffine(picture, on_centres, (width, height), flags=cv2.INTER_AREA, borderValue=white), turn

@@ -11,8 +11,8 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.volume.height_field.overlapping_floors import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import MEET_M, TOUCH_M, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 

@@ -9,8 +9,8 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.volume.height_field.overlapping_floors import APART_M, TOUCH_M, SharedFloors
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import APART_M, TOUCH_M, SharedFloors
 from pipeline.volume.union import Solid
 
 _CLEAR_M = 0.01  # seen from above: what is farther from a section has no corner on it

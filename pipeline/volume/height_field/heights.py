@@ -10,8 +10,8 @@ import shapely
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 
+from pipeline.volume.height_field.overlapping_floors import SharedFloors
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import SharedFloors
 from pipeline.volume.height_field.surface import FloorSurface, surface_of
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid

@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.height_field.heights import HeightField
+from pipeline.volume.height_field.overlapping_floors import stations_of
 from pipeline.volume.height_field.section_floors import is_leg
-from pipeline.volume.height_field.shared import stations_of
 from pipeline.volume.height_field.surface import FloorSurface, weld
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid

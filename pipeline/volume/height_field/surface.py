@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 
 from pipeline.volume.height_field.edges import LegWays, joined_edges
 from pipeline.volume.height_field.groups import FloorGroups, cells_over
+from pipeline.volume.height_field.overlapping_floors import TOUCH_M, Descents, SharedFloors
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
-from pipeline.volume.height_field.shared import TOUCH_M, Descents, SharedFloors
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST, Solid
 

@@ -24,7 +24,7 @@ from pipeline.volume.rock.parted import parted
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Volume
-from pipeline.volume.world.built import built_length_m
+from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.content import closed_volume, in_mine_frame
 from pipeline.volume.world.maps import octree_of, storey_maps

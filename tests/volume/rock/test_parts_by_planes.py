@@ -16,11 +16,11 @@ from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
 from pipeline.volume.rock.inside import Inside
+from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import shaped
-from pipeline.volume.rock.shared import shared_m3
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tile
 from pipeline.volume.shell import build_shell

@@ -14,7 +14,7 @@ from pipeline.store.codecs import decode, encode
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.alone import certify_alone, stated_legs
-from pipeline.volume.world.proof.remade import require_remade
+from pipeline.volume.world.proof.derived_content import require_remade
 from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, proof
 
 BEND = RAMP.replace("-6", "-3") + "B,3,60,0,-3,1.5,2,3,0\nB,4,60,20,-3,1.5,2,3,0\n"

@@ -22,7 +22,7 @@ from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
 from pipeline.volume.world.proof.again.seen import require_surveyed_plan
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.certificate import open_volume
-from pipeline.volume.world.proof.remade import require_remade
+from pipeline.volume.world.proof.derived_content import require_remade
 from pipeline.volume.world.topology import LegNetwork, LegRecord
 from tests.composed import compose
 from tests.mines import require_allowed, sealed

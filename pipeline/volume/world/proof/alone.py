@@ -10,7 +10,7 @@ from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate
 from pipeline.types import ClosedMesh, SurveyedLegs, text_array
 from pipeline.volume.world.proof.certificate import VolumeBundle, validate_volume
-from pipeline.volume.world.proof.remade import follows_floors
+from pipeline.volume.world.proof.derived_content import follows_floors
 from pipeline.volume.world.topology import LegNetwork
 
 _OF_ROCK = "rock."

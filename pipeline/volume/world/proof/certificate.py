@@ -24,7 +24,7 @@ from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.built import built_lengths_m
+from pipeline.volume.world.built_length import built_lengths_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.compiled import compare_model
@@ -70,16 +70,12 @@ class VolumeBundle:
     rock: dict[str, Mesh] = dataclasses.field(default_factory=dict)
 
 
-def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
+def read_volume_record(folder: Path) -> VolumeRecord:
     """Check that a bundle holds what a volume world may, and read its record.
-
-    Without `checked` neither the tables of `pipeline.schema` nor hashes are applied: the tests of the measures need
-    worlds that they refuse.
 
     Raises ArtifactError if a file is missing, changed or not allowed, or the record is invalid; the message names it.
     """
-    if checked:
-        verify_world(folder)
+    verify_world(folder)
     try:
         record: VolumeRecord = TypeAdapter(VolumeRecord).validate_json((folder / RECORD).read_bytes(), strict=True)
     except OSError as error:
@@ -89,9 +85,9 @@ def read_volume_record(folder: Path, checked: bool = True) -> VolumeRecord:
     return record
 
 
-def open_volume(folder: Path, checked: bool = True) -> VolumeBundle:
-    """Read the bundle of a volume world; `checked` as in `read_volume_record`."""
-    record = read_volume_record(folder, checked)
+def open_volume(folder: Path) -> VolumeBundle:
+    """Read the bundle of a volume world."""
+    record = read_volume_record(folder)
     return VolumeBundle(
         record,
         decode(folder / VOLUME, VolumeFacets),

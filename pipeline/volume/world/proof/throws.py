@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import mujoco
@@ -18,7 +17,6 @@ _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m,
 _BALLS_EACH = 32
 _PUSHED, _DRIVEN = 40, 160  # physics steps after a throw
 _FASTEST_MPS = 3.0
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,6 @@ def throw_balls(
     contacts: int,
     whole: bool,
     rng: np.random.Generator,
-    progress: Progress = iter,
     targets: np.ndarray | None = None,
 ) -> Throws:
     """Push balls at facets in random order, each the largest that fits before it; `whole` goes on until all had one.
@@ -72,7 +69,7 @@ def throw_balls(
     queues = [_Facets(np.flatnonzero(radius == kind), rng) for kind in range(len(_BALLS))]
     touched, throws, escapes = 0, 0, 0
     rounds = max(queue.rounds for queue in queues)
-    for turn in progress(range(100 * rounds)):
+    for turn in range(100 * rounds):
         if touched >= contacts and (turn >= rounds or not whole):
             break
         mujoco.mj_resetData(model, data)
@@ -118,7 +115,6 @@ def throw_robots(
     parts: list[ShellPart],
     contacts: int,
     rng: np.random.Generator,
-    progress: Progress = iter,
     targets: np.ndarray | None = None,
 ) -> Throws:
     """Throw robots from floors in all directions at up to 3 m/s, and drive them on at full throttle.
@@ -131,7 +127,7 @@ def throw_robots(
     if not len(places):
         return Throws()
     touched, begun, escapes = 0, [np.zeros(0, int)], 0
-    for _ in progress(range(100 * (1 + contacts // (ROBOTS * _DRIVEN)))):
+    for _ in range(100 * (1 + contacts // (ROBOTS * _DRIVEN))):
         if touched >= contacts:
             break
         mujoco.mj_resetData(model, data)

@@ -15,8 +15,8 @@ from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.again.labelled import _beyond_legs_m
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
+from pipeline.volume.world.proof.derived_content import require_remade
 from pipeline.volume.world.proof.fronts import fronts_of
-from pipeline.volume.world.proof.remade import require_remade
 from tests.volume_worlds import RAMP, VolumeWorld, proof
 
 TEE = RAMP + "B,2,30,0,0,2,2,3,0\nB,4,30,12,0,2,2,3,0\n"

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.scans.meshes.rebuilt import rebuilt_within
+from pipeline.scans.meshes.crossing_regions import rebuilt_within
 from pipeline.scans.meshes.winding import WindingNumber
 
 CELL_M = 0.05

@@ -18,7 +18,7 @@ from pipeline.proof.rebuilt.differences import first_difference
 from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.store.codecs import decode
 from pipeline.types import Image, SurveyedLegs, lines_of
-from pipeline.volume.world.built import built_length_m
+from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
