@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -39,11 +40,24 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     Its passages' cross-sections make the legs. All other legs of the centreline get their walls from splays
     (`walls_across`), from the passages that they continue, or as legs that nobody measured.
 
-    `path`: Path. `survey`: SolvedSurvey. `half_width_m`: float or None; distance to a wall where none was measured;
-    None takes half the median width of the survey's own. A warning counts them.
-    Raises InputError if no walls are known, or legs cross at one height without a station. The message names the file
-    and the stations.
-    Returns list of SurveyLeg: m, in the survey's own frame.
+    Parameters
+    ----------
+    path : Path
+    survey : SolvedSurvey
+    half_width_m : float or None
+        Distance to a wall where none was measured; None takes the usual one of the survey's own. A warning
+        counts them.
+
+    Raises
+    ------
+    InputError
+        If no walls are known, or legs cross at one height without a station. The message names the file and the
+        stations.
+
+    Returns
+    -------
+    list of SurveyLeg
+        m, in the survey's own frame.
     """
     plan = _StationPlan(survey)
     # The ends of splays are no stations of passages; a survey by laser has ten to a station.
@@ -58,6 +72,8 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     continued = plan.between(rows)
     rows += [(nodes, np.full((len(nodes), 4), np.nan)) for nodes, _ in continued]
     hits = SplayHits([nodes for nodes, _ in rows], plan.places, splays)
+    sides = np.concatenate([hits.asides_m, *(walls[:, :2].ravel() for _, walls in rows)])
+    walls_m = sides[np.isfinite(sides)]
     rows = [(nodes, plan.with_splays(nodes, walls, hits)) for nodes, walls in rows]
     first = len(rows) - len(continued)
     rows[first:] = [
@@ -66,17 +82,17 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
-    rows, sides = with_sides(path, rows, half_width_m, sum(map(len, splays.values())))
+    rows, known = with_sides(path, rows, half_width_m, walls_m if hits.asides_m else ())
     rows = _with_one_floor(path, plan, rows)
     warn_of_floors(path, rows)
     rows, floors = fill_down(rows, plan.places, hits.depths())
     sources = [
-        np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
-        for (nodes, _), known in zip(rows, sides, strict=True)
+        np.column_stack([sides, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
+        for (nodes, _), sides in zip(rows, known, strict=True)
     ]
-    legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
+    legs = legs_of_chains(path, [plan.chain_of(*row, of) for row, of in zip(rows, sources, strict=True)])
     steps = {plan.names[node]: found for node, found in hits.splays.items()}
-    legs = with_hits(legs, hits, plan.names)
+    legs = with_hits(legs, hits, plan.names, half_width_m or float(np.median(walls_m)))
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
 
@@ -184,11 +200,14 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int = 0) -> tuple[Rows, list[np.ndarray]]:
+def with_sides(
+    path: Path, rows: Rows, half_width_m: float | None, walls_m: Sequence[float] | np.ndarray = ()
+) -> tuple[Rows, list[np.ndarray]]:
     """Return the rows with both sides of every station, and how each side (n, 2) is known (`Source`).
 
-    Warnings count the stations whose sides were not measured, and say of how many others, and of how many `splays`, the
-    usual side comes. With splays it is the median side where no station has both.
+    The usual side is half the median width of the stations with both. In a survey with splays, which hit most walls
+    between stations, it is the median of all measured ones, `walls_m` (n,) m. Warnings count the stations whose sides
+    were not measured, and say where the usual side comes from.
 
     Raises InputError if a width is needed and neither stated nor measured anywhere, or a wall is too far from its
     station.
@@ -197,7 +216,7 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int =
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
     if farthest > most:
         raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
-    usual = half_width_m or usual_half_width_m(rows, splays > 0)
+    usual = half_width_m or (float(np.median(walls_m)) if len(walls_m) else usual_half_width_m(rows))
     if usual is None and not np.isfinite(sides).all():
         raise InputError(
             f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
@@ -205,10 +224,10 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int =
     filled = [fill_sides(walls, usual or 0.0) for _, walls in rows]
     total = sum(len(nodes) for nodes, _ in rows)
     if count := sum(one.have(Source.ASSUMED) for one in filled):
-        known = np.isfinite(sides).reshape(-1, 2)
-        both = int(known.all(axis=1).sum())
-        found = f"half the median width of the {both} with both" if both else f"the median of {known.sum()} walls"
-        found += f", in a survey of {splays} splays" * (splays > 0) + "; --half-width M states another"
+        both = int(np.isfinite(sides).reshape(-1, 2).all(axis=1).sum())
+        found = f"half the median width of the {both} with both"
+        found = f"the median of the {len(walls_m)} walls that splays hit or stations state" if len(walls_m) else found
+        found += "; --half-width M states another"
         warn_user(
             f"stations of passages have no measured wall beside them; {usual:.2f} m is taken on each side "
             f"without one, {'as stated' if half_width_m else found}",
