@@ -20,7 +20,10 @@ _DYNAMIC = 'dynamic = ["version"]'
 def stated(pyproject: str, version: str) -> str:
     """Return the text of a `pyproject.toml` with its version stated.
 
-    Raises ValueError if its version is not dynamic.
+    Raises
+    ------
+    ValueError
+        If its version is not dynamic.
     """
     if pyproject.count(_DYNAMIC) != 1:
         raise ValueError(f"pyproject.toml: want one line {_DYNAMIC}")

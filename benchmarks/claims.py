@@ -40,8 +40,12 @@ class Claim:
 class Figures:
     """The files that the ledger is written from: metrics, the world's record, bounds and training runs.
 
-    Raises ArtifactError if a file is missing; the message names the target that writes it. BaselineError if there are
-    no training runs.
+    Raises
+    ------
+    ArtifactError
+        If a file is missing; the message names the target that writes it.
+    BaselineError
+        If there are no training runs.
     """
 
     def __init__(self) -> None:

@@ -32,7 +32,10 @@ _REPLAYED = (
 def read(path: Path, target: str) -> Any:
     """Return the content of a JSON file.
 
-    Raises ArtifactError if the file is missing. The message names the command that writes it.
+    Raises
+    ------
+    ArtifactError
+        If the file is missing. The message names the command that writes it.
     """
     try:
         return json.loads(path.read_text())

@@ -12,8 +12,12 @@ from minexplore.envs.vector import MineVectorEnv
 def make_vector_env(num_envs: int = 1, backend: str = "mujoco", **kwargs: Any) -> VectorEnv:
     """Return `MineVectorEnv`, which steps robots on the CPU, or with `backend="warp"` `MineWarpEnv`, on a `device`.
 
-    Raises ValueError if there is no such backend. ImportError if what Warp needs is not installed; the message says
-    what to install.
+    Raises
+    ------
+    ValueError
+        If there is no such backend.
+    ImportError
+        If what Warp needs is not installed; the message says what to install.
     """
     if backend == "mujoco":
         return MineVectorEnv(num_envs, **kwargs)

@@ -38,9 +38,20 @@ def run_command(
 ) -> int:
     """Run a command; return its exit code, after one line if it did not succeed.
 
-    `name`: str; what the line begins with. `command`: callable. `refusal`: callable; returns the line of an expected
-    error, or nothing. Errors of the operating system, such as a full disk, are expected as well. `interrupted`: str.
-    Returns int: 0, 2 after an expected error, 130 after Ctrl-C or SIGTERM, 141 if nobody reads the output any more.
+    Parameters
+    ----------
+    name : str
+        What the line begins with.
+    command : callable
+    refusal : callable
+        Returns the line of an expected error, or nothing. Errors of the operating system, such as a full disk, are
+        expected as well.
+    interrupted : str
+
+    Returns
+    -------
+    int
+        0, 2 after an expected error, 130 after Ctrl-C or SIGTERM, 141 if nobody reads the output any more.
     """
     received: list[int] = []
 

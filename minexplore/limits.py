@@ -54,7 +54,10 @@ def has_display() -> bool:
 def check_numbers(kind: str, params: Any, spans: Mapping[str, Span]) -> None:
     """Refuse a field of `params` that lies outside its span.
 
-    Raises ValueError: naming the kind of parameters, the field, its value, and what is accepted.
+    Raises
+    ------
+    ValueError
+        Naming the kind of parameters, the field, its value, and what is accepted.
     """
     for name, span in spans.items():
         value = getattr(params, name)
@@ -65,8 +68,17 @@ def check_numbers(kind: str, params: Any, spans: Mapping[str, Span]) -> None:
 def read_plain_file(path: Path, most_bytes: int, may_link: bool = True) -> bytes:
     """Return a plain file's bytes.
 
-    `path`: Path. `most_bytes`: int. `may_link`: bool; whether `path` may be a link to such a file.
-    Raises UnreadableError if it is something else, cannot be read or is larger, or no file can have this path.
+    Parameters
+    ----------
+    path : Path
+    most_bytes : int
+    may_link : bool
+        Whether `path` may be a link to such a file.
+
+    Raises
+    ------
+    UnreadableError
+        If it is something else, cannot be read or is larger, or no file can have this path.
     """
     flags = _READING | (0 if may_link else getattr(os, "O_NOFOLLOW", 0))
     try:
@@ -95,7 +107,10 @@ def require_small_json(data: bytes, most_values: int, most_keys: int, deepest: i
 
     Values are counted by their commas and brackets outside of texts.
 
-    Raises UnreadableError: naming the count and the limit.
+    Raises
+    ------
+    UnreadableError
+        Naming the count and the limit.
     """
     depth, is_text, values, keys = 0, False, 0, 0
     for at in range(0, len(plain := _ESCAPED.sub(b"", data) if b"\\" in data else data), _BLOCK):

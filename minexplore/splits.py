@@ -22,7 +22,10 @@ def mine_name(split: str, number: int) -> str:
 def parse_name(name: str) -> tuple[str, int]:
     """Return the split and the number of a mine's name.
 
-    Raises ValueError if no split has a mine of this name.
+    Raises
+    ------
+    ValueError
+        If no split has a mine of this name.
     """
     found = _NAME.fullmatch(name)
     if not found or int(found[2]) >= SIZES[found[1]]:
@@ -39,8 +42,12 @@ def light_folder(split: str, number: int) -> Path:
 def world_folder(name: str, families: Path | None = None) -> Path:
     """Return the bundle of a mine by name, in `families` or, by default, in a source checkout.
 
-    Raises ValueError if no split has a mine of this name. FileNotFoundError if the world is not built; the message says
-    how to build it.
+    Raises
+    ------
+    ValueError
+        If no split has a mine of this name.
+    FileNotFoundError
+        If the world is not built; the message says how to build it.
     """
     split, number = parse_name(name)
     root = Path(__file__).parents[1] / "artifacts" / "families" if families is None else families

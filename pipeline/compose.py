@@ -40,8 +40,16 @@ _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 def compose(overrides: list[str], conf: Path = CONF) -> Config:
     """Compose the configuration in a folder, by default that of the project, and check it.
 
-    `overrides`: list of str; hydra overrides: `group=choice` or `section.key=value`. `conf`: Path.
-    Raises ParamsError: the message names the override, its value and the valid choices.
+    Parameters
+    ----------
+    overrides : list of str
+        Hydra overrides: `group=choice` or `section.key=value`.
+    conf : Path
+
+    Raises
+    ------
+    ParamsError
+        The message names the override, its value and the valid choices.
     """
     require_project(conf)
     for path in sorted(conf.rglob("*.yaml")):
@@ -75,7 +83,10 @@ def _printable(text: str) -> str:
 def compose_after_root(more: list[str]) -> Config:
     """Compose the configuration with the overrides in `params.yaml`, then with more.
 
-    Raises ParamsError: as `compose`; if an override in `params.yaml` is at fault, the message names that file.
+    Raises
+    ------
+    ParamsError
+        As `compose`; if an override in `params.yaml` is at fault, the message names that file.
     """
     root = root_overrides()
     try:
@@ -89,7 +100,10 @@ def compose_after_root(more: list[str]) -> Config:
 def floor_rules_of(overrides: list[str]) -> FloorRules:
     """Return the rules of the floor with what overrides state of them (`survey.flat_step_m=0`).
 
-    Raises ParamsError: as `compose`.
+    Raises
+    ------
+    ParamsError
+        As `compose`.
     """
     names = set(FloorRules.model_fields)
     own = [text for text in overrides if text.partition("=")[0].removeprefix("survey.") in names]

@@ -94,7 +94,10 @@ def draft_import(
 def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
     """Copy and register a mine's files and write `conf/survey/NAME.yaml`.
 
-    Raises InputError, ArtifactError if a file cannot be written. Then nothing is.
+    Raises
+    ------
+    InputError, ArtifactError
+        If a file cannot be written. Then nothing is.
     """
     if draft.section is None:
         return Import()
@@ -122,7 +125,10 @@ def import_mine(draft: ImportDraft, origin: str, licence: str) -> Import:
 def _with_heights(detected: Detection, stated: StatedOptions, source: Path) -> Detection:
     """Return what was detected with stated heights of the floor; grades of legs are among what was detected.
 
-    Raises InputError if both are stated, the file has elevations of its own, or heights are not read from such a file.
+    Raises
+    ------
+    InputError
+        If both are stated, the file has elevations of its own, or heights are not read from such a file.
     """
     heights, grade = stated.heights, stated.grade
     if heights is None and grade is None:
@@ -159,8 +165,11 @@ def forget_import(made: Import) -> None:
 def _targets(source: Path, files: list[Path], folder: Path) -> dict[Path, Path]:
     """Return where each file of a mine is copied to.
 
-    Raises InputError if a file's name cannot stand in a configuration, a companion file lies outside the folder of
-    `source`, a file is too large, or a different file is already there.
+    Raises
+    ------
+    InputError
+        If a file's name cannot stand in a configuration, a companion file lies outside the folder of `source`, a file
+        is too large, or a different file is already there.
     """
     targets, most = {}, reader_limits().file_bytes
     for file in files:
@@ -189,8 +198,12 @@ def require_section(text: str) -> None:
 def import_workings(name: str, source: Path) -> Path:
     """Copy a world's free space below data/ and register it as the source of variants.
 
-    Raises ArtifactError if the world has no free space yet. InputError if a different free space of this name was
-    copied before.
+    Raises
+    ------
+    ArtifactError
+        If the world has no free space yet.
+    InputError
+        If a different free space of this name was copied before.
     """
     if not source.is_file():
         raise ArtifactError(f"{source}: {absence_of(source)}; make the world first")

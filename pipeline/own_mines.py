@@ -28,7 +28,10 @@ def survey_file(name: str) -> Path:
 def require_name(name: str) -> None:
     """Refuse a name that is no name of a world, or belongs to this project.
 
-    Raises ParamsError: the message states the rule.
+    Raises
+    ------
+    ParamsError
+        The message states the rule.
     """
     if not re.fullmatch(_NAME, name):
         raise ParamsError(f"name = {name!r}: expected a letter, then letters, digits, - and _, at most 64 in all")
@@ -46,7 +49,10 @@ def require_name(name: str) -> None:
 def require_same(conf: Path, name: str, source: Path) -> None:
     """Refuse a file of which a mine that exists has no copy: the mine was read from another one.
 
-    Raises InputError if no file of the mine has the same bytes.
+    Raises
+    ------
+    InputError
+        If no file of the mine has the same bytes.
     """
     require_plain_file(source)
     folder = DATA / name
@@ -60,7 +66,10 @@ def require_same(conf: Path, name: str, source: Path) -> None:
 def require_kept(conf: Path, stated: StatedOptions) -> None:
     """Refuse options that differ from a section that exists, as it is kept and they would do nothing.
 
-    Raises ParamsError if the section states another value of the same key.
+    Raises
+    ------
+    ParamsError
+        If the section states another value of the same key.
     """
     section = (yaml.safe_load(conf.read_text()) or {}).get("survey") or {}
     scale = section.get("scale")

@@ -20,8 +20,15 @@ SMOOTH, TEXTURE = "smooth.npz", "texture.png"  # of stage 4, beside the chunks o
 def require_project(conf: Path = CONF) -> None:
     """Refuse a folder that is not the project's, by its configuration.
 
-    `conf`: Path; the configuration's folder; by default that of the working directory.
-    Raises ParamsError: the message names the folder.
+    Parameters
+    ----------
+    conf : Path
+        The configuration's folder; by default that of the working directory.
+
+    Raises
+    ------
+    ParamsError
+        The message names the folder.
     """
     if not (conf / "config.yaml").is_file():
         raise ParamsError(

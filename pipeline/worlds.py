@@ -37,7 +37,10 @@ _COLUMNS: list[tuple[str, tuple[str, ...], str]] = [  # title, the figure of a l
 def world_folder(name: str) -> Path:
     """Return a world's folder: `artifacts` for the default world, `artifacts/worlds/NAME` for others.
 
-    Raises ArtifactError if there is no world of this name. The message lists the worlds.
+    Raises
+    ------
+    ArtifactError
+        If there is no world of this name. The message lists the worlds.
     """
     folder = ARTIFACTS if name == DEFAULT else WORLDS / name
     if not re.fullmatch(_NAME, name) or not (folder / "survey").is_dir():

@@ -39,7 +39,12 @@ _SHOWN = ("coverage at 300 s", "coverage at 600 s", "share of bound at 600 s", "
 def build() -> None:
     """Bring the world up to date and register its environment.
 
-    Raises BaselineError if the plan is missing. MineError if a stage fails.
+    Raises
+    ------
+    BaselineError
+        If the plan is missing.
+    MineError
+        If a stage fails.
     """
     if not _SOURCE.is_file():
         raise BaselineError(f"{_SOURCE}: missing; `make data` fetches it")

@@ -100,7 +100,10 @@ def _places(survey: SolvedSurvey) -> dict[str, list[np.ndarray]]:
 def solve_by_therion(path: Path, program: str) -> SolvedSurvey | None:
     """Return Therion's solution of a project, or none if Therion refuses it.
 
-    Raises FileNotFoundError if the program is missing.
+    Raises
+    ------
+    FileNotFoundError
+        If the program is missing.
     """
     with tempfile.TemporaryDirectory() as scratch:
         config, out = Path(scratch) / _CONFIG, Path(scratch) / _OUT
@@ -112,7 +115,10 @@ def solve_by_therion(path: Path, program: str) -> SolvedSurvey | None:
 def solve_by_survex(path: Path) -> SolvedSurvey | None:
     """Return the survey that Survex prints of a file, solved by `cavern` unless it is a `.3d`; none if it refuses it.
 
-    Raises FileNotFoundError if a program is missing.
+    Raises
+    ------
+    FileNotFoundError
+        If a program is missing.
     """
     with tempfile.TemporaryDirectory() as scratch:
         solved = path

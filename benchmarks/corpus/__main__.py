@@ -44,8 +44,11 @@ def build_member(folder: Path, generated: int, member: CorpusMember) -> None:
 def build(folder: Path, members: list[CorpusMember], where: Where = HERE) -> list[CorpusEntry]:
     """Build the members that the folder lacks, write what describes all of them, and return the entries.
 
-    Raises ArtifactError if the folder has other files where this writes, the pipeline refuses a member, a certificate
-    does not hold, or all are larger than `MOST_MB`.
+    Raises
+    ------
+    ArtifactError
+        If the folder has other files where this writes, the pipeline refuses a member, a certificate does not hold, or
+        all are larger than `MOST_MB`.
     """
     require_ours(folder)  # before hours of building
     work = Work(

@@ -108,7 +108,10 @@ class Workshop:
     def build(self, member: CorpusMember) -> Path:
         """Build a member; return its folder with the artifacts of all stages and the report.
 
-        Raises ArtifactError if the pipeline refuses it or a limit is breached; the message is the pipeline's.
+        Raises
+        ------
+        ArtifactError
+            If the pipeline refuses it or a limit is breached; the message is the pipeline's.
         """
         if member == DEFAULT:
             return ROOT / "artifacts"
@@ -137,7 +140,10 @@ class Workshop:
 def copy_evidence(built: Path, target: Path) -> None:
     """Copy a world's bundle, certificate, metrics, report and plan into a folder that does not exist.
 
-    Raises ArtifactError if there is something else at its place, or the world's last stage has not ended.
+    Raises
+    ------
+    ArtifactError
+        If there is something else at its place, or the world's last stage has not ended.
     """
     command = command_to_end(built / "realism" / "world", built)
     if command is not None:

@@ -68,7 +68,10 @@ def read_entry(folder: Path, member: CorpusMember) -> CorpusEntry:
 def write_metadata(folder: Path, entries: list[CorpusEntry], published: date) -> None:
     """Write index, table, data card and Croissant file beside the worlds; equal worlds give equal bytes.
 
-    Raises ArtifactError if the folder has another file of one of these names.
+    Raises
+    ------
+    ArtifactError
+        If the folder has another file of one of these names.
     """
     index = {"format": FORMAT, "version": __version__, "worlds": {e.member.name: _index_entry(e) for e in entries}}
     lines = [",".join(_COLUMNS), *(",".join(str(value) for value in entry.row()) for entry in entries)]
@@ -86,7 +89,10 @@ def write_metadata(folder: Path, entries: list[CorpusEntry], published: date) ->
 def require_ours(folder: Path) -> dict[str, list[str]]:
     """Return the hashes of the description that an earlier call wrote into a folder.
 
-    Raises ArtifactError if the folder has another file of one of its names; the message has the name.
+    Raises
+    ------
+    ArtifactError
+        If the folder has another file of one of its names; the message has the name.
     """
     try:
         listed = TypeAdapter(dict[str, list[str]]).validate_json(read_text_file(folder / WRITTEN))
@@ -177,7 +183,9 @@ env = gymnasium.make("MineXplore/corpus:{entries[0].member.name}-v0")
 def _croissant(hashes: dict[str, str], entries: list[CorpusEntry], published: date) -> dict[str, Any]:
     """Return Croissant 1.0 metadata: the table of worlds as a record set, and the index.
 
-    Source: Croissant 1.0, https://docs.mlcommons.org/croissant/docs/croissant-spec.html
+    References
+    ----------
+    Croissant 1.0, https://docs.mlcommons.org/croissant/docs/croissant-spec.html
     """
     citation = yaml.safe_load(Path("CITATION.cff").read_text())
     files = [

@@ -189,7 +189,10 @@ def _has_same_corners(one: bytes, other: bytes) -> bool:
 def prove(folder: Path, params: ValidationParams) -> OpenedBundle:
     """Judge a bundle as `certify` does, without the stress test, and return it.
 
-    Raises MineError: with the file, the value and the limit.
+    Raises
+    ------
+    MineError
+        With the file, the value and the limit.
     """
     world = open_bundle(folder)
     free_space = require_built(folder, world.record, params)
@@ -208,7 +211,10 @@ def prove(folder: Path, params: ValidationParams) -> OpenedBundle:
 def prove_volume(folder: Path, params: ValidationParams) -> None:
     """Judge the bundle of a volume as `certify` does, without bodies that are thrown.
 
-    Raises MineError: with the file, the value and the limit, or the clause.
+    Raises
+    ------
+    MineError
+        With the file, the value and the limit, or the clause.
     """
     world = open_volume(folder)
     require_furniture(folder, world.record.files, params.fittings.furniture, hang_again(folder, world.record.files))
@@ -222,7 +228,10 @@ def prove_volume(folder: Path, params: ValidationParams) -> None:
 def prove_and_drive(folder: Path, params: ValidationParams) -> None:
     """Judge a bundle, and load it as the environment does.
 
-    Raises MineError: with the file, the value and the limit.
+    Raises
+    ------
+    MineError
+        With the file, the value and the limit.
     """
     prove(folder, params)
     _drive(folder)

@@ -24,9 +24,14 @@ _SMOOTH = 21  # rows, 2 s: what turns slower is steering
 def fit_odometry(times_s: np.ndarray, travel_m: np.ndarray, start: np.ndarray, end: np.ndarray) -> OdometryFit:
     """Return the errors of odometry.
 
-    `times_s`: (n,). `travel_m`: (n, 2); left and right, since the row before. `start`, `end`: (3,), m and rad; surveyed
-    poses before and after. The robot drives nearly straight between them, so that their distance is the way that it
-    went.
+    Parameters
+    ----------
+    times_s : (n,)
+    travel_m : (n, 2)
+        Left and right, since the row before.
+    start, end : (3,), m and rad
+        Surveyed poses before and after. The robot drives nearly straight between them, so that their distance is the
+        way that it went.
     """
     way_m, turned = float(np.linalg.norm(end[:2] - start[:2])), float(end[2] - start[2])
     travel = travel_m.mean(axis=1)

@@ -71,8 +71,16 @@ def measure(case: tuple[str, str, float]) -> Row:
 def measure_file(file: str, text: str, project: Project) -> tuple[stage_costs.Costs, Path]:
     """Build a station table in a copy of the project, as `new FILE preset=light` does, and drive in it.
 
-    Returns Costs. Path: the world's folder.
-    Raises MineError, RuntimeError if the file is refused, or a stage fails.
+    Returns
+    -------
+    Costs
+    Path
+        The world's folder.
+
+    Raises
+    ------
+    MineError, RuntimeError
+        If the file is refused, or a stage fails.
     """
     name = Path(file).stem
     with contextlib.chdir(project.folder):

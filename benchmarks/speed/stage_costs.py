@@ -32,9 +32,19 @@ class Costs:
 def measure(overrides: list[str], root: Path, project: Path = Path()) -> Costs:
     """Build a world, each stage in a process of its own, and drive in it.
 
-    `overrides`: list of str; hydra overrides that make the world. `root`: Path; its folder. A mine's file needs one
-    below the project. `project`: Path; where the commands run.
-    Raises RuntimeError if a stage fails; the message names it.
+    Parameters
+    ----------
+    overrides : list of str
+        Hydra overrides that make the world.
+    root : Path
+        Its folder. A mine's file needs one below the project.
+    project : Path
+        Where the commands run.
+
+    Raises
+    ------
+    RuntimeError
+        If a stage fails; the message names it.
     """
     stages = {name: _run(project, "stage", name, str(root), *overrides) for name in STAGES}
     driven = _run(project, "drive", str(root))

@@ -55,7 +55,10 @@ class ProjectFiles:
     def at(cls, commit: str) -> ProjectFiles:
         """Read the files of a commit of this repository.
 
-        Raises BaselineError if it has no such commit, as in a clone without history.
+        Raises
+        ------
+        BaselineError
+            If it has no such commit, as in a clone without history.
         """
         with tarfile.open(fileobj=io.BytesIO(_archived(commit))) as archive:
             found = ((member.name, archive.extractfile(member)) for member in archive if _is_text(member.name))

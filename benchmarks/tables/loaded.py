@@ -19,8 +19,17 @@ print(*(module.__file__ for module in sys.modules.values() if getattr(module, "_
 def loaded_modules(bundle: Path, root: Path = ROOT) -> dict[str, int]:
     """Return the lines of each module of `minexplore` that an environment of a world loads.
 
-    `bundle`: Path; absolute. `root`: Path; absolute; the folder that `minexplore` is in.
-    Returns dict of int by name: empty if no environment can be made; the reason is printed to standard error.
+    Parameters
+    ----------
+    bundle : Path
+        Absolute.
+    root : Path
+        Absolute; the folder that `minexplore` is in.
+
+    Returns
+    -------
+    dict of int by name
+        Empty if no environment can be made; the reason is printed to standard error.
     """
     environment = {**os.environ, "PYTHONPATH": str(root)}
     done = subprocess.run(

@@ -56,7 +56,10 @@ def finish_world(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Run stages 3 to 5 in memory on what stage 2 returned for a level mine, and write the bundle to a folder.
 
-    Returns dict, dict: the files of stages 3 and 4, and their values by name.
+    Returns
+    -------
+    dict, dict
+        The files of stages 3 and 4, and their values by name.
     """
     # No stage after the second looks at the picture of a plan.
     mine = MineSurvey(survey, np.zeros((1, 1, 3), np.uint8), DrawnPlan())

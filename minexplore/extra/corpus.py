@@ -48,10 +48,17 @@ class Corpus:
 
         The environment's id is `MineXplore/corpus:NAME-v0`.
 
-        `name`: str.
-        Raises FileNotFoundError if the corpus has no world of this name; the message lists some of its names.
-        BundleError if a file cannot be fetched or comes too slowly, is larger than a world's may be, has another hash
-        than the index or the world's record says, or the bundle is none that `minexplore.sealed` opens.
+        Parameters
+        ----------
+        name : str
+
+        Raises
+        ------
+        FileNotFoundError
+            If the corpus has no world of this name; the message lists some of its names.
+        BundleError
+            If a file cannot be fetched or comes too slowly, is larger than a world's may be, has another hash than the
+            index or the world's record says, or the bundle is none that `minexplore.sealed` opens.
         """
         if name not in self.records:
             known = ", ".join(sorted(self.records)[:10])
@@ -86,12 +93,21 @@ class Corpus:
 def open_corpus(source: str | Path | None = None, sha256: str | None = None) -> Corpus:
     """Read the index of a corpus.
 
-    `source`: str or Path, optional; a folder, or an address that begins with http:// or https://. By default that of
-    the environment variable MINEXPLORE_CORPUS, else `artifacts/corpus` of a source checkout. `sha256`: str, optional;
-    of `corpus.json`. It makes the whole corpus that which was published, as the index holds the hash of every world's
-    record and the record that of every file.
-    Raises FileNotFoundError if there is no corpus. BundleError if the index cannot be fetched, has another hash, or is
-    no index.
+    Parameters
+    ----------
+    source : str or Path, optional
+        A folder, or an address that begins with http:// or https://. By default that of the environment variable
+        MINEXPLORE_CORPUS, else `artifacts/corpus` of a source checkout.
+    sha256 : str, optional
+        Of `corpus.json`. It makes the whole corpus that which was published, as the index holds the hash of every
+        world's record and the record that of every file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no corpus.
+    BundleError
+        If the index cannot be fetched, has another hash, or is no index.
     """
     place = str(source or os.environ.get(SOURCE) or Path(__file__).parents[2] / "artifacts" / "corpus").rstrip("/")
     if _is_address(place):

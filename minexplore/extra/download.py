@@ -35,7 +35,10 @@ class Transfer:
     def __init__(self) -> None:
         """Read the time that it may take.
 
-        Raises BundleError if the environment variable states no time.
+        Raises
+        ------
+        BundleError
+            If the environment variable states no time.
         """
         stated = os.environ.get(TIME)
         try:
@@ -67,7 +70,10 @@ class Transfer:
 def read_address(address: str, most_bytes: int, transfer: Transfer) -> bytes:
     """Return the bytes of an address that begins with http:// or https://.
 
-    Raises BundleError: as `keep_file`.
+    Raises
+    ------
+    BundleError
+        As `keep_file`.
     """
     with requests.Session() as session:
         return b"".join(_pieces(session, address, most_bytes, transfer))

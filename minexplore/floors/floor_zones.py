@@ -50,7 +50,10 @@ class FloorZone:
 def read_zones(file: Path, zones: Any) -> list[FloorZone]:
     """Read the zones of a world's record, west to east.
 
-    Raises BundleError: naming the file, the zone, and the field that is missing, unknown, or beyond its limit.
+    Raises
+    ------
+    BundleError
+        Naming the file, the zone, and the field that is missing, unknown, or beyond its limit.
     """
     if not isinstance(zones, list) or not zones or not all(isinstance(zone, dict) for zone in zones):
         raise BundleError(f"{file}: zones = {zones!r}: want a list of one zone or more")

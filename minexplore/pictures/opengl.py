@@ -31,7 +31,10 @@ def prepare_opengl(render_mode: str) -> None:
     MuJoCo chooses by `MUJOCO_GL` when it is imported, and takes GLFW where that is unset, which needs a display. A
     value that the user set is kept.
 
-    Raises DisplayError if nothing can draw in this mode; the message says what to install or set.
+    Raises
+    ------
+    DisplayError
+        If nothing can draw in this mode; the message says what to install or set.
     """
     if has_display():
         return
@@ -57,8 +60,10 @@ def new_renderer(model: mujoco.MjModel, size_px: tuple[int, int], max_geom: int)
 
     MuJoCo ends its EGL display at exit, and frees the contexts of open renderers afterwards, which fails.
 
-    Raises DisplayError: in a fork of a process that has drawn: the threads of its OpenGL are not in the fork, which
-    would wait for them.
+    Raises
+    ------
+    DisplayError
+        In a fork of a process that has drawn: the threads of its OpenGL are not in the fork, which would wait for them.
     """
     if _DRAWING and os.getpid() not in _DRAWING:
         raise DisplayError(

@@ -42,7 +42,10 @@ def shown_spec(world: World) -> mujoco.MjSpec:
     Floors have the material of their zone. Walls and roofs are in the groups of collision parts, which pictures show
     where a world has no visible rock. Its lamps fade and cast no shadows, as those of all other worlds.
 
-    Raises BundleError if a file has changed since the world was loaded, or MuJoCo refuses it.
+    Raises
+    ------
+    BundleError
+        If a file has changed since the world was loaded, or MuJoCo refuses it.
     """
     assert world.volume is not None
     try:

@@ -25,10 +25,21 @@ _END, _END_SIGNATURE = "<4s4H2LH", b"PK\5\6"  # of an archive, with the bytes of
 def read_arrays(file: str, data: bytes, table: dict[str, tuple[str, int]], most: int) -> dict[str, np.ndarray]:
     """Return the arrays of an archive, which holds those of a table and nothing else.
 
-    `file`: str; for the message. `data`: bytes. `table`: dict; the dtype and the number of dimensions of each array by
-    its name. `most`: int; values of each array.
-    Raises BundleError if it is no archive of these arrays, holds other bytes before, between or after them, is packed
-    by another method than deflate, or an array is too large.
+    Parameters
+    ----------
+    file : str
+        For the message.
+    data : bytes
+    table : dict
+        The dtype and the number of dimensions of each array by its name.
+    most : int
+        Values of each array.
+
+    Raises
+    ------
+    BundleError
+        If it is no archive of these arrays, holds other bytes before, between or after them, is packed by another
+        method than deflate, or an array is too large.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -62,7 +73,10 @@ def _bytes_of(archive: zipfile.ZipFile, data: bytes) -> int:
 def _read_array(file: str, archive: zipfile.ZipFile, name: str, kind: str, dimensions: int, most: int) -> np.ndarray:
     """Return an array of this dtype and number of dimensions with at most so many values.
 
-    Raises BundleError if it is another array.
+    Raises
+    ------
+    BundleError
+        If it is another array.
     """
     with archive.open(f"{name}.npy") as stream:
         version = np.lib.format.read_magic(stream)

@@ -51,7 +51,10 @@ def is_known(name: str) -> bool:
 def read_folder(folder: Path) -> dict[str, bytes]:
     """Return the files of a bundle by name; links, other kinds of files and unknown names are refused.
 
-    Raises BundleError: naming the file.
+    Raises
+    ------
+    BundleError
+        Naming the file.
     """
     record = folder / RECORD
     if not record.is_file():

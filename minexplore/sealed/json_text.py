@@ -38,9 +38,18 @@ def describe_json_error(error: Exception) -> str:
 def read_json(file: str, data: bytes, most_bytes: int = MOST_BYTES, most_values: int = _MOST_VALUES) -> Any:
     """Return the content of a JSON file.
 
-    `file`: str; for the message. `data`: bytes. `most_bytes`, `most_values`: int.
-    Raises BundleError if it is too large or too deep, of too many values, or no JSON, or a key stands twice, or a
-    number is not finite or longer than 25 characters. The message names the file, the field and its value.
+    Parameters
+    ----------
+    file : str
+        For the message.
+    data : bytes
+    most_bytes, most_values : int
+
+    Raises
+    ------
+    BundleError
+        If it is too large or too deep, of too many values, or no JSON, or a key stands twice, or a number is not
+        finite or longer than 25 characters. The message names the file, the field and its value.
     """
     if len(data) > most_bytes:
         raise BundleError(f"{file}: {len(data)} bytes, at most {most_bytes} are read")

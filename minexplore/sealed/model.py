@@ -40,8 +40,17 @@ _NUMBERS = re.compile(r"[-+.0-9e ]*", re.ASCII)  # finite decimal numbers, as a 
 def check_names(data: bytes, files: Collection[str]) -> None:
     """Refuse a model with other elements or attributes than worlds have, or that names other files than its bundle's.
 
-    `data`: bytes; of `mine.xml`. `files`: collection of str; the names of the bundle's files.
-    Raises BundleError: with the element's path, what it has and what a world has; or as `walk_xml` and `BoundedReader`.
+    Parameters
+    ----------
+    data : bytes
+        Of `mine.xml`.
+    files : collection of str
+        The names of the bundle's files.
+
+    Raises
+    ------
+    BundleError
+        With the element's path, what it has and what a world has; or as `walk_xml` and `BoundedReader`.
     """
     walk_xml(MODEL, data, _NameReader(files))
 

@@ -16,7 +16,10 @@ _CHUNK = 4096  # bytes; writers fill chunks of 8 KB and more, and each chunk cos
 def image_blocks(name: str, data: bytes) -> Iterator[bytes]:
     """Yield the bytes of the image of a picture that `check_png` accepts, at most 1 MB at once.
 
-    Raises BundleError if they are damaged, or too few or too many for its size. No more than 1 MB is unpacked at once.
+    Raises
+    ------
+    BundleError
+        If they are damaged, or too few or too many for its size. No more than 1 MB is unpacked at once.
     """
     width, height = struct.unpack(">II", data[16:24])
     wanted, found = height * (1 + width * (3 if data[25] == RGB else 1)), 0
@@ -58,8 +61,11 @@ def _inflate(name: str, engine: zlib._Decompress, packed: memoryview) -> Iterato
 def check_png(name: str, data: bytes, colours: tuple[int, ...], most_px: int) -> tuple[int, int]:
     """Return a picture's width and height.
 
-    Raises BundleError if it is no PNG of 8 bits a channel with one of these kinds of colours, has more pixels, holds
-    other chunks than a header, a palette where it needs one, the image and the end, or a checksum is wrong.
+    Raises
+    ------
+    BundleError
+        If it is no PNG of 8 bits a channel with one of these kinds of colours, has more pixels, holds other chunks
+        than a header, a palette where it needs one, the image and the end, or a checksum is wrong.
     """
     if data[:8] != b"\x89PNG\r\n\x1a\n":
         raise BundleError(f"{name}: not a PNG")

@@ -32,7 +32,10 @@ def check_record(record: Mapping[str, Any]) -> None:
 
     `read_zones` checks the zones.
 
-    Raises BundleError: naming the field, its value and what is wanted.
+    Raises
+    ------
+    BundleError
+        Naming the field, its value and what is wanted.
     """
     if record.get("format") not in (FORMAT, VOLUME_FORMAT):
         raise BundleError(

@@ -67,7 +67,10 @@ def most_bytes(name: str) -> int:
 def require_size(name: str, size: int) -> None:
     """Refuse a file that is larger than a builder writes it.
 
-    Raises BundleError: naming the file, its size and the limit.
+    Raises
+    ------
+    BundleError
+        Naming the file, its size and the limit.
     """
     if size > most_bytes(name):
         raise BundleError(f"{name}: {size} bytes, at most {most_bytes(name)} in a world")

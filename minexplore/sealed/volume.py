@@ -38,7 +38,10 @@ _MORE, _SOME = 2, 1000  # times that the floors may have the cells of the spans,
 def read_volume(files: Mapping[str, bytes]) -> VolumeArrays:
     """Return the arrays of a volume's files.
 
-    Raises BundleError: naming the file, the array, and what is wrong with it.
+    Raises
+    ------
+    BundleError
+        Naming the file, the array, and what is wrong with it.
     """
     for name in (VOLUME, PARTS, CELLS):
         if name not in files:

@@ -58,7 +58,10 @@ def hash_files(files: Mapping[str, bytes]) -> dict[str, str]:
 def open_files(folder: Path, files: Mapping[str, bytes], hashes: Mapping[str, str]) -> SealedWorld:
     """Open a bundle whose files were read from a folder, given by name with their hashes.
 
-    Raises BundleError: naming the folder's file, the place in it, the value and what is wanted.
+    Raises
+    ------
+    BundleError
+        Naming the folder's file, the place in it, the value and what is wanted.
     """
     try:
         return _open(files, hashes)
@@ -102,7 +105,10 @@ def _check_picture(name: str, data: bytes, colours: tuple[int, ...], most_px: in
 def check_hashes(record: Any, hashes: Mapping[str, str]) -> None:
     """Compare the files' hashes with those that the record states, and the record with the world's hash.
 
-    Raises BundleError: naming the file that is missing, changed or not listed, or whose name leads out of the bundle.
+    Raises
+    ------
+    BundleError
+        Naming the file that is missing, changed or not listed, or whose name leads out of the bundle.
     """
     listed = record.get("files") if isinstance(record, dict) else None
     if not isinstance(listed, dict) or not isinstance(record.get("world_sha256"), str):

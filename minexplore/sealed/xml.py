@@ -35,8 +35,11 @@ class ElementReader(Protocol):
 def walk_xml(file: str, data: bytes, reader: ElementReader) -> None:
     """Hand the elements of an XML file to a reader, one by one.
 
-    Raises BundleError if an element of the file is too long, or it is not plain ASCII XML, or it holds a document type,
-    an entity, a comment or a processing instruction.
+    Raises
+    ------
+    BundleError
+        If an element of the file is too long, or it is not plain ASCII XML, or it holds a document type, an entity, a
+        comment or a processing instruction.
     """
     for mark in _REFUSED:
         if mark in data:

@@ -35,7 +35,10 @@ class CoverageGrid:
     def __init__(self, world: World, cell_m: float, radius_m: float, centre_m: np.ndarray, reach_m: float) -> None:
         """Find the cells where a disc of `radius_m` fits, connected to `centre_m` and within `reach_m` of it.
 
-        Raises ValueError if the world is one volume, whose floors have no plan, or the disc fits nowhere.
+        Raises
+        ------
+        ValueError
+            If the world is one volume, whose floors have no plan, or the disc fits nowhere.
         """
         if world.volume is not None:
             raise ValueError(f"{world.folder}: its mine is one volume; this takes mines whose floors are drawn in plan")
@@ -97,8 +100,14 @@ def cut_at_lines(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cut segments (n, 2), or of one start (1, 2), to (n, 2) m, at most `longest_m` long, at a grid's lines.
 
-    Returns `piece`: (n, k) bool; whether there is a k-th piece of a segment; one has a length. `cell`: (n, 2, k) int64;
-    column and row of each piece's middle. `middle`: (n, k) float64; the middles, as shares of segments.
+    Returns
+    -------
+    piece : (n, k) bool
+        Whether there is a k-th piece of a segment; one has a length.
+    cell : (n, 2, k) int64
+        Column and row of each piece's middle.
+    middle : (n, k) float64
+        The middles, as shares of segments.
     """
     start = ((starts_m - origin_m) / cell_m)[..., None]
     step = ((ends_m - origin_m) / cell_m)[..., None] - start

@@ -22,7 +22,10 @@ class CubeGrid:
     def __init__(self, middles_m: np.ndarray, cell_m: float) -> None:
         """Take points (n, 3) m of the mine frame at which the robot's middle can be, one or more in each cube.
 
-        Raises ValueError if there is no point.
+        Raises
+        ------
+        ValueError
+            If there is no point.
         """
         if not len(middles_m):
             raise ValueError("no place where the robot fits")

@@ -69,7 +69,10 @@ def collision_meshes(world: World) -> Meshes:
 def shared_lidar(folder: Path, world_sha256: str, range_m: float, backend: Backend) -> Lidar:
     """Return what casts the beams of a world, made once a process.
 
-    Raises ValueError if the backend is unknown.
+    Raises
+    ------
+    ValueError
+        If the backend is unknown.
     """
     _require_known(backend)
     return _shared_lidar(folder, world_sha256, range_m, backend)
@@ -110,7 +113,10 @@ class Lidar:
     ) -> None:
         """Take the rock's meshes; `auto` takes the fastest backend that is installed.
 
-        Raises ImportError if the backend is not installed, or none is.
+        Raises
+        ------
+        ImportError
+            If the backend is not installed, or none is.
         """
         installed = [name for name, module in _MODULES.items() if find_spec(module)]
         _require_known(backend)

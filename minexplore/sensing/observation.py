@@ -21,8 +21,14 @@ def observe(
 ) -> np.ndarray:
     """Return observations (k, beams + 3) float32.
 
-    `ranges_m`: (k, beams); True ranges. `previous`: (k, 2); the commands of the last step, forward and turn, in [-1,
-    1]. `rngs`: list of k Generators; each draws the noise of one robot's beams, in the order of the beams.
+    Parameters
+    ----------
+    ranges_m : (k, beams)
+        True ranges.
+    previous : (k, 2)
+        The commands of the last step, forward and turn, in [-1, 1].
+    rngs : list of k Generators
+        Each draws the noise of one robot's beams, in the order of the beams.
     """
     near, far = task.range_m
     noise = np.array([rng.standard_normal(task.beams) for rng in rngs])

@@ -87,7 +87,10 @@ def preset_names() -> list[str]:
 def preset_numbers(name: str) -> dict[str, tuple[float, str]]:
     """Return the numbers of a preset that differ from the ideal ones, each with its source.
 
-    Raises ValueError if there is none of that name.
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
     """
     presets = _presets()
     if name not in presets:
@@ -100,7 +103,10 @@ def preset_numbers(name: str) -> dict[str, tuple[float, str]]:
 def sensor_params(value: SensorParams | Mapping[str, Any] | str | None) -> SensorParams:
     """Return parameters given as an instance, a preset's name, or a dict of fields beside `preset`.
 
-    Raises ValueError: naming what is unknown, or the number that is beyond its limit.
+    Raises
+    ------
+    ValueError
+        Naming what is unknown, or the number that is beyond its limit.
     """
     if isinstance(value, str):
         return SensorParams(**{field: number for field, (number, _) in preset_numbers(value).items()})

@@ -27,11 +27,22 @@ def plane_distances(
 ) -> np.ndarray:
     """Return exact distances (n,) m of hits.
 
-    `planes`: (k, 4) float64; see `face_planes`. `faces`: (n,) int; the face that each ray hits; any number where it
-    hits none. `origins`, `directions`: (n, 3) float64; rays; m, and unit length. `found_m`: (n,) float; what the ray
-    caster found; inf where a ray hits nothing.
-    Returns (n,) float64, m: the distance to the plane of the face. `found_m` where a ray hits nothing, or grazes a face
-    so that the two differ by more than a millimetre.
+    Parameters
+    ----------
+    planes : (k, 4) float64
+        See `face_planes`.
+    faces : (n,) int
+        The face that each ray hits; any number where it hits none.
+    origins, directions : (n, 3) float64
+        Rays; m, and unit length.
+    found_m : (n,) float
+        What the ray caster found; inf where a ray hits nothing.
+
+    Returns
+    -------
+    (n,) float64, m
+        The distance to the plane of the face. `found_m` where a ray hits nothing, or grazes a face so that the two
+        differ by more than a millimetre.
     """
     plane = planes.take(faces, axis=0)
     exact = (plane[:, 3] - _dot(plane, origins)) / _dot(plane, directions)

@@ -38,7 +38,10 @@ def kind_of(name: str) -> type[SensorKind]:
 def check_sensors(names: Any) -> tuple[str, ...]:
     """Return the names of sensors as a tuple.
 
-    Raises ValueError if they are no sequence of known names, each once.
+    Raises
+    ------
+    ValueError
+        If they are no sequence of known names, each once.
     """
     if isinstance(names, list | tuple) and not names:
         return ()

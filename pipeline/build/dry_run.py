@@ -40,10 +40,22 @@ class DryRun:
 def dry_run(name: str, source: Path, stated: StatedOptions, overrides: list[str]) -> DryRun:
     """Detect a file's format, read it, and find its workings. Their walls are not traced, which takes a build's time.
 
-    `name`: str; the name that the world would have. A survey section of this name is used as it is. `source`: Path.
-    `stated`: StatedOptions. `overrides`: list of str.
-    Returns DryRun.
-    Raises MineError: as `new`, as far as stage 2 finds the workings.
+    Parameters
+    ----------
+    name : str
+        The name that the world would have. A survey section of this name is used as it is.
+    source : Path
+    stated : StatedOptions
+    overrides : list of str
+
+    Returns
+    -------
+    DryRun
+
+    Raises
+    ------
+    MineError
+        As `new`, as far as stage 2 finds the workings.
     """
     draft = draft_import(name, source, stated, is_kept=False, rules=floor_rules_of(overrides))
     if draft.section is None:

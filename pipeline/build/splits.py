@@ -36,7 +36,10 @@ class Listed:
 def read_list(file: Path = LIST) -> dict[tuple[str, int], Listed]:
     """Return the listed worlds by split and seed; none if there is no list.
 
-    Raises InputError: naming the line that is not a world of a split.
+    Raises
+    ------
+    InputError
+        Naming the line that is not a world of a split.
     """
     if not file.is_file():
         return {}

@@ -53,7 +53,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def stated_options(source: Path, typed: argparse.Namespace) -> StatedOptions:
     """Return the options of a parsed command line.
 
-    Raises InputError if a value is out of range; the message names `source` and the option.
+    Raises
+    ------
+    InputError
+        If a value is out of range; the message names `source` and the option.
     """
     values = {name: getattr(typed, name) for name in StatedOptions.model_fields}
     pairs = {name: dict(values[name]) for name in values if values[name] and _type_of(name) is Elevations}

@@ -17,8 +17,13 @@ _NARROW = 80  # characters of a line at least
 def remark_table(source: str, remarks: list[Remark], width: int | None = None) -> str:
     """Return remarks as a table with wrapped cells.
 
-    `source`: str; the file's name, the heading. `remarks`: list of Remark. `width`: int, optional; characters of a
-    line; default: the terminal's, at least 80.
+    Parameters
+    ----------
+    source : str
+        The file's name, the heading.
+    remarks : list of Remark
+    width : int, optional
+        Characters of a line; default: the terminal's, at least 80.
     """
     wanted = width or max(shutil.get_terminal_size((110, 24)).columns, _NARROW)
     rows = [_printable(remark.named_in(source)) for remark in remarks]

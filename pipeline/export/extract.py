@@ -49,7 +49,10 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
     Surfaces are those that a world shows: the smooth one is left out where the rough one hides it, and so are the clear
     planes that darken hollows for MuJoCo's renderer. A world without visible rock shows its collision parts.
 
-    Raises ArtifactError if a file has changed since the bundle was checked.
+    Raises
+    ------
+    ArtifactError
+        If a file has changed since the bundle was checked.
     """
     try:
         spec = world.spec()

@@ -41,7 +41,10 @@ def arrays_of(world: World) -> VolumeArrays:
 def read_volume_scene(world: World, licence: str) -> ExportScene:
     """Return the scene of a loaded world: floors as they are touched, walls and roofs as rock or else as facets.
 
-    Raises BundleError if a file has changed since the world was loaded.
+    Raises
+    ------
+    BundleError
+        If a file has changed since the world was loaded.
     """
     record: VolumeRecord = TypeAdapter(VolumeRecord).validate_python(world.record)
     rock = sorted(mesh_of(name) for name in record.files if name.startswith(MESHES))

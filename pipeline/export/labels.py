@@ -34,7 +34,10 @@ class PieceLabel:
 def group_of(label: str) -> GeomGroup:
     """Return the geom group of a collision part's label.
 
-    Raises ArtifactError if no collision part has this label.
+    Raises
+    ------
+    ArtifactError
+        If no collision part has this label.
     """
     for group, name in _OF_GROUP.items():
         if name == label:

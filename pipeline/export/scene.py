@@ -141,7 +141,10 @@ def placed_part(
 def hull_of(part: ConvexPart) -> tuple[Points3, np.ndarray]:
     """Return the hull of a part's corners, about its centre: vertices (n, 3) m, and faces (m, 3) that face outwards.
 
-    Raises GeometryError if the corners lie in one plane.
+    Raises
+    ------
+    GeometryError
+        If the corners lie in one plane.
     """
     try:
         hull = ConvexHull(part.corners_m)

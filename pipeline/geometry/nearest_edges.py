@@ -28,8 +28,16 @@ def nearest_edges(edges: np.ndarray, places: np.ndarray) -> NearestEdges:
     Where many places lie close together, as points of a surface do, the edges that may be nearest in a cell are found
     once. The distances have the same bits as those that GEOS computes one by one.
 
-    `edges`: (m, 2, 2) m; two ends each; m is at least 1. `places`: (n, 2) m.
-    Returns NearestEdges: of edges that are equally near, any.
+    Parameters
+    ----------
+    edges : (m, 2, 2) m
+        Two ends each; m is at least 1.
+    places : (n, 2) m
+
+    Returns
+    -------
+    NearestEdges
+        Of edges that are equally near, any.
     """
     tree = shapely.STRtree(shapely.linestrings(edges))
     for size_m in _CELLS_M:

@@ -19,8 +19,15 @@ def rings_of(polygons: BaseGeometry) -> list[shapely.LinearRing]:
 def arc_length(points: np.ndarray) -> np.ndarray:
     """Return the length along a polyline from its first point to each of its points.
 
-    `points`: (n, k) m; at least one point; k is 2 or 3.
-    Returns (n,) m: from zero to the length of the polyline.
+    Parameters
+    ----------
+    points : (n, k) m
+        At least one point; k is 2 or 3.
+
+    Returns
+    -------
+    (n,) m
+        From zero to the length of the polyline.
     """
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
@@ -28,9 +35,18 @@ def arc_length(points: np.ndarray) -> np.ndarray:
 def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Place points at even distances along a polyline.
 
-    `path`: (k, d) m; of two or three dimensions. `spacing_m`: float; the distance is the nearest to this that divides
-    the length evenly.
-    Returns `chainage`: (n,) m. `points`: (n, d) m; the ends of the polyline included.
+    Parameters
+    ----------
+    path : (k, d) m
+        Of two or three dimensions.
+    spacing_m : float
+        The distance is the nearest to this that divides the length evenly.
+
+    Returns
+    -------
+    chainage : (n,) m
+    points : (n, d) m
+        The ends of the polyline included.
     """
     along = arc_length(path)
     chainage = np.linspace(0.0, along[-1], max(2, round(along[-1] / spacing_m) + 1))
@@ -40,9 +56,14 @@ def resample(path: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray
 def line_moments(points: np.ndarray) -> np.ndarray:
     """Return the integrals over each segment of a polyline.
 
-    `points`: (n, 2) m.
-    Returns (n - 1, 6): of 1, x, y, x x, x y and y y along the segment: its length, m, first moments, m2, and second
-    moments, m3.
+    Parameters
+    ----------
+    points : (n, 2) m
+
+    Returns
+    -------
+    (n - 1, 6)
+        Of 1, x, y, x x, x y and y y along the segment: its length, m, first moments, m2, and second moments, m3.
     """
     step, middle = np.diff(points, axis=0), (points[:-1] + points[1:]) / 2
     (dx, dy), (x, y) = step.T, middle.T

@@ -12,9 +12,16 @@ from pipeline.types import Frame, Mask
 def fill_polygon(geometry: BaseGeometry, frame: Frame) -> Mask:
     """Mark the pixels whose centres lie inside a polygon, by the even-odd rule in each row.
 
-    `geometry`: shapely.Polygon or MultiPolygon, m, mine frame; polygons of a multipolygon must not overlap: the
-    even-odd rule would clear the overlap. `frame`: Frame; the pixel grid.
-    Returns (height_px, width_px) bool.
+    Parameters
+    ----------
+    geometry : shapely.Polygon or MultiPolygon, m, mine frame
+        Polygons of a multipolygon must not overlap: the even-odd rule would clear the overlap.
+    frame : Frame
+        The pixel grid.
+
+    Returns
+    -------
+    (height_px, width_px) bool
     """
     crossings = np.zeros((frame.height_px, frame.width_px + 1), dtype=np.uint8)  # then: parity of the edges to the left
     for ring in _rings(geometry):

@@ -16,7 +16,10 @@ class RayCaster:
     def __init__(self, triangles: np.ndarray) -> None:
         """Index the triangles.
 
-        Raises GeometryError if there are no triangles.
+        Raises
+        ------
+        GeometryError
+            If there are no triangles.
         """
         if not len(triangles):
             raise GeometryError("rays: there are no triangles to cast rays against")

@@ -20,9 +20,15 @@ def distances_to_walls(walls: BaseGeometry, places: np.ndarray) -> Float64[np.nd
     The walls are searched edge by edge in a tree. A search in the whole boundary takes sixty times as long for a traced
     outline of sixty thousand vertices.
 
-    `walls`: shapely geometry, m; polygons with any number of holes, whose boundary is meant, or lines. `places`: (n, 2)
-    m.
-    Returns (n,) m.
+    Parameters
+    ----------
+    walls : shapely geometry, m
+        Polygons with any number of holes, whose boundary is meant, or lines.
+    places : (n, 2) m
+
+    Returns
+    -------
+    (n,) m
     """
     lines = walls if shapely.get_dimensions(walls) == 1 else walls.boundary
     rings = [shapely.get_coordinates(line) for line in shapely.get_parts(lines)]

@@ -105,7 +105,10 @@ def _shapes(arrays: dict[str, np.ndarray]) -> list[tuple[str, str, list[int]]]:
 def decode(subject: str, data: bytes | bytearray) -> Payload:
     """Return the payload of an answer's bytes. Its sizes and types are checked; nothing in it is executed.
 
-    Raises MineError: the error that the answer states, or an `InputError` if the answer is broken.
+    Raises
+    ------
+    MineError
+        The error that the answer states, or an `InputError` if the answer is broken.
     """
     size = int.from_bytes(data[:8], "little")
     try:

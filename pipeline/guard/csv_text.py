@@ -22,7 +22,10 @@ def read_csv_text(path: Path) -> str:
 
     It is UTF-8, or what spreadsheets write: UTF-16 with or without a byte order mark, or Windows-1252, with a warning.
 
-    Raises InputError if the file cannot be read, is too large, is no text, or has lines that end with CR alone.
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is too large, is no text, or has lines that end with CR alone.
     """
     data = read_text_bytes(path)
     encoding = _encoding_of(data)

@@ -11,7 +11,10 @@ from pipeline.params.reader_limits import FILE, reader_limits
 def require_plain_file(path: Path) -> None:
     """Refuse a path that is no plain file, such as a folder, a pipe or a device, or that cannot be printed.
 
-    Raises InputError: the message names the path and what is there.
+    Raises
+    ------
+    InputError
+        The message names the path and what is there.
     """
     if not str(path).isprintable():
         raise InputError(f"{str(path)!r}: a path with line breaks, control characters or bytes that are no UTF-8")
@@ -26,7 +29,10 @@ def require_plain_file(path: Path) -> None:
 def read_text_bytes(path: Path, limit: str = "text_bytes") -> bytes:
     """Return a text file's bytes, at most as many as the named limit of `conf/reader_limits.yaml`.
 
-    Raises InputError if the file cannot be read or is larger.
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is larger.
     """
     most: int = getattr(reader_limits(), limit)
     try:

@@ -12,7 +12,10 @@ _BLANKS = " \t\r\n"
 def plain_number(text: str) -> float:
     """Return the number that a text states; `nan` and `inf` are numbers, which callers judge.
 
-    Raises ValueError if the text is anything but one number between blanks.
+    Raises
+    ------
+    ValueError
+        If the text is anything but one number between blanks.
     """
     stated = text.strip(_BLANKS)
     if not (stated.isascii() and _NUMBER.fullmatch(stated)):

@@ -14,8 +14,17 @@ from pipeline.errors import InputError
 def read_plain_xml(path: Path, data: bytes) -> Element:
     """Return the root of a file's XML.
 
-    `path`: Path; messages name it. `data`: bytes; the file's content.
-    Raises InputError if it is not well formed, or has a document type, which could expand texts and name other files.
+    Parameters
+    ----------
+    path : Path
+        Messages name it.
+    data : bytes
+        The file's content.
+
+    Raises
+    ------
+    InputError
+        If it is not well formed, or has a document type, which could expand texts and name other files.
     """
     try:
         return fromstring(data, forbid_dtd=True)

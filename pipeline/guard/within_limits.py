@@ -25,7 +25,10 @@ def within_limits(work: Callable[[], _T], subject: str, memory_bytes: int, secon
     Each process that it forks has the same limits. Where other threads run, which a forked process would not have, and
     on systems other than Linux, it runs here and without limits.
 
-    Raises MineError: that of the work, or an `InputError` that names `subject` and the limit which the process reached.
+    Raises
+    ------
+    MineError
+        That of the work, or an `InputError` that names `subject` and the limit which the process reached.
     """
     if sys.platform != "linux" or threading.active_count() > 1:
         return work()

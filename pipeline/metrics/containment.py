@@ -39,9 +39,14 @@ class WallCover:
 def cover_walls(parts: Iterable[np.ndarray], free: Polygon, world: Polygon, heights_m: Iterable[float]) -> WallCover:
     """Compare slices of convex parts with the rock that the plan leaves.
 
-    `parts`: iterable of (n, 3) float64, m, mine frame; vertices of convex parts, in any order. `free`, `world`:
-    shapely.Polygon, m, mine frame; the workings, and the box that rock and workings fill together. `heights_m`:
-    iterable of float; heights of the slices.
+    Parameters
+    ----------
+    parts : iterable of (n, 3) float64, m, mine frame
+        Vertices of convex parts, in any order.
+    free, world : shapely.Polygon, m, mine frame
+        The workings, and the box that rock and workings fill together.
+    heights_m : iterable of float
+        Heights of the slices.
     """
     all_parts = list(parts)
     worst = [0.0] * 5

@@ -55,8 +55,14 @@ class SurveyedSections:
 def sections_along(places_m: np.ndarray, walls_m: np.ndarray, ends: list[tuple[str, str]]) -> SurveyedSections:
     """Return sections every 0.25 m along legs, at least three a leg; legs without a length in plan have none.
 
-    `places_m`: (n, 2, 2) float64, m; both ends of each leg. `walls_m`: (n, 2, 2) float64, m; distances to the left and
-    right wall at both ends; between them they vary evenly. `ends`: list of (str, str); the names of the stations.
+    Parameters
+    ----------
+    places_m : (n, 2, 2) float64, m
+        Both ends of each leg.
+    walls_m : (n, 2, 2) float64, m
+        Distances to the left and right wall at both ends; between them they vary evenly.
+    ends : list of (str, str)
+        The names of the stations.
     """
     step = places_m[:, 1] - places_m[:, 0]
     length = np.linalg.norm(step, axis=1)
@@ -76,7 +82,10 @@ def sections_along(places_m: np.ndarray, walls_m: np.ndarray, ends: list[tuple[s
 def free_widths(free: Polygon | MultiPolygon, sections: SurveyedSections) -> np.ndarray:
     """Return the longest free stretch (n,) m of each section; it may lie beside it by 5 % of its width.
 
-    `free`: Polygon or MultiPolygon, m, mine frame. `sections`: SurveyedSections.
+    Parameters
+    ----------
+    free : Polygon or MultiPolygon, m, mine frame
+    sections : SurveyedSections
     """
     reach = (0.5 + BESIDE) * sections.widths_m
     lines = sections.middles_m[:, None] + reach[:, None, None] * np.stack([sections.across, -sections.across], axis=1)

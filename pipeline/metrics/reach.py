@@ -54,8 +54,15 @@ def compare_reach(
 ) -> ReachMatch:
     """Compare the reached cells of plan and world, and the networks traced from them; rows run from the north.
 
-    `plan`, `world`: (rows, cols) bool. `frame`: Frame; the grid of the cells. `radius_m`: float; the robot's radius;
-    reached cells are dilated by it before a network is traced. `cell_m`, `min_leg_m`: float; see `trace_network`.
+    Parameters
+    ----------
+    plan, world : (rows, cols) bool
+    frame : Frame
+        The grid of the cells.
+    radius_m : float
+        The robot's radius; reached cells are dilated by it before a network is traced.
+    cell_m, min_leg_m : float
+        See `trace_network`.
     """
     area = 1 / frame.px_per_m**2
     one, two = _networks(plan, world, frame, radius_m, cell_m, min_leg_m)
@@ -136,7 +143,10 @@ def _lengths(legs: list[tuple[str, str, float]]) -> dict[tuple[str, ...], list[f
 def start_cell(place_m: tuple[float, float], frame: Frame) -> tuple[int, int]:
     """Return the row and column of a place.
 
-    Raises GeometryError if the place lies outside the frame.
+    Raises
+    ------
+    GeometryError
+        If the place lies outside the frame.
     """
     col, row = np.floor(frame.to_image(np.array([place_m]))[0]).astype(int).tolist()
     if not (0 <= row < frame.height_px and 0 <= col < frame.width_px):

@@ -51,7 +51,9 @@ def parts_per_wall_m(parts: int, free: Polygon) -> float:
     have `PARTS_PER_CORNER` for each such corner at most, and one for each pillar. A ragged or curved wall has more
     corners than a straight one as long. Tiles add parts that no corner asks for.
 
-    Source: Hertel & Mehlhorn 1983, FCT, doi:10.1007/3-540-12689-9_105
+    References
+    ----------
+    Hertel & Mehlhorn 1983, FCT, doi:10.1007/3-540-12689-9_105
     """
     outline = orient(free)
     corners = sum(_cut_corners(ring) for ring in (outline.exterior, *outline.interiors))

@@ -47,8 +47,13 @@ class TopologyMatch:
 def compare_topology(plan: Mask, world: Mask, frame: Frame, cell_m: float, min_leg_m: float) -> TopologyMatch:
     """Trace the drift networks of two masks in the same way and compare them.
 
-    `plan`, `world`: (rows, cols) bool; free pixels of the cleaned plan and of the rendered world. `frame`: Frame.
-    `cell_m`, `min_leg_m`: float; see `trace_network`.
+    Parameters
+    ----------
+    plan, world : (rows, cols) bool
+        Free pixels of the cleaned plan and of the rendered world.
+    frame : Frame
+    cell_m, min_leg_m : float
+        See `trace_network`.
     """
     outlines = _without_specks(trace_outline(plan, frame), trace_outline(world, frame), _CORNER / frame.px_per_m)
     shortest_m = [min_leg_m, 1.25 * min_leg_m, 0.75 * min_leg_m]

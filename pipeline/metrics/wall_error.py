@@ -44,8 +44,14 @@ def signed_distances(traced: Polygon, built: Polygon) -> np.ndarray:
 def measure_wall_error(traced: Polygon, built: Polygon, raw: Mask, frame: Frame) -> WallError:
     """Compare the built walls with the traced ones, and those with the drawing.
 
-    `traced`, `built`: shapely.Polygon, m, mine frame; the workings as traced, and as the world holds them. `raw`:
-    (rows, cols) bool; the drawn workings, not cleaned. `frame`: Frame; the pixel grid of `raw`.
+    Parameters
+    ----------
+    traced, built : shapely.Polygon, m, mine frame
+        The workings as traced, and as the world holds them.
+    raw : (rows, cols) bool
+        The drawn workings, not cleaned.
+    frame : Frame
+        The pixel grid of `raw`.
     """
     signed = signed_distances(traced, built)
     distance = np.abs(signed)

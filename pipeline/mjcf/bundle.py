@@ -106,7 +106,10 @@ def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjSpec | 
 
     With visible rock, the specification that the text and the files give is returned for pictures.
 
-    Raises ArtifactError if MuJoCo refuses the world; the message is MuJoCo's.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the world; the message is MuJoCo's.
     """
     spec = build_spec(scene)
     assets = {name: bytes(data) for name, data in spec.assets.items()}
@@ -131,7 +134,10 @@ def _text(fields: dict[str, Any]) -> bytes:
 def read_made_by(folder: Path) -> MadeBy:
     """Return what a bundle states to be made by.
 
-    Raises ArtifactError if the file is missing, or a field is unknown, missing or out of its range.
+    Raises
+    ------
+    ArtifactError
+        If the file is missing, or a field is unknown, missing or out of its range.
     """
     path = folder / MADE_BY
     try:
@@ -155,7 +161,10 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
 
     Without `checked`, neither the tables of `pipeline.schema` nor hashes are applied; see `open_bundle`.
 
-    Raises ArtifactError if a file is missing, changed or not allowed, or the record is invalid.
+    Raises
+    ------
+    ArtifactError
+        If a file is missing, changed or not allowed, or the record is invalid.
     """
     if checked:
         verify_world(folder)
@@ -181,8 +190,10 @@ def open_bundle(folder: Path, checked: bool = True) -> OpenedBundle:
     Without `checked` the tables of `pipeline.schema` are not applied: the tests of the measures behind them need
     worlds that the tables refuse.
 
-    Raises ArtifactError if a file is missing, changed or not allowed, the record is invalid, or MuJoCo refuses the
-    model.
+    Raises
+    ------
+    ArtifactError
+        If a file is missing, changed or not allowed, the record is invalid, or MuJoCo refuses the model.
     """
     record = read_record(folder, checked)
     if record.geom_groups != GEOM_GROUPS:

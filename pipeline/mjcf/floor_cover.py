@@ -50,8 +50,13 @@ def cover_floor(
     and `COVER_M` above the flat floor that wheels touch: a wheel sinks in by what a loose floor would give way. A mesh
     belongs to one zone and one tile.
 
-    `params`: FloorParams. `free`: shapely.Polygon, m. `network`: DriftNetwork; ruts follow its legs. `zones`: list of
-    ZoneStrip.
+    Parameters
+    ----------
+    params : FloorParams
+    free : shapely.Polygon, m
+    network : DriftNetwork
+        Ruts follow its legs.
+    zones : list of ZoneStrip
     """
     corners, cells = _uneven_grid(params, free, network, zones)
     vertices, faces = _simplified(params, corners, cells)

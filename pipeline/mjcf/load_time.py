@@ -34,7 +34,10 @@ class LoadCost:
 def measure_load(model: Path) -> LoadCost:
     """Load a model several times in a process of its own, and return the time and memory.
 
-    Raises ArtifactError if the process fails.
+    Raises
+    ------
+    ArtifactError
+        If the process fails.
     """
     done = subprocess.run(
         [sys.executable, "-m", __name__, model],

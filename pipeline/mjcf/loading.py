@@ -25,7 +25,10 @@ def load_model(path: Path) -> mujoco.MjModel:
     `MjModel.from_xml_path` keeps the compiled specification for `mj_saveLastXML`, and up to 500 MB of meshes in a
     cache: 1.6 GB for the default world, whose model takes 0.4 GB. Without the cache the peak is 0.5 GB lower.
 
-    Raises ArtifactError if MuJoCo refuses the model; the message is MuJoCo's, on one line.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the model; the message is MuJoCo's, on one line.
     """
     return compile_spec(read_spec(path), path)
 
@@ -33,7 +36,10 @@ def load_model(path: Path) -> mujoco.MjModel:
 def read_spec(path: Path) -> mujoco.MjSpec:
     """Return the specification that a model file holds.
 
-    Raises ArtifactError if MuJoCo refuses it; the message is MuJoCo's, on one line.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses it; the message is MuJoCo's, on one line.
     """
     try:
         return mujoco.MjSpec.from_file(str(path))
@@ -63,7 +69,10 @@ def text_of(spec: mujoco.MjSpec, path: Path) -> str:
     MuJoCo writes a text only after it compiles, and the text does not depend on what mesh files hold: meanwhile all
     hold a tetrahedron, because MuJoCo copies a whole compiled world to write its text.
 
-    Raises ArtifactError if MuJoCo refuses the specification; the message is MuJoCo's, on one line.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the specification; the message is MuJoCo's, on one line.
     """
     assets, stand_in = dict(spec.assets), encode_msh(STAND_IN)
     spec.assets = {name: stand_in if name.endswith(".msh") else data for name, data in assets.items()}
@@ -81,7 +90,10 @@ def compile_world(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     by up to 3e-6 rad, and its end moves by 0.3 mm. The mine never moves, so its inertia is free to choose: where a part
     would move by more than 0.01 mm, the body states axes that no part has.
 
-    Raises ArtifactError if MuJoCo refuses the specification; the message is MuJoCo's, on one line.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the specification; the message is MuJoCo's, on one line.
     """
     model = compile_spec(spec, path)
     if most_moved_m(model) <= _MOST_MOVED_M:

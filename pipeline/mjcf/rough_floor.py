@@ -25,8 +25,12 @@ def rough_tiles(cover: Mapping[str, bytes], zones: Sequence[ZoneStrip]) -> list[
 
     Where there is no visible floor, in rock, the height is 0. A height has the nearest of 256 levels of its tile.
 
-    `cover`: mapping; `.msh` files by the names of meshes; those of other fittings are left out. `zones`: sequence of
-    ZoneStrip; in the order of the record.
+    Parameters
+    ----------
+    cover : mapping
+        `.msh` files by the names of meshes; those of other fittings are left out.
+    zones : sequence of ZoneStrip
+        In the order of the record.
     """
     meshes = [decode_msh(data) for name, data in sorted(cover.items()) if is_cover(name)]
     places = np.concatenate([np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)])

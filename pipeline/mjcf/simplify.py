@@ -20,9 +20,19 @@ _FEW_FACES = 200_000  # 70 MB; a process takes 0.3 s to start
 def simplify_mesh(points: np.ndarray, faces: np.ndarray, reduction: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the points (k, 3) and faces (m, 3) that `fast_simplification.simplify` makes.
 
-    `points`: (n, 3) float32. `faces`: (l, 3) int32. `reduction`: float; share of the faces that is removed.
-    Raises MemoryShortageError if the process ran out of memory. GeometryError if it failed otherwise; the message is
-    its last line.
+    Parameters
+    ----------
+    points : (n, 3) float32
+    faces : (l, 3) int32
+    reduction : float
+        Share of the faces that is removed.
+
+    Raises
+    ------
+    MemoryShortageError
+        If the process ran out of memory.
+    GeometryError
+        If it failed otherwise; the message is its last line.
     """
     if len(faces) <= _FEW_FACES:
         return _simplify(points, faces, reduction)

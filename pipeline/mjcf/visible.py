@@ -48,7 +48,10 @@ Visible = Mapping[str, VisibleMesh]  # by the name of the geom, in the model's o
 def compile_visible(spec: mujoco.MjSpec, path: Path) -> dict[str, VisibleMesh]:
     """Compile the meshes that are only seen, a few at a time, each as it would be in the whole model.
 
-    Raises ArtifactError if MuJoCo refuses one; the message is MuJoCo's, on one line.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses one; the message is MuJoCo's, on one line.
     """
     geoms, found = _only_seen(spec), dict[str, VisibleMesh]()
     for first in range(0, len(geoms), _AT_ONCE):
@@ -113,7 +116,10 @@ def _compiled(model: mujoco.MjModel, geom: int, group: int) -> VisibleMesh:
 def compile_with(spec: mujoco.MjSpec, path: Path, shown: Collection[str] = ()) -> mujoco.MjModel:
     """Compile a model whose visible meshes are hidden tetrahedra, except those of these geoms; `spec` is changed.
 
-    Raises ArtifactError if MuJoCo refuses the model; the message is MuJoCo's, on one line.
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the model; the message is MuJoCo's, on one line.
     """
     left_out = [geom for geom in _only_seen(spec) if geom.name not in shown]
     for geom in left_out:

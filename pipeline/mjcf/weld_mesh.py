@@ -26,7 +26,12 @@ def hang_weld_mesh(
 
     Mesh hangs over the ends of drifts at junctions, where the roof has the widest span.
 
-    `params`: WeldMeshParams. `ways`: sequence of FloorLine. `rock`: RayCaster; of the visible rock.
+    Parameters
+    ----------
+    params : WeldMeshParams
+    ways : sequence of FloorLine
+    rock : RayCaster
+        Of the visible rock.
     """
     for way in ways:
         _, places = resample(way.floor_m, _RAYS_M)

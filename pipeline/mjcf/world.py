@@ -42,8 +42,10 @@ _VISIBLE_PIECES = (FLOOR_CHAMFER, WALLS, ROOF)  # not the flat floor: the floor 
 def build_spec(scene: MineScene) -> mujoco.MjSpec:
     """Build the specification of a world.
 
-    Returns mujoco.MjSpec: asset files are named `meshes/*.msh` and `textures/rock.png`; `spec.assets` holds their
-    bytes.
+    Returns
+    -------
+    mujoco.MjSpec
+        Asset files are named `meshes/*.msh` and `textures/rock.png`; `spec.assets` holds their bytes.
     """
     spec = mujoco.MjSpec()
     spec.modelname = scene.name

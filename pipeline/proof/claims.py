@@ -33,10 +33,19 @@ def claim_of(field: str) -> str | None:
 def allowed_claims(folder: Path, claims: MadeBy, own: ValidationParams) -> ValidationParams:
     """Return the validator's own parameters with what a bundle claims, if its kind allows that.
 
-    `folder`: Path; the bundle, for the message. `claims`: MadeBy; what the bundle states; `made_by.json`. `own`:
-    ValidationParams; what the validator allows a mine of this kind. The limits of the certificate are these, whatever
-    is claimed.
-    Raises ArtifactError: with the claimed value, the limit, and the parameter that overrules it.
+    Parameters
+    ----------
+    folder : Path
+        The bundle, for the message.
+    claims : MadeBy
+        What the bundle states; `made_by.json`.
+    own : ValidationParams
+        What the validator allows a mine of this kind. The limits of the certificate are these, whatever is claimed.
+
+    Raises
+    ------
+    ArtifactError
+        With the claimed value, the limit, and the parameter that overrules it.
     """
     most = {
         "tolerance_m": (tolerance_of(claims), tolerance_of(own)),

@@ -63,8 +63,11 @@ class Validator:
         the outline that stage 2 traced, m, mine frame; without it, the cleaned mask is traced. `legs` are those of a
         survey that is built as a plan.
 
-        Raises ArtifactError if the bundle holds what no world may, is not what the builder writes, belongs to another
-        survey, or has visible rock where the parameters say that there is none.
+        Raises
+        ------
+        ArtifactError
+            If the bundle holds what no world may, is not what the builder writes, belongs to another survey, or has
+            visible rock where the parameters say that there is none.
         """
         self.params, self.bundle, self.cleaned, self.raw, self.survey = params, bundle, cleaned, raw, survey
         self._traced, self._legs = traced, legs

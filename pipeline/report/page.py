@@ -119,11 +119,26 @@ class WorldView:
 def write_page(root: Path, env_id: str, changed: dict[str, tuple[Any, Any]], view: WorldView | None = None) -> Path:
     """Write the report of a world: `report/report.html`, and its plan as SVG and PNG in print quality.
 
-    `root`: Path; the world's folder. All six stages must have run; limits may be breached. What was not measured is
-    left out. `env_id`: str; the Gymnasium id of the world. `changed`: dict; parameter to (default, value of this
-    world), where they differ. `view`: WorldView, optional; of a world that is one volume; None is a level mine.
-    Returns Path: path of the page.
-    Raises ArtifactError if an artifact is missing; the message names it.
+    Parameters
+    ----------
+    root : Path
+        The world's folder. All six stages must have run; limits may be breached. What was not measured is left out.
+    env_id : str
+        The Gymnasium id of the world.
+    changed : dict
+        Parameter to (default, value of this world), where they differ.
+    view : WorldView, optional
+        Of a world that is one volume; None is a level mine.
+
+    Returns
+    -------
+    Path
+        Path of the page.
+
+    Raises
+    ------
+    ArtifactError
+        If an artifact is missing; the message names it.
     """
     free_space, network = (
         decode(root / "contours/free_space.geojson", FreeSpace),

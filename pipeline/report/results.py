@@ -151,7 +151,10 @@ ROWS = [
 def read_metrics(folder: Path = VALIDATION) -> dict[str, Any]:
     """Return the flat metrics of a world, and its load times if they were measured on the same world.
 
-    Raises ArtifactError if a file is missing or not JSON.
+    Raises
+    ------
+    ArtifactError
+        If a file is missing or not JSON.
     """
     metrics, certificate = _read_json(folder / "metrics.json"), _read_json(folder / "certificate.json")
     timings = folder / TIMINGS
@@ -226,7 +229,10 @@ def results_table(rows: list[MetricRow], metrics: Mapping[str, Any], limits: Map
 
     A row with a value beyond its limit is marked. Stage 6 lets only load times be so.
 
-    Raises ArtifactError if the load times of this world were not measured.
+    Raises
+    ------
+    ArtifactError
+        If the load times of this world were not measured.
     """
     if "world.load_s" not in metrics:
         raise ArtifactError(f"{TIMINGS}: no load times of this world; `python -m stages.validation` measures them")

@@ -12,8 +12,10 @@ _SHOWN = 60  # characters of a refused value
 def check_elements(file: str, root: Node, table: Element) -> None:
     """Refuse an element tree that a table does not allow.
 
-    Raises BundleError: with the path of the first element or attribute that is not allowed, missing, or has a wrong
-    value.
+    Raises
+    ------
+    BundleError
+        With the path of the first element or attribute that is not allowed, missing, or has a wrong value.
     """
     if root.tag != table.tag:
         raise BundleError(f"{file}: <{root.tag[:_SHOWN]}>, want <{table.tag}>")

@@ -64,7 +64,10 @@ _STOREY_MAP = re.compile(STOREY_MAPS, re.ASCII)
 def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], grid: Mapping[str, np.ndarray]) -> None:
     """Refuse meshes, a grid, a map or pictures that a level world cannot have.
 
-    Raises BundleError: naming the file, the value and the limit.
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
     """
     for name in files:
         if name in (CELLS, PARTS, VOLUME) or _STOREY_MAP.fullmatch(name):

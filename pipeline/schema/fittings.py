@@ -154,7 +154,10 @@ BODY = Element(
 def check_heights(name: str, lowest_m: float, highest_m: float) -> None:
     """Refuse a fitting's mesh that is not where fittings are: under a decimetre, or above every robot.
 
-    Raises BundleError: naming the mesh, its heights and the limits.
+    Raises
+    ------
+    BundleError
+        Naming the mesh, its heights and the limits.
     """
     kind = name.partition("_")[0]
     least = 0.0 if is_cover(name) else FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
@@ -170,7 +173,10 @@ def check_heights(name: str, lowest_m: float, highest_m: float) -> None:
 def check_fittings(body: Node | None, assets: Mapping[tuple[str, str], Node], record: Mapping[str, Any]) -> None:
     """Compare the fittings with the record's zones: materials and colours, one geom a mesh, planes over their zones.
 
-    Raises BundleError: with the path of the first difference.
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
     """
     meshes = {name for tag, name in assets if tag == "mesh" and is_fitting(name)}
     geoms = {node.name: node for node in body.children} if body else {}

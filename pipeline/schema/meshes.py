@@ -34,10 +34,19 @@ def check_meshes(
 ) -> None:
     """Refuse meshes that no world has: lying counts, places outside the rock, faces of vertices that are not there.
 
-    `files`: dict of bytes by name; a bundle's files; those below `meshes/` are checked. `low`, `high`: (3,) float64, m;
-    corners of the box that holds all vertices. `over_m`: callable; the heights (n,) m of points (n, 3) m over the
-    floors, which are level at z = 0 without it.
-    Raises BundleError: naming the file, the value and the limit.
+    Parameters
+    ----------
+    files : dict of bytes by name
+        A bundle's files; those below `meshes/` are checked.
+    low, high : (3,) float64, m
+        Corners of the box that holds all vertices.
+    over_m : callable
+        The heights (n,) m of points (n, 3) m over the floors, which are level at z = 0 without it.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
     """
     for names in _batches(files):
         meshes = [_decode(name, files[name]) for name in names]

@@ -110,7 +110,10 @@ RECORD_FIELDS: dict[str, Any] = {
 def check_record(file: str, record: Any) -> None:
     """Refuse a record with a field that is missing, unknown or out of range, or whose fields contradict one another.
 
-    Raises BundleError: naming the field, its value and the limit.
+    Raises
+    ------
+    BundleError
+        Naming the field, its value and the limit.
     """
     if not isinstance(record, dict):
         raise BundleError(f"{file}: not a world bundle's record (a JSON object)")

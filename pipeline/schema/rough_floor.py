@@ -66,7 +66,10 @@ def check_rough_floor(
 ) -> None:
     """Compare the height fields with the record's zones: one geom and one file each, where floors are.
 
-    Raises BundleError: with the path of the first difference.
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
     """
     geoms = {name: node for (tag, name), node in of_mine.items() if tag == "geom" and is_rough_floor(name)}
     fields = {name: node for (tag, name), node in of_assets.items() if tag == "hfield"}

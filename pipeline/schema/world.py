@@ -25,7 +25,10 @@ from pipeline.schema.volume.rock import ROCK_VOLUME_WORLD, check_rock
 def check_world(folder: Path) -> SealedWorld:
     """Read a bundle once, and refuse it unless the tables allow all of it.
 
-    Raises BundleError: naming the folder's file, the place in it, the value and what is wanted.
+    Raises
+    ------
+    BundleError
+        Naming the folder's file, the place in it, the value and what is wanted.
     """
     files = read_folder(folder)
     return check_tables(folder, open_files(folder, files, hash_files(files)))

@@ -51,7 +51,10 @@ Bundle = dict[str, bytes]
 def encode(path: Path, value: Any) -> bytes:
     """Return a value as bytes in the format of `path`'s suffix.
 
-    Raises ArtifactError if no codec writes the suffix, or OpenCV cannot encode a picture.
+    Raises
+    ------
+    ArtifactError
+        If no codec writes the suffix, or OpenCV cannot encode a picture.
     """
     if isinstance(value, bytes):
         return value
@@ -76,7 +79,10 @@ def encode(path: Path, value: Any) -> bytes:
 def decode(path: Path, kind: Any) -> Any:
     """Read an artifact as `kind`.
 
-    Raises ArtifactError if the file is missing or is not a `kind`; the message names the file.
+    Raises
+    ------
+    ArtifactError
+        If the file is missing or is not a `kind`; the message names the file.
     """
     if not path.exists():
         raise ArtifactError(f"{path}: missing; run the stage that writes it (`dvc dag` shows which), or `make all`")
@@ -178,7 +184,10 @@ def _encode_npz(value: Any) -> bytes:
 def read_npz(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of an archive; their sizes and types are read before memory is taken.
 
-    Raises ValueError: naming the array that is too large, broken, or not of numbers.
+    Raises
+    ------
+    ValueError
+        Naming the array that is too large, broken, or not of numbers.
     """
     arrays = {}
     with zipfile.ZipFile(path) as archive:

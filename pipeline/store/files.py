@@ -48,7 +48,10 @@ def _disk_errors(path: Path) -> Iterator[None]:
 def write_atomically(path: Path, data: bytes) -> None:
     """Write a file under a temporary name in its folder, then rename it.
 
-    Raises ArtifactError if the disk is full or the file cannot be written.
+    Raises
+    ------
+    ArtifactError
+        If the disk is full or the file cannot be written.
     """
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")  # no file of the user has this name
     with _disk_errors(path):
@@ -63,7 +66,10 @@ def write_atomically(path: Path, data: bytes) -> None:
 def write_report(path: Path, data: bytes) -> None:
     """Write figures as JSON to a path that the user chose; what is there must be figures with the same keys.
 
-    Raises ArtifactError if there is anything else, or as `write_atomically`.
+    Raises
+    ------
+    ArtifactError
+        If there is anything else, or as `write_atomically`.
     """
     if os.path.lexists(path):
         try:
@@ -81,10 +87,19 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
     The new folder is written into a hidden folder beside the old one, then both change places. A journal there lists
     the files of both, so that `recover_folder` repairs the state that a killed run leaves.
 
-    `folder`: Path. `files`: mapping; content by name below the folder; a name that ends with a slash is that of an
-    empty folder. `ours`: mapping; what the old folder may hold: the files that its manifest states.
-    Raises ArtifactError if the old folder holds anything else, the disk is full or the folder cannot be written; the
-    old folder is then unchanged.
+    Parameters
+    ----------
+    folder : Path
+    files : mapping
+        Content by name below the folder; a name that ends with a slash is that of an empty folder.
+    ours : mapping
+        What the old folder may hold: the files that its manifest states.
+
+    Raises
+    ------
+    ArtifactError
+        If the old folder holds anything else, the disk is full or the folder cannot be written; the old folder is then
+        unchanged.
     """
     recover_folder(folder)
     work = _work_folder(folder)
@@ -110,7 +125,10 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
 def recover_folder(folder: Path) -> None:
     """Undo a killed `replace_folder`: give the old folder its name back, and remove what the journal lists.
 
-    Raises ArtifactError if the hidden folder has no journal, or holds anything else.
+    Raises
+    ------
+    ArtifactError
+        If the hidden folder has no journal, or holds anything else.
     """
     work = _work_folder(folder)
     if not os.path.lexists(work):

@@ -23,7 +23,10 @@ def sha256_bytes(data: bytes) -> str:
 def sha256_file(path: Path) -> str:
     """Return the hex sha256 of a file, read in blocks.
 
-    Raises ArtifactError if the file is missing, or is a folder, a pipe or a device.
+    Raises
+    ------
+    ArtifactError
+        If the file is missing, or is a folder, a pipe or a device.
     """
     require_plain(path)
     try:
@@ -36,7 +39,10 @@ def sha256_file(path: Path) -> str:
 def require_plain(path: Path) -> None:
     """Refuse what exists and is no file: a folder, or a pipe or a device, of which reading may never end.
 
-    Raises ArtifactError: naming the path.
+    Raises
+    ------
+    ArtifactError
+        Naming the path.
     """
     with suppress(FileNotFoundError, NotADirectoryError):  # one look: another process may remove the file between two
         if not stat.S_ISREG(path.stat().st_mode):
@@ -51,7 +57,12 @@ def absence_of(path: Path) -> str:
 def read_text_file(path: Path) -> bytes:
     """Return the content of a manifest, of figures or of parameters, which are small.
 
-    Raises ArtifactError if it is no plain file, or larger than `_MOST_TEXT`. FileNotFoundError if it is missing.
+    Raises
+    ------
+    ArtifactError
+        If it is no plain file, or larger than `_MOST_TEXT`.
+    FileNotFoundError
+        If it is missing.
     """
     require_plain(path)
     size = path.stat().st_size
@@ -70,8 +81,17 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
 
     Imports inside functions and the `__init__.py` of packages are included.
 
-    `module_file`: Path; a Python file below `root`. `root`: Path; the project's folder; modules outside it are ignored.
-    Returns list of Path: relative to `root`, sorted.
+    Parameters
+    ----------
+    module_file : Path
+        A Python file below `root`.
+    root : Path
+        The project's folder; modules outside it are ignored.
+
+    Returns
+    -------
+    list of Path
+        Relative to `root`, sorted.
     """
     closure: set[str] = set()
     queue = [module_file.relative_to(root).as_posix()]

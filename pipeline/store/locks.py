@@ -22,8 +22,11 @@ def hold_lock(path: Path, busy: str | None) -> Iterator[None]:
 
     Without `busy` it waits for other holders.
 
-    Raises ArtifactError if another process holds the lock: `busy`, with that process's number. If there is a file of
-    this name that is no lock.
+    Raises
+    ------
+    ArtifactError
+        If another process holds the lock: `busy`, with that process's number. If there is a file of this name that is
+        no lock.
     """
     _require_lock(path)
     made = _make_folders(path.parent)

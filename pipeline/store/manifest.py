@@ -72,7 +72,10 @@ def new_manifest(
 def read_manifest(path: Path) -> Manifest:
     """Read a manifest.
 
-    Raises ArtifactError if the file is missing or is not a manifest.
+    Raises
+    ------
+    ArtifactError
+        If the file is missing or is not a manifest.
     """
     try:
         return TypeAdapter(Manifest).validate_json(read_text_file(path))
@@ -85,7 +88,10 @@ def read_manifest(path: Path) -> Manifest:
 def read_params(path: Path, kind: type[_Section]) -> _Section:
     """Return the parameters that a manifest states, as their schema.
 
-    Raises ArtifactError if the file is missing, is no manifest, or states other parameters than the schema has.
+    Raises
+    ------
+    ArtifactError
+        If the file is missing, is no manifest, or states other parameters than the schema has.
     """
     try:
         return TypeAdapter(kind).validate_python(read_manifest(path).params)

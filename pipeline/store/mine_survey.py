@@ -86,7 +86,10 @@ def survey_files(mine: MineSurvey) -> dict[str, bytes]:
 def open_survey(folder: Path) -> MineSurvey:
     """Read a survey's folder.
 
-    Raises ArtifactError if a file is missing, broken, or none of a survey; the message names it.
+    Raises
+    ------
+    ArtifactError
+        If a file is missing, broken, or none of a survey; the message names it.
     """
     if not (folder / _SURVEY).exists():
         decode(folder / _SURVEY, Survey)  # says what is missing

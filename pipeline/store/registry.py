@@ -31,7 +31,10 @@ class Entry:
 def read_registry() -> dict[str, Entry]:
     """Read both registries: tab-separated `name sha256 bytes origin licence`, `#` starts a comment line.
 
-    Raises InputError if `data/registry.txt` is missing or a line is malformed.
+    Raises
+    ------
+    InputError
+        If `data/registry.txt` is missing or a line is malformed.
     """
     if not REGISTRY.is_file():
         raise InputError(f"{REGISTRY}: {absence_of(REGISTRY)}; run from the project's root")
@@ -54,7 +57,10 @@ def _read_lines(path: Path) -> dict[str, Entry]:
 def verify_input(path: Path, entries: dict[str, Entry]) -> str:
     """Check an input below `data/` against the registry and return its sha256.
 
-    Raises InputError if the file is missing, unregistered or changed; the message gives the remedy.
+    Raises
+    ------
+    InputError
+        If the file is missing, unregistered or changed; the message gives the remedy.
     """
     name = path.relative_to("data").as_posix()
     entry = entries.get(name)
@@ -75,8 +81,11 @@ def verify_input(path: Path, entries: dict[str, Entry]) -> str:
 def register(path: Path, origin: str, licence: str, registry: Path = REGISTRY) -> Entry:
     """Append a file below `data/` to a registry; a file that is in one is not added again.
 
-    Raises InputError if the file is missing, is not below `data/`, or is registered with another sha256, or if a text
-    holds a tab or line break.
+    Raises
+    ------
+    InputError
+        If the file is missing, is not below `data/`, or is registered with another sha256, or if a text holds a tab or
+        line break.
     """
     try:
         name = path.relative_to("data").as_posix()

@@ -21,10 +21,22 @@ _DEFAULT = COMPOSED.parent  # the folder of the default world
 def verify_chain(root: Path, folder: Path = _DEFAULT, composed: Path = COMPOSED) -> int:
     """Check every link: inputs, parameters, code, the outputs that later stages read, and the hashes of the bundle.
 
-    `root`: Path; the project's folder; its `dvc.yaml` lists what each stage reads. `folder`, `composed`: Path; the
-    stages' folder of a world, and its parameters, below the project's; by default those of the default world.
-    Returns int: the number of checked files.
-    Raises ArtifactError, InputError: the message names the first link that fails.
+    Parameters
+    ----------
+    root : Path
+        The project's folder; its `dvc.yaml` lists what each stage reads.
+    folder, composed : Path
+        The stages' folder of a world, and its parameters, below the project's; by default those of the default world.
+
+    Returns
+    -------
+    int
+        The number of checked files.
+
+    Raises
+    ------
+    ArtifactError, InputError
+        The message names the first link that fails.
     """
     stages, artifacts = _read_sections(root / "dvc.yaml")["stages"], root / folder
     registry, params = read_registry(), _read_sections(root / composed)
@@ -59,7 +71,10 @@ def verify_chain(root: Path, folder: Path = _DEFAULT, composed: Path = COMPOSED)
 def verify_certificate(path: Path, world: str) -> None:
     """Compare the world that a certificate names with the hash of the world that lies in the project.
 
-    Raises ArtifactError if it is no certificate, names another world, or does not hold.
+    Raises
+    ------
+    ArtifactError
+        If it is no certificate, names another world, or does not hold.
     """
     try:
         certificate = json.loads(read_text_file(path))
@@ -108,8 +123,10 @@ def _expect(name: str, digest: str, wanted: str, source: str) -> None:
 def verify_world(bundle: Path) -> str:
     """Check that a world bundle holds only what a world may, with the hashes of `world.json`; return the world's hash.
 
-    Raises ArtifactError if a file is missing, changed, not listed or not allowed; the message names it and the place in
-    it.
+    Raises
+    ------
+    ArtifactError
+        If a file is missing, changed, not listed or not allowed; the message names it and the place in it.
     """
     try:
         return str(check_world(bundle).record["world_sha256"])

@@ -16,10 +16,19 @@ Written = Mapping[str, str | None]  # name below a folder -> sha256; None: a fil
 def written_files(folder: Path, ours: Written, sizes: Mapping[str, int] | None = None) -> dict[str, str]:
     """Return the sha256 of each file of a folder by its name; all of them must be ours.
 
-    `folder`: Path; it need not exist. `ours`: mapping; the files that a manifest states. `sizes`: mapping of str to
-    int, optional; bytes of files whose writing may have been cut short: a shorter file of this name is ours, too.
-    Raises ArtifactError: naming the first file, link or empty folder that is not listed, or file that differs from its
-    hash.
+    Parameters
+    ----------
+    folder : Path
+        It need not exist.
+    ours : mapping
+        The files that a manifest states.
+    sizes : mapping of str to int, optional
+        Bytes of files whose writing may have been cut short: a shorter file of this name is ours, too.
+
+    Raises
+    ------
+    ArtifactError
+        Naming the first file, link or empty folder that is not listed, or file that differs from its hash.
     """
     if not os.path.lexists(folder):
         return {}
@@ -47,7 +56,10 @@ def written_files(folder: Path, ours: Written, sizes: Mapping[str, int] | None =
 def remove_written(folder: Path, ours: Written) -> None:
     """Remove a folder whose files are all ours; see `written_files`.
 
-    Raises ArtifactError if one is not; then nothing is removed.
+    Raises
+    ------
+    ArtifactError
+        If one is not; then nothing is removed.
     """
     for name in written_files(folder, ours):
         (folder / name).unlink()

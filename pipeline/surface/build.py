@@ -33,7 +33,10 @@ def cross_section(params: SurfaceParams, height_m: float) -> CrossSection:
 def widen_spacing(params: SurfaceParams, free: BaseGeometry, height_m: float) -> SurfaceParams:
     """Widen both spacings until the rough surface has at most `most_faces`, and print the new spacings.
 
-    Raises InputError if a spacing would exceed 0.5 m.
+    Raises
+    ------
+    InputError
+        If a spacing would exceed 0.5 m.
     """
     rough, profile = params.rough, cross_section(params, height_m)
     wall_m2 = free.length * (height_m - profile.arch_rise_m)
@@ -64,7 +67,10 @@ def lay_rough_lattice(
 ) -> Lattice:
     """Lay the lattice of the workings by the configured spacings and cross-section.
 
-    Raises GeometryError if two walls are nearer to each other than the spacing.
+    Raises
+    ------
+    GeometryError
+        If two walls are nearer to each other than the spacing.
     """
     rough = params.rough
     walls = lay_walls(free, rough.spacing_m, network, rough.thinnest_rock_m)
@@ -74,7 +80,10 @@ def lay_rough_lattice(
 def build_rough_surface(params: SurfaceParams, lattice: Lattice, relief: Relief) -> RoughSurface:
     """Build the rough surface from jointed rock or from the noise of walls and roof.
 
-    Raises GeometryError if the mesh intersects itself after all repairs.
+    Raises
+    ------
+    GeometryError
+        If the mesh intersects itself after all repairs.
     """
     rough = params.rough
     simplification = Simplification(rough.kept_share, rough.tile_m) if rough.kept_share else None

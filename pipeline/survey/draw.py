@@ -42,7 +42,10 @@ def frame_around(extent_m: tuple[float, float, float, float], px_per_m: float, s
 def frame_of(name: str, workings: BaseGeometry, params: DrawnSurveyParams, size_by: str = "survey.unit") -> Frame:
     """Return the pixel grid of the drawing of a survey in metres; errors have its `name` and what states its size.
 
-    Raises InputError if the workings are longer than 20 km or shorter than 1 m.
+    Raises
+    ------
+    InputError
+        If the workings are longer than 20 km or shorter than 1 m.
     """
     west, south, east, north = workings.bounds
     m = params.margin_m

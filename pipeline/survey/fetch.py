@@ -20,12 +20,24 @@ from pipeline.store.registry import Entry, read_registry, verify_input
 def fetch_raw(entries: dict[str, Entry], folder: Path, mirror: str | None = None) -> list[Path]:
     """Download every registered file whose origin is an https address.
 
-    `entries`: dict; the registry. Entries without an https origin are skipped. `folder`: Path; the data folder.
-    `mirror`: str, optional; an http(s) address or a folder that holds the files under their registered names. It
-    replaces the origins.
-    Returns list of Path: the path of every such file. A file with the right hash is not downloaded again.
-    Raises InputError if a file cannot be downloaded, comes too slowly, or differs from the registered one. A wrong file
-    is not kept.
+    Parameters
+    ----------
+    entries : dict
+        The registry. Entries without an https origin are skipped.
+    folder : Path
+        The data folder.
+    mirror : str, optional
+        An http(s) address or a folder that holds the files under their registered names. It replaces the origins.
+
+    Returns
+    -------
+    list of Path
+        The path of every such file. A file with the right hash is not downloaded again.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be downloaded, comes too slowly, or differs from the registered one. A wrong file is not kept.
     """
     paths = []
     with requests.Session() as session:

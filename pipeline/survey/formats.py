@@ -85,7 +85,10 @@ def suffix_of(path: Path) -> str:
 def kind_of(path: Path) -> FileKind:
     """Return what a file is, by its suffix.
 
-    Raises InputError if the format is not supported.
+    Raises
+    ------
+    InputError
+        If the format is not supported.
     """
     suffix = suffix_of(path)
     if suffix in CONVERTED:
@@ -110,7 +113,10 @@ def is_solved(path: Path) -> bool:
 def shape_reader(path: Path) -> ShapeReader:
     """Return the reader of a vector file.
 
-    Raises InputError if the file is none.
+    Raises
+    ------
+    InputError
+        If the file is none.
     """
     found = FORMATS.get(suffix_of(path))
     if found is None or found.shapes is None:
@@ -127,7 +133,10 @@ def solver_limits(path: Path) -> dict[str, Any]:
 def leg_reader(path: Path) -> PassageReader:
     """Return the reader of a station survey.
 
-    Raises InputError if the file is none.
+    Raises
+    ------
+    InputError
+        If the file is none.
     """
     found = FORMATS.get(suffix_of(path))
     if found is None or found.legs is None:

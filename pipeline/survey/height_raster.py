@@ -42,8 +42,11 @@ class HeightPoints:
 def read_raster(path: Path) -> HeightPoints:
     """Read the middles of a raster's cells that have a value; values have the band's scale and offset.
 
-    Raises InputError if the file is no raster of heights, has no georeference, states something in a file beside it
-    that is not read, or a limit is exceeded.
+    Raises
+    ------
+    InputError
+        If the file is no raster of heights, has no georeference, states something in a file beside it that is not
+        read, or a limit is exceeded.
     """
     most = reader_limits()
     if path.stat().st_size > most.file_bytes:

@@ -103,7 +103,10 @@ class _Drawn:
 def read_survey(params: SurveyParams) -> MineSurvey:
     """Read a survey, in a process with the limits of `conf/reader_limits.yaml` if it comes from a file.
 
-    Raises InputError if an input cannot be used or has no scale. The message names the file, the value and the limit.
+    Raises
+    ------
+    InputError
+        If an input cannot be used or has no scale. The message names the file, the value and the limit.
     """
     if params.kind in ("procedural", "cloud"):  # the points of a cloud are read in a process of their own
         return read_unlimited(params)
@@ -219,7 +222,10 @@ def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:
 def require_extent(path: str, plan: Image, px_per_m: float) -> None:
     """Refuse a plan that shows more than 20 km, as of vector surveys: its scale is wrong.
 
-    Raises InputError: the message names the file, the extent and the limit.
+    Raises
+    ------
+    InputError
+        The message names the file, the extent and the limit.
     """
     widest = max(plan.shape[:2]) / px_per_m
     if widest > WIDEST_M:
@@ -278,7 +284,10 @@ def plan_of_stations(params: StationSurveyParams) -> Reading:
 def _heights_of_grades(path: Path, legs: list[SurveyLeg], rules: FloorRules) -> Heights | None:
     """Return the floor of legs with grades; None if they have none.
 
-    Raises InputError if workings lie over each other: a drawn plan shows one floor.
+    Raises
+    ------
+    InputError
+        If workings lie over each other: a drawn plan shows one floor.
     """
     if legs[0].grades is None:
         return None

@@ -92,7 +92,10 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
 def survey_files(path: Path) -> list[Path]:
     """Return a survey's files: the file and all files that it names.
 
-    Raises InputError if a named file is missing or lies outside the folder of the first.
+    Raises
+    ------
+    InputError
+        If a named file is missing or lies outside the folder of the first.
     """
     suffix = path.suffix.lower()
     if suffix == ".th" or is_project(path):

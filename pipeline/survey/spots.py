@@ -25,8 +25,11 @@ _SAME_M = 0.05  # readings of one place may differ by so much
 def read_spots(path: Path, georeference: Georeference) -> Heights:
     """Read spot heights, in the coordinates of the survey's file.
 
-    Raises InputError if a column is missing or stands twice, a value is no number or too large, or a place has two
-    heights; the message names the line or the place.
+    Raises
+    ------
+    InputError
+        If a column is missing or stands twice, a value is no number or too large, or a place has two heights; the
+        message names the line or the place.
     """
     try:
         text = read_csv_text(path)

@@ -16,7 +16,10 @@ def start_in_plan(start_m: tuple[float, ...], heights: Heights | None) -> tuple[
 
     With an elevation the start is on the drift with the nearest one.
 
-    Raises InputError if an elevation is stated and the floor's lines are not known or not near.
+    Raises
+    ------
+    InputError
+        If an elevation is stated and the floor's lines are not known or not near.
     """
     east, north, *elevation = start_m
     if not elevation:

@@ -42,12 +42,23 @@ Points = np.ndarray  # (k, 3), x and y in the file's coordinates, then m in the 
 def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Frame) -> Heights:
     """Read the floor's heights from a file in the coordinates of the survey's file.
 
-    `path`: Path; CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or
-    GeoJSON with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
-    each the height at its insertion point; the surfaces of LandXML. Elevations have the unit that the file states for
-    them, else that of the coordinates; of a CSV they are metres. `georeference`: Georeference. `plan`: (rows, cols, 3)
-    uint8; workings are dark; a surface counts there. `frame`: Frame; of the plan.
-    Raises InputError if the file cannot be read, has another coordinate system, or shows no height in the workings.
+    Parameters
+    ----------
+    path : Path
+        CSV of spot heights (`read_spots`); a raster (GeoTIFF, Esri ASCII grid); DXF, GeoPackage, Shapefile or GeoJSON
+        with points and lines that have an elevation, such as contour lines; of a DXF, also numbers written as text,
+        each the height at its insertion point; the surfaces of LandXML. Elevations have the unit that the file states
+        for them, else that of the coordinates; of a CSV they are metres.
+    georeference : Georeference
+    plan : (rows, cols, 3) uint8
+        Workings are dark; a surface counts there.
+    frame : Frame
+        Of the plan.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has another coordinate system, or shows no height in the workings.
     """
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -178,7 +189,10 @@ def _is_dark(plan: Image, frame: Frame, places_m: np.ndarray) -> np.ndarray:
 def _in_metres(path: Path, surface: HeightPoints, georeference: Georeference) -> Points:
     """Return the points of a surface in the mine frame, m, each axis by its own unit.
 
-    Raises InputError if its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
+    Raises
+    ------
+    InputError
+        If its coordinate system is not the survey's, whatever their vertical systems, or is in degrees.
     """
     plan_m, axes = georeference.metres_per_unit, MapAxes()
     if surface.crs is not None:

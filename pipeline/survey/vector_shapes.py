@@ -22,10 +22,19 @@ def read_shapes(
 ) -> Shapes:
     """Read the lines and polygons of a vector file by the reader of its suffix; a warning counts what else it holds.
 
-    `path`: Path. `layers`: list of str or None. `level_by`: str or None; the property that names the level of a shape,
-    which is its layer in the result. `no_elevation`: float or None; an elevation that stands for none, in the file's
-    unit.
-    Raises InputError if the format is not supported, or the reader or a limit refuses the file.
+    Parameters
+    ----------
+    path : Path
+    layers : list of str or None
+    level_by : str or None
+        The property that names the level of a shape, which is its layer in the result.
+    no_elevation : float or None
+        An elevation that stands for none, in the file's unit.
+
+    Raises
+    ------
+    InputError
+        If the format is not supported, or the reader or a limit refuses the file.
     """
     reader = shape_reader(path)
     if level_by is not None and not FORMATS[path.suffix.lower()].has_fields:

@@ -120,7 +120,10 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
 
     `content` is what `read_shapes` returned for a vector file; None reads the file.
 
-    Raises InputError if the file cannot be read or holds no workings.
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no workings.
     """
     read, name = _read(params, content), _name(params)
     if (workings := read.polygons).is_empty:

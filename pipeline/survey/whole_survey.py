@@ -190,7 +190,10 @@ def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
 
     Each shot is as wide as at its stations, square to itself.
 
-    Raises InputError if it has no area.
+    Raises
+    ------
+    InputError
+        If it has no area.
     """
     walls = [np.where(np.isfinite(leg.walls_m), leg.walls_m, _HALF_WIDTH_M) for leg in legs]
     wide = [replace(leg, walls_m=w) for leg, w in zip(legs, walls, strict=True)]
@@ -262,7 +265,10 @@ def _about(survey: WholeSurvey, station: str) -> str:
 def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
     """Return the station that a name or a place (easting, northing, elevation) stands for.
 
-    Raises InputError if there is none, with names like it, or the nearest one is more than 10 m away.
+    Raises
+    ------
+    InputError
+        If there is none, with names like it, or the nearest one is more than 10 m away.
     """
     legs = survey.legs
     names = list(dict.fromkeys(name for leg in legs for name in leg.stations))

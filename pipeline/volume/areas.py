@@ -27,8 +27,10 @@ def solid_of_floors(drawn: DrawnFloors, height_m: float, half_m: float) -> Close
 
     Shafts that nobody measured are `half_m` wide to each side. Floors keep their triangles, so that they are as drawn.
 
-    Raises GeometryError if a roof cuts through the floor over it; the message names the place and what states less
-    height.
+    Raises
+    ------
+    GeometryError
+        If a roof cuts through the floor over it; the message names the place and what states less height.
     """
     floors, shafts = drawn.mesh, drawn.shafts
     vertices, faces = slab(floors, height_m)
@@ -59,10 +61,19 @@ def slab_of_outline(
 ) -> ClosedMesh:
     """Return the closed mesh of a level plan: a floor and a roof, both of one plane, and plumb walls on the outline.
 
-    `outline`: shapely.Polygon, m, mine frame; with islands as holes. Its corners are those of the mesh. `floor_m`,
-    `roof_m`: float; heights at the frame's origin. `lean`: (float, float), optional; rise over run of floor and roof to
-    the east and to the north; level by default.
-    Raises GeometryError if the outline is invalid or empty, or the roof is not over the floor.
+    Parameters
+    ----------
+    outline : shapely.Polygon, m, mine frame
+        With islands as holes. Its corners are those of the mesh.
+    floor_m, roof_m : float
+        Heights at the frame's origin.
+    lean : (float, float), optional
+        Rise over run of floor and roof to the east and to the north; level by default.
+
+    Raises
+    ------
+    GeometryError
+        If the outline is invalid or empty, or the roof is not over the floor.
     """
     if outline.is_empty or not outline.is_valid or not roof_m > floor_m:
         what = "no outline" if outline.is_empty else shapely.is_valid_reason(outline)

@@ -42,8 +42,15 @@ def coarse_floors(volume: Volume, hit: np.ndarray, weights: np.ndarray, surveyed
     The floor stays within 1 cm of its height at each vertex and middle of a facet, and within 7 mm of the survey along
     the legs. Its rim stays where it is in plan. A floor from which a wall goes down stays as it is along that wall.
 
-    `volume`: Volume. `hit`: (n,) int64; facets under places along the legs. `weights`: (n, 3) float64; of the facets'
-    corners at these places. `surveyed`: (n,) float64, m; heights of the surveyed floors there.
+    Parameters
+    ----------
+    volume : Volume
+    hit : (n,) int64
+        Facets under places along the legs.
+    weights : (n, 3) float64
+        Of the facets' corners at these places.
+    surveyed : (n,) float64, m
+        Heights of the surveyed floors there.
     """
     samples = _samples(volume, hit, weights, surveyed)
     kept = np.zeros(len(volume.faces), bool)

@@ -56,7 +56,10 @@ def keyed(volume: Volume, vertices: np.ndarray, label: np.ndarray, kept: np.ndar
 def volume_of(one: KeyedSolid, volume: Volume) -> Volume:
     """Return a keyed solid as a volume of the pieces of the one that it was made from.
 
-    Raises GeometryError if it was made of a mesh that is not closed.
+    Raises
+    ------
+    GeometryError
+        If it was made of a mesh that is not closed.
     """
     if one.solid.status() != manifold3d.Error.NoError:
         raise GeometryError(f"volume: a changed mesh encloses no space ({one.solid.status().name})")
@@ -168,8 +171,10 @@ class Neighbourhood:
     def put_back(self, changed: Volume) -> Volume:
         """Return the whole volume with a changed neighbourhood in the place of this one.
 
-        Raises GeometryError if the whole is not closed then: the border is not as it was, or two of its vertices are at
-        one place.
+        Raises
+        ------
+        GeometryError
+            If the whole is not closed then: the border is not as it was, or two of its vertices are at one place.
         """
         whole, new = self._whole, ~self.at_border(changed)
         stay = whole.faces[~self._within]

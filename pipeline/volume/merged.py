@@ -26,8 +26,13 @@ def merge_parts(volume: Volume, parts: list[ShellPart], longest_m: float = LONGE
     a nose of rock and on both sides of a pillar become a prism, and a level floor or roof one slab. All corners of a
     part are behind the planes of all its facets, so each facet is covered as before.
 
-    `volume`: Volume. `parts`: list of ShellPart; as `build_shell` returns them. `longest_m`: float; the greatest extent
-    of a part that is made here along an axis, m.
+    Parameters
+    ----------
+    volume : Volume
+    parts : list of ShellPart
+        As `build_shell` returns them.
+    longest_m : float
+        The greatest extent of a part that is made here along an axis, m.
     """
     merging = _Merging(volume, parts, longest_m)
     merging.merge(_beside(volume, parts))

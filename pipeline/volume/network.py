@@ -166,7 +166,10 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     Shots without a length are counted and left out: their stations are one place, which has the name of the first.
     Sections without an area, or turned inside out, get 5 cm. Both are listed by station.
 
-    Raises InputError if a leg has no heights, or no leg has a length.
+    Raises
+    ------
+    InputError
+        If a leg has no heights, or no leg has a length.
     """
     index: dict[str, int] = {}
     names: list[str] = []

@@ -69,7 +69,10 @@ class Volume:
     def solid(self) -> manifold3d.Manifold:
         """Return the free space as a solid, which is made of the mesh when it is first asked for.
 
-        Raises GeometryError if the mesh is not closed, or a facet is turned over.
+        Raises
+        ------
+        GeometryError
+            If the mesh is not closed, or a facet is turned over.
         """
         solid = manifold3d.Manifold(manifold3d.Mesh64(self.vertices, self.faces.astype(np.uint64))).as_original()
         if solid.status() != manifold3d.Error.NoError:

@@ -46,7 +46,10 @@ class Mine:
 def mine_of(case: str, folder: Path) -> Mine:
     """Build a case of the gate, or read the folder of a world.
 
-    Raises InputError if it is neither.
+    Raises
+    ------
+    InputError
+        If it is neither.
     """
     if case in CASES:
         network = CASES[case].network(folder)

@@ -51,7 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def given_of(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the arguments of an environment that were given.
 
-    Raises ValueError if a world is given for an id that has one.
+    Raises
+    ------
+    ValueError
+        If a world is given for an id that has one.
     """
     given = {key: value for key in ("world", "robot") if (value := getattr(arguments, key)) is not None}
     if "world" in given and "world" in gymnasium.spec(arguments.id).kwargs:
@@ -64,7 +67,9 @@ def given_of(arguments: argparse.Namespace) -> dict[str, Any]:
 def check_least(name: str, value: int, least: int) -> None:
     """Refuse an option below its least value.
 
-    Raises ValueError.
+    Raises
+    ------
+    ValueError
     """
     if value < least:
         raise ValueError(f"{name} = {value}: want {least} or more")
@@ -73,8 +78,12 @@ def check_least(name: str, value: int, least: int) -> None:
 def record(arguments: argparse.Namespace, ahead: Ahead) -> None:
     """Record one episode as MCAP with ROS 2 messages, or show it in a browser.
 
-    Raises ImportError if what writes or shows it is not installed; the message names the extra. ValueError if an option
-    is beyond its limit.
+    Raises
+    ------
+    ImportError
+        If what writes or shows it is not installed; the message names the extra.
+    ValueError
+        If an option is beyond its limit.
     """
     sensors = check_sensors([name for name in arguments.sensors.split(",") if name])
     for name, low in (("steps", 1), ("every", 1), ("seed", 0)):

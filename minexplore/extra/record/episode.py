@@ -37,9 +37,14 @@ def frames_of(
 ) -> Iterator[SensedStep]:
     """Drive an episode and yield its frames, the first before the first step.
 
-    `env`: MineEnv; made with `pose="odometry"` if it has wheels, and without `sensors`: those are read here, one look
-    in `every` steps. `drive`: Drive. `true_pose`: bool; whether the policy gets the true pose; else that which the
-    wheels count.
+    Parameters
+    ----------
+    env : MineEnv
+        Made with `pose="odometry"` if it has wheels, and without `sensors`: those are read here, one look in `every`
+        steps.
+    drive : Drive
+    true_pose : bool
+        Whether the policy gets the true pose; else that which the wheels count.
     """
     step_ns = round(1e9 * env.task.control_s)
     observation, info = env.reset(seed=seed)

@@ -20,7 +20,10 @@ _LABEL_COLOURS = np.random.default_rng(5).integers(70, 255, (32, 3), dtype=np.ui
 def require_viser() -> None:
     """Refuse to show where viser is missing.
 
-    Raises ImportError: naming the extra that brings it.
+    Raises
+    ------
+    ImportError
+        Naming the extra that brings it.
     """
     if find_spec("viser") is None:
         raise ImportError("record --live needs viser: pip install viser")

@@ -22,7 +22,10 @@ _PACKAGES = ("mcap", "mcap_ros2")
 def require_mcap() -> None:
     """Refuse to record where MCAP's packages are missing.
 
-    Raises ImportError: naming the extra that brings them.
+    Raises
+    ------
+    ImportError
+        Naming the extra that brings them.
     """
     if any(find_spec(package) is None for package in _PACKAGES):
         raise ImportError("record needs MCAP's packages: pip install mcap mcap-ros2-support")
@@ -31,7 +34,10 @@ def require_mcap() -> None:
 def require_new(path: Path) -> None:
     """Refuse to write where something is.
 
-    Raises ValueError: naming the path.
+    Raises
+    ------
+    ValueError
+        Naming the path.
     """
     if path.is_dir():
         raise ValueError(f"out = {str(path)!r}: cannot be written (Is a directory)")
@@ -49,7 +55,10 @@ class McapFile:
     def __init__(self, path: Path, suite: SensorSuite) -> None:
         """Create the file under a temporary name, which `close` changes; `suite` knows how the sensors are mounted.
 
-        Raises ValueError if the file cannot be written, or there is one.
+        Raises
+        ------
+        ValueError
+            If the file cannot be written, or there is one.
         """
         from mcap_ros2.writer import Writer  # of the extra `record`
 
@@ -107,7 +116,10 @@ class McapFile:
     def close(self) -> None:
         """Write the index, close the file and give it its name.
 
-        Raises ValueError if the disk does not take it.
+        Raises
+        ------
+        ValueError
+            If the disk does not take it.
         """
         with self._writing():
             self._writer.finish()

@@ -31,7 +31,10 @@ def spread_command(pair: np.ndarray, count: int) -> np.ndarray:
 def find_drive(name: str, env: MineEnv, seed: int, ahead: Ahead) -> Drive:
     """Return what a policy of this name does: `ahead`, `random`, or one that `baselines.evaluate` knows.
 
-    Raises ValueError if there is none; the message lists the choices.
+    Raises
+    ------
+    ValueError
+        If there is none; the message lists the choices.
     """
     count, beams = env.robot.COMMANDS, env.task.beams
     if name == "ahead":

@@ -10,7 +10,10 @@ _INSTALL = 'make setup-gpu, or pip install "mujoco==3.17.*" "mujoco-warp==3.17.*
 def require_packages() -> None:
     """Refuse to go on without Warp, MuJoCo Warp and torch.
 
-    Raises ImportError: naming what is missing and what to install.
+    Raises
+    ------
+    ImportError
+        Naming what is missing and what to install.
     """
     absent = [package for module, package in _NEEDED.items() if find_spec(module) is None]
     if absent:
@@ -20,7 +23,10 @@ def require_packages() -> None:
 def require_device(device: Any) -> Any:
     """Return Warp's device of a name such as `cpu` or `cuda:0`.
 
-    Raises ValueError if there is no such device; the message names those that there are.
+    Raises
+    ------
+    ValueError
+        If there is no such device; the message names those that there are.
     """
     import warp as wp
 

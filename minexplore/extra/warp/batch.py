@@ -202,7 +202,10 @@ class WarpBatch:
 def _linear_controls(robot: RobotParams) -> np.ndarray:
     """Return the controls (controls, 2) of a unit forward speed and a unit turn rate.
 
-    Raises ValueError if the robot's controls are no linear function of the twist.
+    Raises
+    ------
+    ValueError
+        If the robot's controls are no linear function of the twist.
     """
     twists = np.array([[1.0, 0.0], [0.0, 1.0], [0.3, -0.7], [0.0, 0.0]])
     controls = np.asarray(robot.controls(twists[:, 0], twists[:, 1]))

@@ -130,9 +130,15 @@ class MineWarpEnv(Timed, VectorEnv):
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step all robots; robots whose episode ended are reset as `autoreset_mode` says.
 
-        `actions`: (n, 2) tensor or array; forward speed and turn rate in [-1, 1]; clipped. What is not finite counts as
-        0 and `check` lists it.
-        Raises ValueError if the shape is another, or it holds anything but numbers.
+        Parameters
+        ----------
+        actions : (n, 2) tensor or array
+            Forward speed and turn rate in [-1, 1]; clipped. What is not finite counts as 0 and `check` lists it.
+
+        Raises
+        ------
+        ValueError
+            If the shape is another, or it holds anything but numbers.
         """
         self._require_open()
         if not self._begun:
@@ -166,8 +172,11 @@ class MineWarpEnv(Timed, VectorEnv):
     def check(self) -> None:
         """Wait for the device and look for what went wrong in any step since the last reset of all robots.
 
-        Raises RuntimeError: naming the first robot, and what it was: an action or a state that is not finite, or a
-        robot outside of the mine; or naming the limit of MuJoCo Warp that was too small.
+        Raises
+        ------
+        RuntimeError
+            Naming the first robot, and what it was: an action or a state that is not finite, or a robot outside of the
+            mine; or naming the limit of MuJoCo Warp that was too small.
         """
         fault = self.tensors["fault"].cpu().numpy()
         if fault.any():

@@ -20,8 +20,12 @@ _COUNTS = {
 def overflow_message(bits: np.ndarray, limits: Mapping[str, int]) -> str | None:
     """Return what did not fit, or None if everything did.
 
-    `bits`: (robots,) int; of `mujoco_warp.OverflowType`, without those of iterations. `limits`: mapping of int by name;
-    `naconmax`, `naccdmax` and `njmax` as given to `mujoco_warp.make_data`.
+    Parameters
+    ----------
+    bits : (robots,) int
+        Of `mujoco_warp.OverflowType`, without those of iterations.
+    limits : mapping of int by name
+        `naconmax`, `naccdmax` and `njmax` as given to `mujoco_warp.make_data`.
     """
     every = int(np.bitwise_or.reduce(bits, initial=0))
     if not every:

@@ -60,8 +60,11 @@ class SurfaceCaster:
     def cast(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
         """Return the hits of unit rays.
 
-        `origins`: (3,) or (n, 3), m, mine frame; all within a metre of the first, as during one scan. `directions`: (n,
-        3) float32, unit vectors.
+        Parameters
+        ----------
+        origins : (3,) or (n, 3), m, mine frame
+            All within a metre of the first, as during one scan.
+        directions : (n, 3) float32, unit vectors
         """
         found, face = self.strike(origins, directions)
         label = self._labels[face]

@@ -32,8 +32,13 @@ def pattern_names() -> list[str]:
 def load_pattern(name: str | Path) -> ScanPattern:
     """Return a pattern by its name, or one of a `.json` file with the fields of those that ship.
 
-    Raises ValueError if there is none of that name, or a field is missing, unknown or beyond its limit; the message
-    lists the names that there are, or names the field. FileNotFoundError if there is no such file.
+    Raises
+    ------
+    ValueError
+        If there is none of that name, or a field is missing, unknown or beyond its limit; the message lists the names
+        that there are, or names the field.
+    FileNotFoundError
+        If there is no such file.
     """
     if isinstance(name, str) and name in pattern_names():
         return _shipped(name)
@@ -54,7 +59,10 @@ def _shipped(name: str) -> ScanPattern:
 def parse_pattern(name: str, record: Any) -> ScanPattern:
     """Return a pattern as its file states it.
 
-    Raises ValueError if a field is missing or unknown, or beyond its limit, or the kind is.
+    Raises
+    ------
+    ValueError
+        If a field is missing or unknown, or beyond its limit, or the kind is.
     """
     kind = record.get("kind") if isinstance(record, dict) else record
     if not isinstance(kind, str) or kind not in _OWN:

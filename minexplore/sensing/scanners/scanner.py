@@ -33,12 +33,22 @@ class Scanner:
     ) -> PointCloud:
         """Return the cloud of one scan.
 
-        `robot`: Pose3D; the robot's pose when the scan ends, its origin on the floor under its middle. `rng`:
-        numpy.random.Generator, optional; draws noise and what is lost; needed unless the parameters are ideal.
-        `number`: int; of the scan; a rosette does not repeat. `before`: Pose3D, optional; the robot's pose when the
-        scan begins: every ray is then cast from where the sensor was when it was fired, so that the cloud, read as from
-        one pose, is bent as a moving sensor's is.
-        Raises ValueError if the parameters need random numbers and there is no generator.
+        Parameters
+        ----------
+        robot : Pose3D
+            The robot's pose when the scan ends, its origin on the floor under its middle.
+        rng : numpy.random.Generator, optional
+            Draws noise and what is lost; needed unless the parameters are ideal.
+        number : int
+            Of the scan; a rosette does not repeat.
+        before : Pose3D, optional
+            The robot's pose when the scan begins: every ray is then cast from where the sensor was when it was
+            fired, so that the cloud, read as from one pose, is bent as a moving sensor's is.
+
+        Raises
+        ------
+        ValueError
+            If the parameters need random numbers and there is no generator.
         """
         if rng is None and not self.params.is_ideal:
             raise ValueError("scan: these parameters draw random numbers: want rng")
@@ -79,8 +89,12 @@ def scanner_of(
 ) -> Scanner:
     """Return a LiDAR in a world by the name of its pattern, or by the `.json` file of one; see `load_pattern`.
 
-    Raises ValueError if there is no pattern of that name, or the file is refused. FileNotFoundError if there is no such
-    file.
+    Raises
+    ------
+    ValueError
+        If there is no pattern of that name, or the file is refused.
+    FileNotFoundError
+        If there is no such file.
     """
     pattern = load_pattern(name)
     return Scanner(pattern, shared_caster(world, pattern.range_m[1], backend), mount, params)

@@ -25,10 +25,20 @@ OF_PHYSICS = ("contacts", "escapes", "deepest_m")  # of robots that MuJoCo steps
 def certify_parts(bundle: Path, opened: OpenedBundle, read: ReadScene, params: ValidationParams) -> Certificate:
     """Measure the clauses of the certificate that are about geometry on parts read back from a file.
 
-    `bundle`: Path; the bundle that was exported; it states the workings and the floor. `opened`: OpenedBundle; the
-    same, opened. `read`: ReadScene. `params`: ValidationParams; the validator's own, with what the bundle claims
-    (`allowed_claims`).
-    Raises ArtifactError if MuJoCo refuses the parts.
+    Parameters
+    ----------
+    bundle : Path
+        The bundle that was exported; it states the workings and the floor.
+    opened : OpenedBundle
+        The same, opened.
+    read : ReadScene
+    params : ValidationParams
+        The validator's own, with what the bundle claims (`allowed_claims`).
+
+    Raises
+    ------
+    ArtifactError
+        If MuJoCo refuses the parts.
     """
     settings = of_geometry(params.certificate)
     with tempfile.TemporaryDirectory() as name:

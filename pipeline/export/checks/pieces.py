@@ -81,7 +81,10 @@ def seen_parts(pieces: Iterable[Piece]) -> Iterable[Piece]:
 def pieces_of_model(model: mujoco.MjModel, zones: list[str]) -> Iterable[Piece]:
     """Return the pieces of a compiled model; `zones` are the names of the floor zones.
 
-    Raises ArtifactError if a geom of the model has no label.
+    Raises
+    ------
+    ArtifactError
+        If a geom of the model has no label.
     """
     for geom in range(model.ngeom):
         name, group = model.geom(geom).name, int(model.geom_group[geom])

@@ -25,8 +25,14 @@ def prove_volume(arrays: VolumeArrays, scene: ExportScene, read: ReadScene, para
     The bundle's certificate is of parts of the same names that are as near as `parts.off_mm`; nothing of it is measured
     again.
 
-    `arrays`: VolumeArrays; of the bundle. Its facets are what rays end on. `scene`: ExportScene; what was written; its
-    visible rock, frictions and lights are compared. `read`: ReadScene. `params`: VolumeProofParams.
+    Parameters
+    ----------
+    arrays : VolumeArrays
+        Of the bundle. Its facets are what rays end on.
+    scene : ExportScene
+        What was written; its visible rock, frictions and lights are compared.
+    read : ReadScene
+    params : VolumeProofParams
     """
     facets, draw = arrays.facets, starts_on_spans(arrays.spans)
     touched = RayTest(draw, cast_at(facets.vertices[facets.faces]))

@@ -58,7 +58,10 @@ class RayTest:
         A ray that passes an edge of the bundle within 0.2 mm is replaced by a new one: the rounding of places decides
         what it hits. The bundle alone decides which rays these are.
 
-        Raises GeometryError if there are no triangles, or no place where a robot can stand.
+        Raises
+        ------
+        GeometryError
+            If there are no triangles, or no place where a robot can stand.
         """
         found_by, rng = cast_at(triangles), np.random.default_rng(seed)
         differences, at_edges, wanted = [np.zeros(0)], 0, RAYS
@@ -91,7 +94,10 @@ class RayTest:
 def starts_in_plan(free: BaseGeometry) -> Draw:
     """Return what draws starts over the floor of a mine that has a plan.
 
-    Raises GeometryError: when it draws, if no place is far enough from the walls.
+    Raises
+    ------
+    GeometryError
+        When it draws, if no place is far enough from the walls.
     """
 
     def draw(count: int, rng: np.random.Generator) -> Points3:

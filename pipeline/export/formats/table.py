@@ -48,7 +48,10 @@ FORMATS = {
 def require_format(name: str) -> ExportFormat:
     """Return a format by name.
 
-    Raises InputError if the package that reads it is not installed.
+    Raises
+    ------
+    InputError
+        If the package that reads it is not installed.
     """
     found = FORMATS[name]
     if find_spec(found.module) is None:

@@ -23,7 +23,10 @@ def read_bounded(picture: Image, level: int | None, reduction: int = 1) -> Drawi
     The mask is as large as the picture. Its border is interpolated: it is right to half a pixel of the copy.
     `reduction` is how much smaller the picture is than the user's; messages state shares of the latter.
 
-    Raises GeometryError: as for `read_drawing`; a message that has places in the copy says how large that is.
+    Raises
+    ------
+    GeometryError
+        As for `read_drawing`; a message that has places in the copy says how large that is.
     """
     share = share_of(picture)
     if share == 1.0:

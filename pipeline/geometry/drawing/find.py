@@ -96,9 +96,17 @@ class DrawingReading:
 def read_drawing(picture: Image, level: int | None) -> DrawingReading:
     """Find the workings on a drawing with dark ink on light paper.
 
-    `picture`: (rows, cols, 3) uint8. `level`: int or None; which plan of several, from 1, by rows from the upper left.
-    Raises GeometryError if nothing looks like workings, several plans do and no level is stated, or the finding is
-    doubtful. The message names the option that settles it.
+    Parameters
+    ----------
+    picture : (rows, cols, 3) uint8
+    level : int or None
+        Which plan of several, from 1, by rows from the upper left.
+
+    Raises
+    ------
+    GeometryError
+        If nothing looks like workings, several plans do and no level is stated, or the finding is doubtful. The
+        message names the option that settles it.
     """
     ink = _ink_of(picture)
     try:

@@ -53,7 +53,10 @@ def require_hatch_outlined(picture: Image, ink: Mask, mask: Mask) -> None:
     Where an outline is broken, paper between hatch lines is outside far into the hatching, and the rest ends at a hatch
     line. Less is lost if the outside goes on less far.
 
-    Raises DrawingError: with the share of the border that has an outline, or the place of what was lost.
+    Raises
+    ------
+    DrawingError
+        With the share of the border that has an outline, or the place of what was lost.
     """
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     darkness = cv2.dilate(cv2.blur((255 - grey).astype(np.float32), (3, 3)), np.ones((3, 3), np.uint8))

@@ -18,11 +18,22 @@ def fill_line_drawing(lines: Mask, seeds_px: list[tuple[float, float]], gap_px: 
     regions that an odd number of walls separates from the picture's edge are filled; a frame round the whole plan does
     not count as a wall.
 
-    `lines`: (rows, cols) bool; True where a wall is drawn. `seeds_px`: list of (col, row); places inside the workings.
-    `gap_px`: float.
-    Returns (rows, cols) bool.
-    Raises GeometryError if nothing is enclosed, or a seed lies on a wall, outside the picture, or in a region that
-    reaches its edge.
+    Parameters
+    ----------
+    lines : (rows, cols) bool
+        True where a wall is drawn.
+    seeds_px : list of (col, row)
+        Places inside the workings.
+    gap_px : float
+
+    Returns
+    -------
+    (rows, cols) bool
+
+    Raises
+    ------
+    GeometryError
+        If nothing is enclosed, or a seed lies on a wall, outside the picture, or in a region that reaches its edge.
     """
     closed = cv2.morphologyEx(
         np.pad(lines.astype(np.uint8), 1),

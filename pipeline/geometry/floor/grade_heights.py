@@ -16,9 +16,19 @@ def heights_of_grades(pairs: np.ndarray, run_m: np.ndarray, grade: np.ndarray) -
     changes the grades round it by equal parts. Shots without a grade are as flat as those leave them: linear between
     stations that grades join, level elsewhere.
 
-    `pairs`: (m, 2) int; the stations from and to of each shot, which join all of them. `run_m`: (m,) m; length in plan.
-    `grade`: (m,); rise over run; nan where it is not known.
-    Returns (n,) m: of the stations from 0 to the largest of `pairs`.
+    Parameters
+    ----------
+    pairs : (m, 2) int
+        The stations from and to of each shot, which join all of them.
+    run_m : (m,) m
+        Length in plan.
+    grade : (m,)
+        Rise over run; nan where it is not known.
+
+    Returns
+    -------
+    (n,) m
+        Of the stations from 0 to the largest of `pairs`.
     """
     count, known = int(pairs.max()) + 1, np.isfinite(grade)
     joined = coo_matrix((np.ones(known.sum()), pairs[known].T), (count, count))

@@ -30,10 +30,18 @@ def build_floor(workings: BaseGeometry, lines: list[np.ndarray], datum_m: float)
     The heights are harmonic: the lines' heights are kept, and there is no slope across the walls. Along a straight
     drift the floor is then linear between the points of its line and level across.
 
-    `workings`: shapely Polygon, m, plan. `lines`: list of (k, 3) float64, m; where the floor is known; points outside
-    the workings count for the nearest wall, where no nearer one does. `datum_m`: float; the survey's elevation of
-    height 0.
-    Raises GeometryError if a piece of the workings has no height; the message names the place.
+    Parameters
+    ----------
+    workings : shapely Polygon, m, plan
+    lines : list of (k, 3) float64, m
+        Where the floor is known; points outside the workings count for the nearest wall, where no nearer one does.
+    datum_m : float
+        The survey's elevation of height 0.
+
+    Raises
+    ------
+    GeometryError
+        If a piece of the workings has no height; the message names the place.
     """
     workings = shapely.set_precision(workings, 0.0)  # else results are rounded to the grid that it carries
     mesh = Triangulation(workings)

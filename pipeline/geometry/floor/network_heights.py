@@ -27,7 +27,10 @@ def plan_floors(
 
     A grade begins at `start_m`, or where the main drift does.
 
-    Raises GeometryError if a height is far from every drift, or contradicts another; the message names the place.
+    Raises
+    ------
+    GeometryError
+        If a height is far from every drift, or contradicts another; the message names the place.
     """
     lines = floor_lines(heights, network, start_m or network.main_drift_m[0])
     return build_floor(outline, lines, heights.datum_m)
@@ -40,8 +43,11 @@ def floor_lines(heights: Heights, network: DriftNetwork, entrance_m: tuple[float
     those it is linear along the drifts, and beyond the last one it stays. A grade rises from the station nearest to
     the entrance by the shortest way.
 
-    Raises GeometryError if a spot is far from every drift, two spots at one place differ, or no drift lies on the
-    surface; the message names the spot.
+    Raises
+    ------
+    GeometryError
+        If a spot is far from every drift, two spots at one place differ, or no drift lies on the surface; the message
+        names the spot.
     """
     if heights.lines:
         return [np.array(line, dtype=float) for line in heights.lines]

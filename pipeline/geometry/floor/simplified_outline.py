@@ -38,7 +38,10 @@ class SimplifiedOutline:
 def simplify_by_tolerance(traced: Polygon, tolerance_m: float, grid: NetworkGrid) -> SimplifiedOutline:
     """Simplify an outline by a tolerance.
 
-    Raises GeometryError if the network would change; the message names `contours.tolerance_m`.
+    Raises
+    ------
+    GeometryError
+        If the network would change; the message names `contours.tolerance_m`.
     """
     outline = simplify_outline(traced, tolerance_m)
     network = _same_network(traced, outline, grid, f"contours.tolerance_m = {tolerance_m:g}")
@@ -51,8 +54,10 @@ def simplify_by_wall_error(traced: Polygon, wall_error_m: float, grid: NetworkGr
     A wall error that would change the network, or move a wall by more than eight times itself, is halved, up to three
     times.
 
-    Raises GeometryError if the smallest of these is refused too; the message names `contours.wall_error_m` and the
-    reason.
+    Raises
+    ------
+    GeometryError
+        If the smallest of these is refused too; the message names `contours.wall_error_m` and the reason.
     """
     refused = GeometryError(f"contours.wall_error_m = {wall_error_m:g}: no outline was tried")
     for error_m in (wall_error_m / 2.0 ** np.arange(_HALVINGS + 1)).tolist():

@@ -48,9 +48,19 @@ def perturb_workings(
 def displace(shape: BaseGeometry, sd_m: float, wave_m: float, rng: np.random.Generator) -> BaseGeometry:
     """Move every place of a plan by a smooth random field; the plan keeps its loops and dead ends.
 
-    `shape`: shapely geometry, m. `sd_m`: float; standard deviation in each coordinate. `wave_m`: float; the field's
-    wavelengths are 0.8 to 1.6 times this. `rng`: Generator.
-    Raises GeometryError if the field is so steep that it would fold the plan.
+    Parameters
+    ----------
+    shape : shapely geometry, m
+    sd_m : float
+        Standard deviation in each coordinate.
+    wave_m : float
+        The field's wavelengths are 0.8 to 1.6 times this.
+    rng : Generator
+
+    Raises
+    ------
+    GeometryError
+        If the field is so steep that it would fold the plan.
     """
     if sd_m == 0:
         return shape
@@ -77,9 +87,18 @@ def move_by_waves(
     sums are written out: BLAS chooses a kernel by the processor, and kernels round a matrix product in different ways
     (ADR 22). Equal points stay equal, so a closed ring stays closed.
 
-    `points`: ndarray (n, 2), m. `length`: ndarray (waves,), m; wavelengths. `heading`, `phase`: ndarray (waves,), rad.
-    `size`: ndarray (waves, 2), m; amplitudes in each coordinate.
-    Returns ndarray (n, 2), m.
+    Parameters
+    ----------
+    points : ndarray (n, 2), m
+    length : ndarray (waves,), m
+        Wavelengths.
+    heading, phase : ndarray (waves,), rad
+    size : ndarray (waves, 2), m
+        Amplitudes in each coordinate.
+
+    Returns
+    -------
+    ndarray (n, 2), m
     """
     x, y = points.T
     cosine = np.vectorize(math.cos, otypes=[float])

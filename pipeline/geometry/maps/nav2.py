@@ -10,8 +10,15 @@ from pipeline.types import Mask
 def nav2_files(free: Mask, origin_m: np.ndarray, cell_m: float, picture: str) -> tuple[np.ndarray, str]:
     """Return the pixels (rows, cols) uint8 and the YAML text of a map of free cells.
 
-    `free`: (rows, cols) bool; row 0 is in the south. `origin_m`: (2,), m; south-west corner. `cell_m`: float.
-    `picture`: str; name of the map's picture.
+    Parameters
+    ----------
+    free : (rows, cols) bool
+        Row 0 is in the south.
+    origin_m : (2,), m
+        South-west corner.
+    cell_m : float
+    picture : str
+        Name of the map's picture.
     """
     pixels = free[::-1] * np.uint8(254)
     west, south = origin_m

@@ -27,7 +27,10 @@ def cell_within_bundle(wanted_m: float, world_m: tuple[float, float, float, floa
 
     A remark names a cell that is larger than wanted.
 
-    Raises GeometryError if the cell is larger than a bundle allows; the message names the spans.
+    Raises
+    ------
+    GeometryError
+        If the cell is larger than a bundle allows; the message names the spans.
     """
     west, south, east, north = world_m
     most = MOST_CELLS * _BORDER
@@ -50,9 +53,16 @@ def cell_within_bundle(wanted_m: float, world_m: tuple[float, float, float, floa
 def occupancy_grid(free: Polygon, cell_m: float, world_m: tuple[float, float, float, float]) -> Occupancy:
     """Rasterise the free space and measure the exact distance to rock at each free cell's centre.
 
-    `free`: shapely.Polygon, m, mine frame. `cell_m`: float. `world_m`: (west, south, east, north), m; the grid covers
-    this box; its south-west corner is a whole number of cells from the origin.
-    Returns Occupancy.
+    Parameters
+    ----------
+    free : shapely.Polygon, m, mine frame
+    cell_m : float
+    world_m : (west, south, east, north), m
+        The grid covers this box; its south-west corner is a whole number of cells from the origin.
+
+    Returns
+    -------
+    Occupancy
     """
     _, _, east, north = world_m
     west, south = (float(np.floor(v / cell_m) * cell_m) for v in world_m[:2])
@@ -72,7 +82,10 @@ def first_anchor(
 ) -> Spawn:
     """Choose the spawn anchor at the first place (x, y) m where robots have room; see `entrance_anchor`.
 
-    Raises GeometryError if they have room at no place; the message is that of the first.
+    Raises
+    ------
+    GeometryError
+        If they have room at no place; the message is that of the first.
     """
     refused: list[GeometryError] = []
     for start_m in starts_m:
@@ -88,9 +101,19 @@ def entrance_anchor(grid: Occupancy, entrance_m: tuple[float, float], radius_m: 
 
     All cells round the anchor are free.
 
-    `grid`: Occupancy. `entrance_m`: (x, y), m, mine frame. `radius_m`: float; radius of the entrance region.
-    `clearance_m`: float; least distance of a spawn pose from rock.
-    Raises GeometryError if no cell of the region has the clearance.
+    Parameters
+    ----------
+    grid : Occupancy
+    entrance_m : (x, y), m, mine frame
+    radius_m : float
+        Radius of the entrance region.
+    clearance_m : float
+        Least distance of a spawn pose from rock.
+
+    Raises
+    ------
+    GeometryError
+        If no cell of the region has the clearance.
     """
     inner = binary_erosion(grid.free, np.ones((3, 3), bool))
     row, col = np.nonzero(inner & (grid.clearance_m >= clearance_m))

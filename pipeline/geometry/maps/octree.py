@@ -67,9 +67,16 @@ class Columns:
     ) -> Columns:
         """Return the columns over free cells.
 
-        `cells`: (k, 2) int; row and column; row 0 is in the south. `origin_m`: (2,), m, mine frame; south-west corner
-        of the cells, a whole number of cells from the mine's origin. `cell_m`: float; edge of a voxel. `height_m`,
-        `floor_m`: float or (k,) m; a voxel is free when its centre lies above the floor and below the height over it.
+        Parameters
+        ----------
+        cells : (k, 2) int
+            Row and column; row 0 is in the south.
+        origin_m : (2,), m, mine frame
+            South-west corner of the cells, a whole number of cells from the mine's origin.
+        cell_m : float
+            Edge of a voxel.
+        height_m, floor_m : float or (k,) m
+            A voxel is free when its centre lies above the floor and below the height over it.
         """
         row, col = cells.T
         west, south = (round(v / cell_m) for v in origin_m)
@@ -90,7 +97,10 @@ def build_octree(columns: Columns, cell_m: float) -> Octree:
     Rock deeper than that stays unknown, as in a map made by a sensor. Blocks of the plan are built one after another,
     so that memory holds the leaves of the whole and the voxels of a block.
 
-    Raises GeometryError if the columns reach beyond the range of 16 levels.
+    Raises
+    ------
+    GeometryError
+        If the columns reach beyond the range of 16 levels.
     """
     _require_range(columns, cell_m)
     blocks = [_merge(*_voxels(near, east, north), _BLOCK) for east, north, near in _blocks(columns)]
@@ -199,7 +209,9 @@ def _spread(v: np.ndarray) -> np.ndarray:
 def to_bt(tree: Octree) -> bytes:
     """Serialise to OctoMap's binary stream: two bits for each child, nodes in depth-first order.
 
-    Source: Hornung et al. 2013, doi:10.1007/s10514-012-9321-0; file format of OctoMap's `OcTree::writeBinary`.
+    References
+    ----------
+    Hornung et al. 2013, doi:10.1007/s10514-012-9321-0; file format of OctoMap's `OcTree::writeBinary`.
     """
     inner_codes, words = [], []
     for level in range(_DEPTH):

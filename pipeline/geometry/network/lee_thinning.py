@@ -20,8 +20,13 @@ def thin_mask(cells: Mask) -> np.ndarray:
     whose removal changes no connection, and removed row by row if that still holds; ends of lines stay. Scikit-image
     reads the whole mask each time; here only cells beside rock are looked at.
 
-    `cells`: (rows, cols) bool.
-    Source: Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042
+    Parameters
+    ----------
+    cells : (rows, cols) bool
+
+    References
+    ----------
+    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042
     """
     width = cells.shape[1] + 2
     step = np.array([down * width + right for down, right in _AROUND])

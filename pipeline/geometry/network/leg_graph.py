@@ -18,9 +18,17 @@ _SMOOTHING_CELLS = 3.0  # s.d. of the smoothing; pixel chains run in 45 deg step
 def contract_pixels(skeleton: Skeleton, frame: Frame) -> nx.MultiGraph:
     """Contract a skeleton's chains of pixels into legs.
 
-    `skeleton`: Skeleton. `frame`: Frame; the pixel grid.
-    Returns nx.MultiGraph: nodes are junctions and ends with `xy` (2,) m, mine frame. Edges are legs with `path` (n, 2)
-    m, from the node of lower number to the other, and `length` m.
+    Parameters
+    ----------
+    skeleton : Skeleton
+    frame : Frame
+        The pixel grid.
+
+    Returns
+    -------
+    nx.MultiGraph
+        Nodes are junctions and ends with `xy` (2,) m, mine frame. Edges are legs with `path` (n, 2) m, from the node of
+        lower number to the other, and `length` m.
     """
     graph: nx.MultiGraph = nx.MultiGraph()
     node_of, places = _nodes(skeleton), frame.to_mine(skeleton.pixels[:, ::-1].astype(float) + 0.5)

@@ -192,7 +192,10 @@ def require_same_network(
     Both networks must have the same numbers of loops and components, and every traced station must lie in the
     simplified outline. Stations within `min_leg_m` of a dead end are exempt: it may become shorter.
 
-    Raises GeometryError: the message gives the setting (parameter and value), what it would change, and where.
+    Raises
+    ------
+    GeometryError
+        The message gives the setting (parameter and value), what it would change, and where.
     """
     problem = f"{setting} would change the topology"
     if (traced.loops, traced.components) != (simplified.loops, simplified.components):

@@ -49,8 +49,10 @@ class Skeleton:
 def thin_polygon(free: Polygon, cell_m: float) -> tuple[Skeleton, Frame]:
     """Rasterise and thin a polygon, m; return its skeleton and the grid.
 
-    Source: Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (it keeps holes and components, which the method of
-    Zhang and Suen does not always)
+    References
+    ----------
+    Lee, Kashyap & Chu 1994, doi:10.1006/cgip.1994.1042 (it keeps holes and components, which the method of Zhang and
+    Suen does not always)
     """
     west, south, east, north = free.bounds
     width, height = (int(np.ceil(size / cell_m)) + 4 for size in (east - west, north - south))

@@ -59,9 +59,15 @@ def binarize(
 def clean_mask(raw: Mask, bridge_px: float, despeck_px: float) -> Mask:
     """Close gaps and remove specks.
 
-    `raw`: (rows, cols) bool. `bridge_px`, `despeck_px`: float; radius of the closing, and radius of the opening after
-    it.
-    Returns (rows, cols) bool.
+    Parameters
+    ----------
+    raw : (rows, cols) bool
+    bridge_px, despeck_px : float
+        Radius of the closing, and radius of the opening after it.
+
+    Returns
+    -------
+    (rows, cols) bool
     """
     pad = int(np.ceil(max(bridge_px, despeck_px))) + 1  # so that the picture's edge affects neither operation
     bridged = cv2.morphologyEx(np.pad(raw.astype(np.uint8), pad), cv2.MORPH_CLOSE, disc(bridge_px))
@@ -108,7 +114,10 @@ def require_workings(
 ) -> None:
     """Refuse a plan with too small workings, or with too many dark pixels.
 
-    Raises GeometryError: the message gives the measured area or share and the limit.
+    Raises
+    ------
+    GeometryError
+        The message gives the measured area or share and the limit.
     """
     share = float(raw.mean())
     if share > max_workings_share:

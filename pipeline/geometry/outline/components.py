@@ -21,8 +21,10 @@ Places = list[tuple[float, float]]
 def choose_component(workings: MultiPolygon, places_m: Places) -> Polygon:
     """Return the component that contains all places, or the largest component if there are no places.
 
-    Raises GeometryError if a place lies in no component, or two places lie in different ones; the message gives the
-    distance.
+    Raises
+    ------
+    GeometryError
+        If a place lies in no component, or two places lie in different ones; the message gives the distance.
     """
     components = list(workings.geoms)
     if not places_m:
@@ -40,7 +42,10 @@ def choose_component(workings: MultiPolygon, places_m: Places) -> Polygon:
 def choose_mask_component(drawn: Mask, frame: Frame, places_m: Places) -> Mask:
     """Return the component (rows, cols) that contains all places, or the largest if there are no places.
 
-    Raises GeometryError: as for `choose_component`.
+    Raises
+    ------
+    GeometryError
+        As for `choose_component`.
     """
     count, labels, stats, _ = cv2.connectedComponentsWithStats(drawn.astype(np.uint8), connectivity=4)
     if count < 2:
@@ -85,8 +90,12 @@ def mend(workings: MultiPolygon, bridge_m: float, min_island_m2: float) -> Multi
     A neck is thinner than 10 cm. The tips of sharp corners that are so thin for over 0.5 m are cut off. Components
     without either stay as they are.
 
-    `workings`: shapely.MultiPolygon, m. `bridge_m`: float; gaps up to twice this are closed where that connects two
-    components. `min_island_m2`: float.
+    Parameters
+    ----------
+    workings : shapely.MultiPolygon, m
+    bridge_m : float
+        Gaps up to twice this are closed where that connects two components.
+    min_island_m2 : float
     """
     filled = [
         Polygon(component.exterior, [ring for ring in component.interiors if Polygon(ring).area >= min_island_m2])

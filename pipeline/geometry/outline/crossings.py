@@ -12,9 +12,15 @@ _BLOCK = 256  # edges compared at once
 def count_crossings(shapes: list[BaseGeometry], at_most: int) -> int:
     """Return how many pairs of edges meet other than end to end; counting stops above `at_most`.
 
-    `shapes`: list of shapely geometry; lines and polygons. Edges that lie on each other count as a pair. `at_most`:
-    int.
-    Returns int.
+    Parameters
+    ----------
+    shapes : list of shapely geometry
+        Lines and polygons. Edges that lie on each other count as a pair.
+    at_most : int
+
+    Returns
+    -------
+    int
     """
     edges, _ = edges_of(_linework(shapes))
     if len(edges) * (len(edges) - 1) // 2 <= at_most:

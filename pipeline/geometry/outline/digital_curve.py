@@ -20,11 +20,22 @@ def straighten(ring: Points2, slack_px: np.ndarray) -> Points2:
     as they are allowed. A long window removes the steps of a straight wall; at a corner none is allowed, and the vertex
     stays.
 
-    `ring`: (n, 2) float64, px; closed ring: the last point repeats the first. `slack_px`: (n,) float64; how far the
-    true outline may lie from each vertex.
-    Returns (n, 2) float64, px: closed ring.
-    Source: The window is a blurred segment of order two (Debled-Rennesson et al. 2006, doi:10.1016/j.dam.2004.11.001);
-    the fit is that of Savitzky & Golay 1964, doi:10.1021/ac60214a047.
+    Parameters
+    ----------
+    ring : (n, 2) float64, px
+        Closed ring: the last point repeats the first.
+    slack_px : (n,) float64
+        How far the true outline may lie from each vertex.
+
+    Returns
+    -------
+    (n, 2) float64, px
+        Closed ring.
+
+    References
+    ----------
+    The window is a blurred segment of order two (Debled-Rennesson et al. 2006, doi:10.1016/j.dam.2004.11.001); the fit
+    is that of Savitzky & Golay 1964, doi:10.1021/ac60214a047.
     """
     points, slack = ring[:-1], slack_px[:-1] + _MARGIN_PX
     result = points.copy()

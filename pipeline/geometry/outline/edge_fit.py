@@ -21,9 +21,18 @@ def fit_edges(traced: Points2, kept: Points2, tolerance_m: float) -> Points2:
     its middle. A vertex moves at most by the tolerance, and only if the traced vertices of its two edges stay within
     the tolerance of those edges.
 
-    `traced`: (n, 2) float64, m; closed ring: the last point repeats the first. `kept`: (k, 2) float64, m; closed ring
-    of points that Douglas-Peucker kept of `traced`, in the same order. `tolerance_m`: float.
-    Returns (k, 2) float64, m: closed ring.
+    Parameters
+    ----------
+    traced : (n, 2) float64, m
+        Closed ring: the last point repeats the first.
+    kept : (k, 2) float64, m
+        Closed ring of points that Douglas-Peucker kept of `traced`, in the same order.
+    tolerance_m : float
+
+    Returns
+    -------
+    (k, 2) float64, m
+        Closed ring.
     """
     runs = _runs(traced, kept)
     lines = [_fit_line(run) for run in runs]
@@ -79,10 +88,19 @@ def _max_distance(run: Points2, start: np.ndarray, end: np.ndarray) -> float:
 def fit_vertices(traced: Points2, at: np.ndarray, most_m: float) -> Points2:
     """Move the vertices of a ring so that the squared distance of the traced wall from its edges is least.
 
-    `traced`: (n, 2) float64, m; closed ring. `at`: (k + 1,) int; points of `traced` at which the vertices start:
-    increasing, the first is 0, the last n - 1. `most_m`: float; a vertex that would move farther stays, and so do both
-    vertices of an edge that would be farther from the wall.
-    Returns (k + 1, 2) float64, m: closed ring.
+    Parameters
+    ----------
+    traced : (n, 2) float64, m
+        Closed ring.
+    at : (k + 1,) int
+        Points of `traced` at which the vertices start: increasing, the first is 0, the last n - 1.
+    most_m : float
+        A vertex that would move farther stays, and so do both vertices of an edge that would be farther from the wall.
+
+    Returns
+    -------
+    (k + 1, 2) float64, m
+        Closed ring.
     """
     points, weight, first, last = _gauss_points(traced, at)
     start = vertices = traced[at[:-1]]

@@ -25,9 +25,18 @@ def enclose_workings(walls: list[LineString], snap_m: float, seeds_m: list[tuple
     wall, and the walls then cut the plane into faces. With seeds, a face is workings if it contains a seed; without,
     if an odd number of walls separates it from the outside.
 
-    `walls`: list of LineString, m. `snap_m`: float; an open end is joined to the nearest wall within this distance.
-    `seeds_m`: list of (x, y); places inside the workings.
-    Raises GeometryError if the walls enclose nothing, or a seed lies in no face; the message locates a gap.
+    Parameters
+    ----------
+    walls : list of LineString, m
+    snap_m : float
+        An open end is joined to the nearest wall within this distance.
+    seeds_m : list of (x, y)
+        Places inside the workings.
+
+    Raises
+    ------
+    GeometryError
+        If the walls enclose nothing, or a seed lies in no face; the message locates a gap.
     """
     closed = [wall for wall in walls if wall.is_closed and len(wall.coords) > 3]
     if len(closed) == len(walls) and not seeds_m:

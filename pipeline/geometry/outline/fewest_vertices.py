@@ -66,11 +66,26 @@ def simplify_to_error(outline: Polygon, error_m: float) -> Polygon:
     Where walls lie so near each other that no such polygon is valid, the outline is simplified by Douglas-Peucker with
     its topology kept, and no point of it lies farther away than `error_m`.
 
-    `outline`: shapely.Polygon, m. `error_m`: float; mean distance, m.
-    Returns shapely.Polygon, m: valid, with as many holes as `outline`.
-    Raises GeometryError if the outline itself is not valid; the message names the value.
-    Source: Perez & Vidal 1994, doi:10.1016/0167-8655(94)90002-7 (optimal polygonal approximation by dynamic
-    programming); Imai & Iri 1988, doi:10.1016/B978-0-444-70467-2.50011-4.
+    Parameters
+    ----------
+    outline : shapely.Polygon, m
+    error_m : float
+        Mean distance, m.
+
+    Returns
+    -------
+    shapely.Polygon, m
+        Valid, with as many holes as `outline`.
+
+    Raises
+    ------
+    GeometryError
+        If the outline itself is not valid; the message names the value.
+
+    References
+    ----------
+    Perez & Vidal 1994, doi:10.1016/0167-8655(94)90002-7 (optimal polygonal approximation by dynamic programming);
+    Imai & Iri 1988, doi:10.1016/B978-0-444-70467-2.50011-4.
     """
     rings = [_Ring(np.asarray(ring.coords)[:, :2], error_m) for ring in (outline.exterior, *outline.interiors)]
     for ratio in (MOST_RATIO, _P99_RATIO):  # the second bounds all points, and so 99 % of them

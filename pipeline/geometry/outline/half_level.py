@@ -26,9 +26,17 @@ def cover_of(plan: Image, raw: Mask, cleaned: Mask) -> Cover:
     Grey values count within two pixels of the border, where cleaning changed nothing. Elsewhere the mask decides. Every
     pixel stays on the mask's side of one half, so the half level has the mask's topology.
 
-    `plan`: (rows, cols, 3) uint8; dark workings on light paper. `raw`, `cleaned`: (rows, cols) bool; the plan's dark
-    pixels, and the workings after cleaning.
-    Returns (rows, cols) float32: 0 is rock, 1 is free.
+    Parameters
+    ----------
+    plan : (rows, cols, 3) uint8
+        Dark workings on light paper.
+    raw, cleaned : (rows, cols) bool
+        The plan's dark pixels, and the workings after cleaning.
+
+    Returns
+    -------
+    (rows, cols) float32
+        0 is rock, 1 is free.
     """
     cover = cleaned.astype(np.float32)
     if cleaned.any() and not cleaned.all():
@@ -56,10 +64,25 @@ def trace_half_level(cover: Cover, frame: Frame) -> Polygon:
     Marching squares place each vertex on a line between two pixel centres. Where the cover steps from 0 to 1 between
     them, the vertex is known to half a pixel only: `straighten` moves it to the smoothest curve that all pixels allow.
 
-    `cover`: (rows, cols) float32; by `cover_of`, or a mask as numbers. `frame`: Frame.
-    Returns shapely.Polygon, m, mine frame: counter-clockwise exterior, clockwise islands.
-    Raises GeometryError if nothing is free.
-    Source: Lorensen & Cline 1987, doi:10.1145/37401.37422, in two dimensions; free pixels are 4-connected.
+    Parameters
+    ----------
+    cover : (rows, cols) float32
+        By `cover_of`, or a mask as numbers.
+    frame : Frame
+
+    Returns
+    -------
+    shapely.Polygon, m, mine frame
+        Counter-clockwise exterior, clockwise islands.
+
+    Raises
+    ------
+    GeometryError
+        If nothing is free.
+
+    References
+    ----------
+    Lorensen & Cline 1987, doi:10.1145/37401.37422, in two dimensions; free pixels are 4-connected.
     """
     rows, cols = np.flatnonzero((cover > _LEVEL).any(axis=1)), np.flatnonzero((cover > _LEVEL).any(axis=0))
     if not len(rows):

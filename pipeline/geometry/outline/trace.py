@@ -24,9 +24,22 @@ def trace_outline(free: Mask, frame: Frame) -> Polygon:
     Borders run through the centres of the border pixels, and so lose half a pixel on every side. The mask is therefore
     doubled first, so that nothing is one pixel wide, and the polygon is grown by half a sub-pixel.
 
-    `free`: (rows, cols) bool; True where the plan shows workings. `frame`: Frame; the pixel grid of `free`.
-    Returns shapely.Polygon, m, mine frame: counter-clockwise exterior, clockwise islands.
-    Raises GeometryError if nothing is free, or the outline touches itself.
+    Parameters
+    ----------
+    free : (rows, cols) bool
+        True where the plan shows workings.
+    frame : Frame
+        The pixel grid of `free`.
+
+    Returns
+    -------
+    shapely.Polygon, m, mine frame
+        Counter-clockwise exterior, clockwise islands.
+
+    Raises
+    ------
+    GeometryError
+        If nothing is free, or the outline touches itself.
     """
     borders = trace_borders(fill_contacts(RowEnds.doubled(free)))
     size = np.array([cv2.contourArea(ring.astype(np.int32)) if len(ring) > 2 else -1.0 for ring in borders.rings])
@@ -82,10 +95,21 @@ def simplify_outline(outline: Polygon, tolerance_m: float) -> Polygon:
 def simplify_to_wall_error(outline: Polygon, error_m: float) -> Polygon:
     """Simplify with about the fewest vertices for a mean distance of the traced wall from the result.
 
-    `outline`: shapely.Polygon, m. `error_m`: float; mean distance, m; no point of the traced wall is farther away than
-    eight times this.
-    Returns shapely.Polygon, m: as `simplify_outline` returns it.
-    Raises GeometryError if the result would lose an island or be invalid; the message names the error.
+    Parameters
+    ----------
+    outline : shapely.Polygon, m
+    error_m : float
+        Mean distance, m; no point of the traced wall is farther away than eight times this.
+
+    Returns
+    -------
+    shapely.Polygon, m
+        As `simplify_outline` returns it.
+
+    Raises
+    ------
+    GeometryError
+        If the result would lose an island or be invalid; the message names the error.
     """
     return _on_grid(outline, simplify_to_error(outline, error_m), f"contours.wall_error_m = {error_m:g}")
 

@@ -29,10 +29,16 @@ def exact_prisms(rock: Iterable[Polygon], height_m: float) -> ConvexParts:
 def tile_rock(rock: Iterable[Polygon], tiles: int) -> list[BaseGeometry]:
     """Cut the rock by a regular grid into the given number of tiles, as square as possible.
 
-    `rock`: iterable of shapely.Polygon, m, mine frame. `tiles`: int; cells of the grid. A drift may divide a tile into
-    several pieces.
-    Returns list of shapely geometries, m: one polygon or multipolygon for each tile with rock, row by row from the
-    south-west.
+    Parameters
+    ----------
+    rock : iterable of shapely.Polygon, m, mine frame
+    tiles : int
+        Cells of the grid. A drift may divide a tile into several pieces.
+
+    Returns
+    -------
+    list of shapely geometries, m
+        One polygon or multipolygon for each tile with rock, row by row from the south-west.
     """
     whole = shapely.union_all(list(rock))
     west, south, east, north = whole.bounds
@@ -54,9 +60,18 @@ def decomposed_hulls(
 ) -> ConvexParts:
     """Decompose the rock tile by tile into convex hulls.
 
-    `rock`: iterable of shapely.Polygon, m, mine frame. `tiles`: int. `decompose`: Decomposer. `progress`: callable;
-    iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
-    Raises GeometryError if the decomposer returns nothing for a tile.
+    Parameters
+    ----------
+    rock : iterable of shapely.Polygon, m, mine frame
+    tiles : int
+    decompose : Decomposer
+    progress : callable
+        Iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
+
+    Raises
+    ------
+    GeometryError
+        If the decomposer returns nothing for a tile.
     """
     hulls = []
     for tile in progress(tile_rock(rock, tiles)):

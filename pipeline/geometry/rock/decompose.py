@@ -24,7 +24,9 @@ def vhacd_decomposer(height_m: float, resolution: int, max_hulls: int, volume_er
     V-HACD 4 has no concavity threshold. It stops at a volume error of a hull in percent; the paper's concavity of 0.5
     is used for that.
 
-    Source: Mamou 2016, Volumetric Hierarchical Approximate Convex Decomposition, Game Engine Gems 3
+    References
+    ----------
+    Mamou 2016, Volumetric Hierarchical Approximate Convex Decomposition, Game Engine Gems 3
     """
 
     def decompose(tile: BaseGeometry) -> list[Points3]:
@@ -45,7 +47,9 @@ def vhacd_decomposer(height_m: float, resolution: int, max_hulls: int, volume_er
 def coacd_decomposer(height_m: float, threshold: float, seed: int) -> Decomposer:
     """Return CoACD with a concavity threshold (a fraction of the tile's size).
 
-    Source: Wei et al. 2022, doi:10.1145/3528223.3530103
+    References
+    ----------
+    Wei et al. 2022, doi:10.1145/3528223.3530103
     """
     coacd.set_log_level("error")
 

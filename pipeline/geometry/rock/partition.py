@@ -78,10 +78,24 @@ def convex_partition(rock: Polygon) -> list[Points2]:
     The polygon is triangulated (constrained Delaunay), then inessential diagonals are removed, shortest first. On the
     published plan this order leaves 5 % fewer parts than longest first and 4 % fewer than a random order.
 
-    `rock`: shapely.Polygon, m, mine frame; valid, any number of holes.
-    Returns list of (n, 2) float64, m: counter-clockwise, disjoint interiors, union equal to `rock`.
-    Raises GeometryError if `rock` is invalid or empty; the message names the defect and where it is.
-    Source: Hertel & Mehlhorn 1983, FCT, doi:10.1007/3-540-12689-9_105
+    Parameters
+    ----------
+    rock : shapely.Polygon, m, mine frame
+        Valid, any number of holes.
+
+    Returns
+    -------
+    list of (n, 2) float64, m
+        Counter-clockwise, disjoint interiors, union equal to `rock`.
+
+    Raises
+    ------
+    GeometryError
+        If `rock` is invalid or empty; the message names the defect and where it is.
+
+    References
+    ----------
+    Hertel & Mehlhorn 1983, FCT, doi:10.1007/3-540-12689-9_105
     """
     if rock.is_empty or not rock.is_valid:
         raise GeometryError(f"convex partition: {shapely.is_valid_reason(rock) if not rock.is_empty else 'no rock'}")

@@ -76,8 +76,13 @@ class _VoxelSums:
 def fit_voxel_planes(points: np.ndarray, size_m: float | tuple[float, float, float], min_points: int) -> VoxelPlanes:
     """Fit a plane by least squares to the points of each voxel of a grid through the origin.
 
-    `points`: (n, 3) m. `size_m`: float or 3 floats; edge of a voxel. `min_points`: int; voxels with fewer points are
-    left out.
+    Parameters
+    ----------
+    points : (n, 3) m
+    size_m : float or 3 floats
+        Edge of a voxel.
+    min_points : int
+        Voxels with fewer points are left out.
     """
     voxels, _ = _sort_points(points, size_m)
     return voxels.take(np.flatnonzero(voxels.count >= min_points)).planes()

@@ -151,7 +151,9 @@ def _periodogram(
 
     It is that of `scipy.signal.lombscargle`, which takes one profile at a time; a surface has ten thousand.
 
-    Source: Scargle 1982, ApJ 263:835, doi:10.1086/160554
+    References
+    ----------
+    Scargle 1982, ApJ 263:835, doi:10.1086/160554
     """
     cos, sin = np.cos(omega * place), np.sin(omega * place)
     cc, cs, yc, ys = (np.add.reduceat(v, first) for v in (cos * cos, cos * sin, offset * cos, offset * sin))

@@ -50,7 +50,10 @@ def roughness_of_sweeps(
 ) -> SurfaceRoughness:
     """Measure the walls in planar sweeps; each is (n, 2), m, in order of bearing.
 
-    Raises InputError if no piece of wall is long enough for the window; the message states both lengths.
+    Raises
+    ------
+    InputError
+        If no piece of wall is long enough for the window; the message states both lengths.
     """
     runs = {name: sweep_runs(sweep, max_gap_m) for name, sweep in sweeps.items()}
     all_runs = [run for of_sweep in runs.values() for run in of_sweep]
@@ -78,7 +81,10 @@ def roughness_of_sweeps(
 def roughness_of_cloud(points: np.ndarray, window_m: float, footprint_m: float, name: str) -> SurfaceRoughness:
     """Measure a surface given as points (n, 3) m.
 
-    Raises InputError if the points fill no voxel, or fill no strip as long as the window.
+    Raises
+    ------
+    InputError
+        If the points fill no voxel, or fill no strip as long as the window.
     """
     sweep = [r for r in sweep_residuals(points, VOXELS_M, _VOXEL_POINTS) if r.voxels >= _LEAST_WINDOWS]
     profiles = profiles_of_cloud(points, window_m)

@@ -57,9 +57,18 @@ def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Prog
 
     With many sweeps, at most 40 halves are built; they are taken evenly from the list of all halves.
 
-    `sweeps`: dict of Path; the files by name; at least two. `params`: SurfaceParams. `progress`: callable; wraps the
-    list of halves, as `tqdm.tqdm` does.
-    Raises InputError if there are fewer than two sweeps, or one cannot be read.
+    Parameters
+    ----------
+    sweeps : dict of Path
+        The files by name; at least two.
+    params : SurfaceParams
+    progress : callable
+        Wraps the list of halves, as `tqdm.tqdm` does.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two sweeps, or one cannot be read.
     """
     if len(sweeps) < 2:
         raise InputError(f"holdout: {len(sweeps)} sweeps; two halves need at least two")

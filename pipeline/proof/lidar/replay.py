@@ -32,7 +32,10 @@ from pipeline.scans.sweeps import (
 def find_sweeps(folder: Path) -> dict[str, Path]:
     """Return the files `sweep_NAME.csv` of a folder by name.
 
-    Raises InputError if there is none.
+    Raises
+    ------
+    InputError
+        If there is none.
     """
     found = {p.stem.removeprefix("sweep_"): p for p in sorted(folder.glob("sweep_*.csv"))}
     if not found:
@@ -101,7 +104,10 @@ class _GatedReturns:
 def _gate(sweep: Path, returns: Returns, params: ReplayParams) -> _GatedReturns:
     """Gate the returns of one sweep.
 
-    Raises InputError if no return is left.
+    Raises
+    ------
+    InputError
+        If no return is left.
     """
     registered = gate_returns(sweep, returns, params.register_range_m, params.max_range_var_m2)
     gates = params.max_range_m, params.max_range_var_m2, math.radians(params.min_incidence_deg)
@@ -154,7 +160,10 @@ def _compare(
 ) -> tuple[SweepReplay, np.ndarray]:
     """Compare one placed sweep with the collision and the visible walls; return its report and collision errors, m.
 
-    Raises InputError if no counted return lies within the plan's frame.
+    Raises
+    ------
+    InputError
+        If no counted return lies within the plan's frame.
     """
 
     def errors_against(caster: RayCaster, some: Returns) -> np.ndarray:

@@ -119,7 +119,9 @@ def grade_of_poses(poses: dict[str, SurveyedPose]) -> float | None:
 def grade_along(points: np.ndarray) -> float:
     """Return the grade, deg, of points (n, 3) m along their main direction in plan, turned to rise with x.
 
-    Source: Theil 1950 and Sen 1968, doi:10.1080/01621459.1968.10480934 (median of slopes, by scipy)
+    References
+    ----------
+    Theil 1950 and Sen 1968, doi:10.1080/01621459.1968.10480934 (median of slopes, by scipy)
     """
     xy = points[:, :2] - points[:, :2].mean(axis=0)
     along = np.linalg.svd(xy, full_matrices=False)[2][0]

@@ -42,7 +42,10 @@ _LEVEL_M = 1e-6
 def require_floor(folder: Path, record: WorldRecord, free: Polygon, params: FloorParams | None) -> None:
     """Make the visible floor of a bundle again and compare every face; it may be absent.
 
-    Raises ArtifactError: with the file, how it differs, and the parameters that would make it.
+    Raises
+    ------
+    ArtifactError
+        With the file, how it differs, and the parameters that would make it.
     """
     names = {name for name in _fittings(record.files) if is_cover(name)}
     if not names:
@@ -72,9 +75,19 @@ def require_furniture(
 
     It must be all of one kind of `params`. The error names the first difference from the likeliest one.
 
-    `folder`: Path. `files`: iterable of str; the bundle's, by its record. `params`: dict of FurnitureParams. `hang`:
-    callable; makes the furniture of a kind on the bundle's own rock.
-    Raises ArtifactError: with the file, how it differs, and the parameters that would make it.
+    Parameters
+    ----------
+    folder : Path
+    files : iterable of str
+        The bundle's, by its record.
+    params : dict of FurnitureParams
+    hang : callable
+        Makes the furniture of a kind on the bundle's own rock.
+
+    Raises
+    ------
+    ArtifactError
+        With the file, how it differs, and the parameters that would make it.
     """
     names = {name for name in _fittings(files) if not is_cover(name)}
     if not names:

@@ -25,7 +25,10 @@ def remake_lights(folder: Path, stated: mujoco.MjSpec, network: DriftNetwork) ->
 
     Height, pitch and cut-off angle are those of the first light; the distance is read off two lights of one line.
 
-    Raises ArtifactError if no distance along either gives the places of the lights.
+    Raises
+    ------
+    ArtifactError
+        If no distance along either gives the places of the lights.
     """
     lights = list(stated.lights)
     if not lights:

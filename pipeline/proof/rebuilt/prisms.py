@@ -27,7 +27,10 @@ def require_prisms(
 
     That they cover all rock and nothing else is the certificate's matter.
 
-    Raises ArtifactError: with the part, the vertex and what is wrong.
+    Raises
+    ------
+    ArtifactError
+        With the part, the vertex and what is wrong.
     """
     corners = cKDTree(_corners(free, record.world_m, tile_m))
     outlines = []

@@ -79,7 +79,10 @@ def require_remade(
 def read_free_space(folder: Path) -> FreeSpace:
     """Return the outline of the workings: one valid polygon in a file that holds nothing else.
 
-    Raises ArtifactError if the file is not exactly as the pipeline writes it, or the outline is no valid polygon.
+    Raises
+    ------
+    ArtifactError
+        If the file is not exactly as the pipeline writes it, or the outline is no valid polygon.
     """
     path = folder / FREE_SPACE
     free_space: FreeSpace = decode(path, FreeSpace)

@@ -59,7 +59,10 @@ def require_same_model(
     to the certificate. Taken from the model are these, the thickness of the floor, and height, pitch, cut-off angle and
     distance of the lights. All else follows from `world.json`, the network, and the builder.
 
-    Raises ArtifactError: with the field of the compiled model, the element, the value and what it should be.
+    Raises
+    ------
+    ArtifactError
+        With the field of the compiled model, the element, the value and what it should be.
     """
     files = check_world(folder).files
     stated = read_spec(folder / MODEL)

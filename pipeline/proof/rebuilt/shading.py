@@ -53,7 +53,10 @@ def require_shading(folder: Path, chunks: Mapping[str, Mesh], rock: JoinedRock) 
     The angle of a crease is read off the normals. Where no mean of them is in front of all faces of a vertex, few may
     differ.
 
-    Raises ArtifactError: with the file, the place and how it differs.
+    Raises
+    ------
+    ArtifactError
+        With the file, the place and how it differs.
     """
     meshes = list(chunks.values())
     _require_one_way(folder, list(chunks), rock)

@@ -63,7 +63,10 @@ def require_smooth(folder: Path, record: WorldRecord, free: Polygon) -> RemadeSm
 
     Its two chamfers and its texture's size are read off.
 
-    Raises ArtifactError: with the file and how it differs.
+    Raises
+    ------
+    ArtifactError
+        With the file and how it differs.
     """
     sizes = smooth_sizes(folder, record)
     chamfers, repeat_m = (sizes.floor_chamfer_m, sizes.roof_chamfer_m), sizes.repeat_m

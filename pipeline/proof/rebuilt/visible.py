@@ -43,7 +43,10 @@ _VOLUME = (0.7, 1.3)  # of the visible space, as shares of the plan's area times
 def require_visible(folder: Path, record: WorldRecord, free: Polygon, grid: Occupancy, smooth: RemadeSmooth) -> None:
     """Check the visible surface of a bundle whose smooth surface has been made again.
 
-    Raises ArtifactError: with the file or place, the value and the limit.
+    Raises
+    ------
+    ArtifactError
+        With the file or place, the value and the limit.
     """
     sizes = smooth.sizes
     names = [mesh_of(name) for name in record.files if name.startswith(MESHES)]
@@ -118,8 +121,10 @@ def _require_near(path: Path, mesh: Mesh, smooth: NearestFacets, repeat_m: float
 def _require_bounded(path: Path, mesh: Mesh, walls: cKDTree, foot_m: float, repeat_m: float) -> np.ndarray:
     """Check that walls stand along the outline and the roof above its foot, and that texture fits faces.
 
-    Returns (n, 2) float64, m: points of walls that are so far from the outline that they could stand in a free cell's
-    clearance.
+    Returns
+    -------
+    (n, 2) float64, m
+        Points of walls that are so far from the outline that they could stand in a free cell's clearance.
     """
     corners = mesh.vertices[mesh.faces]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)

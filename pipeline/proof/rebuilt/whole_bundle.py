@@ -25,9 +25,18 @@ def tolerance_of(params: MadeBy) -> float:
 def require_built(folder: Path, record: WorldRecord, params: MadeBy) -> FreeSpace:
     """Refuse a bundle that the builder does not write for any parameters, and return its free space.
 
-    `folder`: Path; a bundle that `open_bundle` has opened. `record`: WorldRecord. `params`: MadeBy; how its network is
-    traced, the tolerance of its outline, its steepest floor, and how its rock was decomposed.
-    Raises ArtifactError: with the file, the value and the limit.
+    Parameters
+    ----------
+    folder : Path
+        A bundle that `open_bundle` has opened.
+    record : WorldRecord
+    params : MadeBy
+        How its network is traced, the tolerance of its outline, its steepest floor, and how its rock was decomposed.
+
+    Raises
+    ------
+    ArtifactError
+        With the file, the value and the limit.
     """
     free_space, grid = require_solid(folder, record, params)
     require_rock(folder, record, free_space.polygon, grid, params)

@@ -17,7 +17,11 @@ def facets_by_known(
 
     A facet of a wall is known as the wall on its side of the leg, at the nearer station.
 
-    `corners_m`: (f, 3, 3) float64, m, mine frame. `label`, `leg`: (f,) int. `legs`: DrawnLegs.
+    Parameters
+    ----------
+    corners_m : (f, 3, 3) float64, m, mine frame
+    label, leg : (f,) int
+    legs : DrawnLegs
     """
     start, step = legs.ends_m[leg, 0], np.diff(legs.ends_m, axis=1)[leg, 0]
     size = np.maximum((step**2).sum(axis=1), 1e-12)

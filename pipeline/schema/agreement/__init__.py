@@ -17,9 +17,19 @@ from pipeline.schema.rough_floor import check_rough_floor
 def check_agreement(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
     """Refuse a model that differs from its record, or names other meshes than the bundle has.
 
-    `root`: Node; `mine.xml`, which the table of elements allows. `record`: dict; `world.json`, which the table of
-    fields allows. `files`: dict; by name.
-    Raises BundleError: with the path of the first difference.
+    Parameters
+    ----------
+    root : Node
+        `mine.xml`, which the table of elements allows.
+    record : dict
+        `world.json`, which the table of fields allows.
+    files : dict
+        By name.
+
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
     """
     at = ModelElements(root)
     if root.attributes["model"] != record["name"]:

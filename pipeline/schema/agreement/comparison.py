@@ -43,7 +43,10 @@ def numbers_of(node: Node, attribute: str, default: str = "0 0 0") -> list[float
 def vertices_of(meshes: Iterable[Node]) -> list[np.ndarray]:
     """Return the vertices (n, 3) of each mesh of a collision part, m about its geom's place.
 
-    Raises BundleError if all of them have more than `MOST_CORNERS` times `MOST_VOLUME_PARTS` vertices.
+    Raises
+    ------
+    BundleError
+        If all of them have more than `MOST_CORNERS` times `MOST_VOLUME_PARTS` vertices.
     """
     found, most = list[np.ndarray](), MOST_CORNERS * MOST_VOLUME_PARTS
     for mesh in meshes:

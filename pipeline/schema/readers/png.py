@@ -13,7 +13,10 @@ from minexplore.sealed.png import PALETTE, chunks_of, image_blocks
 def inflate_png(name: str, data: bytes) -> None:
     """Check that the image of a picture that `check_png` accepts is whole, and names only colours of its palette.
 
-    Raises BundleError: as `image_blocks`; or naming a colour that is not there, or rows that are filtered.
+    Raises
+    ------
+    BundleError
+        As `image_blocks`; or naming a colour that is not there, or rows that are filtered.
     """
     if data[25] != PALETTE:
         for _ in image_blocks(name, data):

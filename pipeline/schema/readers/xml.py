@@ -34,7 +34,10 @@ class Node:
 def read_xml(file: str, data: bytes) -> Node:
     """Return the root element of an XML file.
 
-    Raises BundleError: as `walk_xml` and `BoundedReader`.
+    Raises
+    ------
+    BundleError
+        As `walk_xml` and `BoundedReader`.
     """
     reader = _TreeReader(file)
     walk_xml(file, data, reader)

@@ -35,7 +35,10 @@ _EYE_M = 1.2  # of the entrance's camera, over the floor
 def check_volume_model(root: Node, record: Mapping[str, Any], volume: VolumeArrays) -> None:
     """Refuse a model that differs from its record or its parts.
 
-    Raises BundleError: with the path of the first difference.
+    Raises
+    ------
+    BundleError
+        With the path of the first difference.
     """
     at = ModelElements(root)
     if root.attributes["model"] != record["name"]:

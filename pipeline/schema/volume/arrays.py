@@ -15,7 +15,10 @@ _LEAST_M = 1e-6  # MuJoCo refuses a part that is thinner
 def check_arrays(volume: VolumeArrays) -> None:
     """Refuse a mesh that is not closed or whose normals point inwards, and parts without a volume.
 
-    Raises BundleError: naming the file, the array, and what is wrong with it.
+    Raises
+    ------
+    BundleError
+        Naming the file, the array, and what is wrong with it.
     """
     _require_closed(volume.facets.faces, len(volume.facets.vertices))
     _require_outward(volume.facets)

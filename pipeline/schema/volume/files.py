@@ -42,7 +42,10 @@ _MAP = re.compile(
 def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
     """Refuse files that a volume has not, or maps and a network that it cannot have.
 
-    Raises BundleError: naming the file, the value and the limit.
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
     """
     _check_octree(files[OCTREE])
     spans = volume.spans
@@ -62,7 +65,10 @@ def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], vo
 def require_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
     """Refuse a folder with other files than a volume's: those of `VOLUME_FILES`, its maps and rock, and who made it.
 
-    Raises BundleError: naming the file.
+    Raises
+    ------
+    BundleError
+        Naming the file.
     """
     for name in VOLUME_FILES:
         if name not in files:

@@ -31,7 +31,10 @@ _LEG = {
 def check_network(record: Mapping[str, Any], network: Any, facets: VolumeFacets) -> None:
     """Refuse a network of legs whose fields, names or sizes no survey of this mesh has.
 
-    Raises BundleError: naming the field, its value and what is wanted.
+    Raises
+    ------
+    BundleError
+        Naming the field, its value and what is wanted.
     """
     check_fields(
         f"{TOPOLOGY}: network",

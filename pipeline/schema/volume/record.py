@@ -59,7 +59,10 @@ VOLUME_FIELDS: dict[str, Any] = {
 def check_volume_record(record: Mapping[str, Any]) -> None:
     """Refuse a record with a field that is missing, unknown or out of range, or whose fields contradict one another.
 
-    Raises BundleError: naming the field, its value and the limit.
+    Raises
+    ------
+    BundleError
+        Naming the field, its value and the limit.
     """
     check_fields(RECORD, record, VOLUME_FIELDS)
     figures = record["volume"]
@@ -78,7 +81,10 @@ def check_volume_record(record: Mapping[str, Any]) -> None:
 def check_figures(record: Mapping[str, Any], volume: VolumeArrays) -> None:
     """Refuse a record that differs from its arrays.
 
-    Raises BundleError: naming the field.
+    Raises
+    ------
+    BundleError
+        Naming the field.
     """
     for name, value in figures_of(volume).items():
         if record["volume"][name] != value:

@@ -111,7 +111,10 @@ ROCK_VOLUME_WORLD = _with_rock()
 def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) -> set[str]:
     """Return the names of the files that show rock; refuse them in a world without, and a world that lacks them.
 
-    Raises BundleError: naming the file.
+    Raises
+    ------
+    BundleError
+        Naming the file.
     """
     found = {name for name in files if name == ROCK_TEXTURE or _MESH_FILE.fullmatch(name)}
     if not has_visible_rock(record):
@@ -127,7 +130,10 @@ def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) ->
 def check_rock(root: Node, record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
     """Refuse meshes and a texture that no volume has, and a model that shows others.
 
-    Raises BundleError: naming the file or the element, the value and the limit.
+    Raises
+    ------
+    BundleError
+        Naming the file or the element, the value and the limit.
     """
     vertices = volume.facets.vertices
     check_meshes(files, vertices.min(axis=0) - _BEYOND_M, vertices.max(axis=0) + _BEYOND_M, volume.spans.heights_over)

@@ -78,9 +78,17 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
     The roof starts at the walls' top row, so corners, junctions and islands have no seam. It rises as a parabola over
     `arch_half_span_m` and is level beyond.
 
-    `walls`: WallColumns. `profile`: CrossSection. `spacing_m`, `roof_spacing_m`: float; greatest distance of
-    neighbouring points up the walls, and in plan on the roof.
-    Raises GeometryError if two walls are nearer to each other than the spacing.
+    Parameters
+    ----------
+    walls : WallColumns
+    profile : CrossSection
+    spacing_m, roof_spacing_m : float
+        Greatest distance of neighbouring points up the walls, and in plan on the roof.
+
+    Raises
+    ------
+    GeometryError
+        If two walls are nearer to each other than the spacing.
     """
     xy, inward = walls.xy, walls.inward
     top_m = profile.height_m - profile.arch_rise_m

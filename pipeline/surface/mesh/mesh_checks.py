@@ -44,8 +44,10 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None 
 
     Only the edges of the faces `cast` (k, 3) are tried for crossings, by default those of all faces.
 
-    Raises GeometryError if the mesh has a crack or a flipped face, intersects itself (the message gives the place), or
-    faces outwards.
+    Raises
+    ------
+    GeometryError
+        If the mesh has a crack or a flipped face, intersects itself (the message gives the place), or faces outwards.
     """
     import trimesh
 

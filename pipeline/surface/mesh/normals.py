@@ -37,10 +37,17 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = SMOO
     A normal that lies behind one is tilted until it does not. Where no direction is in front of all faces, the vertex
     is split and each face keeps its own normal there.
 
-    `vertices`: (n, 3), m. `faces`: (m, 3) int; of the whole surface, so that vertices on the border of two chunks see
-    the faces of both. `crease_deg`: float; faces that meet at a sharper angle share no normal; 180 shades everything
-    smoothly.
-    Source: Thuermer & Wuethrich 1998, J. Graphics Tools 3(1), doi:10.1080/10867651.1998.10487487
+    Parameters
+    ----------
+    vertices : (n, 3), m
+    faces : (m, 3) int
+        Of the whole surface, so that vertices on the border of two chunks see the faces of both.
+    crease_deg : float
+        Faces that meet at a sharper angle share no normal; 180 shades everything smoothly.
+
+    References
+    ----------
+    Thuermer & Wuethrich 1998, J. Graphics Tools 3(1), doi:10.1080/10867651.1998.10487487
     """
     parts = [_normals_and_angles(vertices[faces[at : at + _AT_ONCE]]) for at in range(0, len(faces), _AT_ONCE)]
     normal, angle = (np.concatenate(part) for part in zip(*parts, strict=True))

@@ -46,9 +46,18 @@ def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Boun
     floor crosses itself, the displacement around the place is halved, several times if needed. If that does not help,
     the tile is simplified less. The result holds the places.
 
-    `mesher`: Mesher; it holds the lattice, and makes its meshes. `wanted_m`: (n,) m; displacement of each point along
-    the lattice's direction, before bounds. `bounds`: Bounds.
-    Raises GeometryError if the surface intersects itself after all rounds of repairs.
+    Parameters
+    ----------
+    mesher : Mesher
+        It holds the lattice, and makes its meshes.
+    wanted_m : (n,) m
+        Displacement of each point along the lattice's direction, before bounds.
+    bounds : Bounds
+
+    Raises
+    ------
+    GeometryError
+        If the surface intersects itself after all rounds of repairs.
     """
     lattice = mesher.lattice
     given = bound_displacement(wanted_m, lattice, bounds)
@@ -130,7 +139,10 @@ def check_rough(rough: RoughSurface, faces: np.ndarray) -> MeshReport:
     `faces` (m, 3) are those of the mesh closed by a floor. `displace_lattice` has tried all edges of the rock against
     the rock; what may still cross is the floor and the rock that reaches down to it.
 
-    Raises GeometryError if it has a crack or a flipped face, intersects itself, or is in several pieces.
+    Raises
+    ------
+    GeometryError
+        If it has a crack or a flipped face, intersects itself, or is in several pieces.
     """
     vertices = rough.mesh.vertices
     return check_mesh(vertices, faces, faces[vertices[faces, 2].min(axis=1) <= 0])

@@ -30,11 +30,25 @@ def smooth_surface(
     Floor and roof are offsets of the free space, so chamfers meet at junctions, corners and islands. Where a drift is
     narrower than two chamfers, they meet in a ridge.
 
-    `free`: shapely.Polygon, m, mine frame. `height_m`: float; from floor to roof. `floor_chamfer_m`, `roof_chamfer_m`:
-    float; width and height of the 45 deg chamfers. `texture_m`: float; length of one repeat of the texture.
-    Returns dict of Mesh: `floor`, `floor_chamfer`, `walls`, `roof` (with its chamfers); together watertight, facing
-    inwards.
-    Raises GeometryError if the chamfers do not fit under the height.
+    Parameters
+    ----------
+    free : shapely.Polygon, m, mine frame
+    height_m : float
+        From floor to roof.
+    floor_chamfer_m, roof_chamfer_m : float
+        Width and height of the 45 deg chamfers.
+    texture_m : float
+        Length of one repeat of the texture.
+
+    Returns
+    -------
+    dict of Mesh
+        `floor`, `floor_chamfer`, `walls`, `roof` (with its chamfers); together watertight, facing inwards.
+
+    Raises
+    ------
+    GeometryError
+        If the chamfers do not fit under the height.
     """
     if floor_chamfer_m + roof_chamfer_m >= height_m:
         raise GeometryError(

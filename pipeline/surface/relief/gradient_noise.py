@@ -17,7 +17,9 @@ _CELLS_PER_WAVE = 1.5  # gradient noise is strongest at about 1.5 cells
 def hashed(seed: int, *numbers: np.ndarray) -> np.ndarray:
     """Return a hash (n,) uint64 of a seed and integers (n,) int64 each.
 
-    Source: Finaliser of MurmurHash3, Appleby 2011, public domain.
+    References
+    ----------
+    Finaliser of MurmurHash3, Appleby 2011, public domain.
     """
     word = np.full(np.shape(numbers[0]), (seed * _ODD[3] + 1) % _WORD, np.uint64)
     for place, number in enumerate(numbers[: len(_ODD)]):
@@ -46,7 +48,9 @@ def bell(word: np.ndarray, draw: int) -> np.ndarray:
 def gradient_noise(points: np.ndarray, wavelength_m: float, seed: int) -> np.ndarray:
     """Return smooth noise (n,) with mean 0 and s.d. 1 at points (n, 3) m.
 
-    Source: Perlin 2002, Improving noise, doi:10.1145/566654.566636
+    References
+    ----------
+    Perlin 2002, Improving noise, doi:10.1145/566654.566636
     """
     turned = _turned(points, seed) * (_CELLS_PER_WAVE / wavelength_m)
     parts = [turned[:, at : at + _BLOCK] for at in range(0, turned.shape[1], _BLOCK)]

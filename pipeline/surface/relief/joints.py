@@ -87,8 +87,12 @@ class JointedRock:
 def relief_of_joints(points: np.ndarray, inward: np.ndarray, rock: JointedRock, seed: int) -> np.ndarray:
     """Return the displacement (n,) m, positive into the workings, that jointed rock gives to a smooth surface.
 
-    `points`, `inward`: (n, 3); places, m, mine frame, and unit normals of the smooth surface into the workings. `rock`:
-    JointedRock. `seed`: int.
+    Parameters
+    ----------
+    points, inward : (n, 3)
+        Places, m, mine frame, and unit normals of the smooth surface into the workings.
+    rock : JointedRock
+    seed : int
     """
     undulation, blocks, overbreak = parts_of_joints(points, inward, rock, seed)
     gains = rock.gains

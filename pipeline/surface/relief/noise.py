@@ -48,10 +48,20 @@ def solid_noise(
 ) -> np.ndarray:
     """Evaluate band noise; several spectra are mixed at each point over the same waves.
 
-    `points`: (n, 3) m. `bands`: list of Bands; all with the same wavelengths. `shares`: list of (n,); weight of each
-    spectrum's s.d. at each point. `rng`: numpy.random.Generator; draws directions, wavelengths within the bands, and
-    phases.
-    Returns (n,) m: mean 0; evaluated in 32 bits.
+    Parameters
+    ----------
+    points : (n, 3) m
+    bands : list of Bands
+        All with the same wavelengths.
+    shares : list of (n,)
+        Weight of each spectrum's s.d. at each point.
+    rng : numpy.random.Generator
+        Draws directions, wavelengths within the bands, and phases.
+
+    Returns
+    -------
+    (n,) m
+        Mean 0; evaluated in 32 bits.
     """
     field = np.zeros(len(points))
     for b, unit in enumerate(unit_bands(points, bands[0].wavelength_m, rng)):

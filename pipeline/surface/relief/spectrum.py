@@ -85,9 +85,17 @@ def _directions() -> tuple[np.ndarray, np.ndarray]:
 def fit_bands(wanted: list[Roughness], wavelength_m: np.ndarray, max_rms_m: float) -> Bands:
     """Fit a smooth band spectrum to the wanted roughness, by ratio, within a bound on the amplitude.
 
-    `wanted`: list of Roughness. `wavelength_m`: (n,) m. `max_rms_m`: float; bound on the s.d. of the displacement. If
-    it is active, long windows are smoother than wanted.
-    Raises GeometryError if `wanted` is empty, or the fit does not converge.
+    Parameters
+    ----------
+    wanted : list of Roughness
+    wavelength_m : (n,) m
+    max_rms_m : float
+        Bound on the s.d. of the displacement. If it is active, long windows are smoother than wanted.
+
+    Raises
+    ------
+    GeometryError
+        If `wanted` is empty, or the fit does not converge.
     """
     if not wanted:
         raise GeometryError("spectrum: there is no roughness to fit")

@@ -37,8 +37,13 @@ def turned_alike(points_m: np.ndarray, normals: np.ndarray, thick: np.ndarray, s
     They are turned along the flattest paths between neighbours (Hoppe et al. 1992, doi:10.1145/142920.134011), in each
     piece to the side on which more of them see a wall.
 
-    `points_m`, `normals`: (n, 3) float64. `thick`: (k,) int64; voxels of the thickened walls. `size_m`: float; of those
-    voxels.
+    Parameters
+    ----------
+    points_m, normals : (n, 3) float64
+    thick : (k,) int64
+        Voxels of the thickened walls.
+    size_m : float
+        Of those voxels.
     """
     graph = _neighbours(points_m, normals)
     tree = minimum_spanning_tree(graph)

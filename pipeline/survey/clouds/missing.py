@@ -19,8 +19,13 @@ _SEED = 0
 def missing_sides(points_m: np.ndarray, normals: np.ndarray, size_m: float) -> list[str]:
     """Return what most points of floors, roofs or walls have nothing opposite to, in words; empty if they have.
 
-    `points_m`: (n, 3) float64, m. `normals`: (n, 3) float64; of the points' planes, to either side. `size_m`: float; of
-    the voxels with points: gaps this wide hide nothing.
+    Parameters
+    ----------
+    points_m : (n, 3) float64, m
+    normals : (n, 3) float64
+        Of the points' planes, to either side.
+    size_m : float
+        Of the voxels with points: gaps this wide hide nothing.
     """
     thick = grown(np.unique(keys_of(cells_at(points_m, size_m))))
     rng, steep = np.random.default_rng(_SEED), np.abs(normals[:, 2])

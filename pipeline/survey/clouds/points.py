@@ -60,8 +60,10 @@ class ScanPoints:
 def read_points(file: ScanFile) -> ScanPoints:
     """Read a scan in a process with the limits of `conf/reader_limits.yaml`; its time grows with the file.
 
-    Raises InputError if the file is no cloud of its format, a point is not finite, or it fills too few or too many
-    voxels.
+    Raises
+    ------
+    InputError
+        If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
     """
     payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
     arrays = payload.arrays

@@ -46,8 +46,10 @@ def thinned_scan(params: CloudSurveyParams, thin_m: float, look: bool = False) -
 def read_scan(params: CloudSurveyParams) -> ScanReading:
     """Read a scan, and find the free space that its points bound. Warnings list what was left out and closed.
 
-    Raises InputError if the file cannot be read, or its points enclose no space. The message names the file and the
-    option.
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or its points enclose no space. The message names the file and the option.
     """
     scan = thinned_scan(params, params.voxel_m / 2)
     cloud, origin, metres = scan.cloud, scan.origin, scan.axes.unit_m
@@ -81,7 +83,10 @@ def read_scan(params: CloudSurveyParams) -> ScanReading:
 def _places_of(cloud: ThinnedCloud, trajectory: Trajectory, params: CloudSurveyParams) -> np.ndarray:
     """Return the place (n, 3) m of the scanner at each point's time, NaN beyond its trajectory; none without times.
 
-    Raises InputError if no point has a time of the trajectory's: their clocks differ.
+    Raises
+    ------
+    InputError
+        If no point has a time of the trajectory's: their clocks differ.
     """
     times = cloud.time_s[np.isfinite(cloud.time_s)]
     if not len(times) or not trajectory.has_clock:

@@ -67,8 +67,13 @@ def _closed(seen: np.ndarray, walls: np.ndarray) -> np.ndarray:
 def nearest_in_sight(points_m: np.ndarray, normals: np.ndarray, places_m: np.ndarray, walls: Walls) -> np.ndarray:
     """Return for each point the nearest place that sees it, (n, 3) m, NaN where none of the eight nearest does.
 
-    `points_m`, `normals`: (n, 3) float64; normals show into the free space. `places_m`: (k, 3) float64, m. `walls`:
-    Walls; no ray passes their thickened voxels, except those beside the point.
+    Parameters
+    ----------
+    points_m, normals : (n, 3) float64
+        Normals show into the free space.
+    places_m : (k, 3) float64, m
+    walls : Walls
+        No ray passes their thickened voxels, except those beside the point.
     """
     found = np.full(points_m.shape, np.nan)
     tree = cKDTree(places_m)

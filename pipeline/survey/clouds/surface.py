@@ -22,8 +22,15 @@ class BlockSurface:
     def __init__(self, free: np.ndarray, band: np.ndarray, size_m: float, signed: SignedDistance) -> None:
         """Find it.
 
-        `free`: (n,) int64; voxels that the flood reached: all of it is free. `band`: (k,) int64; those and the voxels
-        about them in which the surface may lie. `size_m`: float; of those voxels. `signed`: SignedDistance.
+        Parameters
+        ----------
+        free : (n,) int64
+            Voxels that the flood reached: all of it is free.
+        band : (k,) int64
+            Those and the voxels about them in which the surface may lie.
+        size_m : float
+            Of those voxels.
+        signed : SignedDistance
         """
         self._free, self._band, self._size_m, self._signed = free, band, size_m, signed
         self._found: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}

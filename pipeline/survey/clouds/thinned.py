@@ -61,7 +61,10 @@ def thin(blocks: Iterable[PointBlock], voxel_m: float, most: int, coarsen: bool 
 
     A voxel has the mean of the colours that are not black.
 
-    Raises InputError if fewer than 100 voxels or more than `most` have points, or a point lies too far from the origin.
+    Raises
+    ------
+    InputError
+        If fewer than 100 voxels or more than `most` have points, or a point lies too far from the origin.
     """
     voxels = _Voxels(np.zeros(0, np.int64), np.zeros((0, _PLACES)), np.zeros((0, 0)))
     waiting: list[_Voxels] = []

@@ -34,7 +34,10 @@ class Trajectory:
 def read_trajectory(path: Path) -> Trajectory:
     """Return rows `time x y z ...`, places in the file's unit; lines that begin with # are no rows.
 
-    Raises InputError if a row has fewer than four numbers, or there is none. The message names the line.
+    Raises
+    ------
+    InputError
+        If a row has fewer than four numbers, or there is none. The message names the line.
     """
     text = read_text_bytes(path).decode("utf-8", "replace")
     rows: list[list[float]] = []

@@ -57,10 +57,19 @@ def to_survex(path: Path) -> SurvexText:
     with X are left out, and those with C move least in loops. Shots in a row, each from the station where the one
     before it ends, make a passage.
 
-    `path`: Path; a `.mak`, `.dat` or `.clp` file.
-    Raises InputError if a line cannot be read, or the shots exceed `survex_shots`. The message names the file and the
-    line.
-    Source: Compass, "Survey data file format" and "Project file format". Survex 1.4.22 reads them in the same way.
+    Parameters
+    ----------
+    path : Path
+        A `.mak`, `.dat` or `.clp` file.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be read, or the shots exceed `survex_shots`. The message names the file and the line.
+
+    References
+    ----------
+    Compass, "Survey data file format" and "Project file format". Survex 1.4.22 reads them in the same way.
     """
     line = ProjectLine(path, 1)
     files = read_project(path) if path.suffix.lower() == ".mak" else [ProjectFile(line, path)]
@@ -92,7 +101,10 @@ def to_survex(path: Path) -> SurvexText:
 def compass_files(path: Path) -> list[Path]:
     """Return the files of a project: itself and the data files that it names.
 
-    Raises InputError: as `read_project`.
+    Raises
+    ------
+    InputError
+        As `read_project`.
     """
     return [path] if path.suffix.lower() != ".mak" else [path, *(file.path for file in read_project(path))]
 

@@ -73,9 +73,15 @@ class _Head:
 def read_surveys(path: Path) -> Iterator[tuple[CompassSurvey, list[CompassShot]]]:
     """Yield the surveys of a file. A survey ends with a form feed; its shots follow the heading after DECLINATION.
 
-    Raises InputError if a reading is not a number. The message names the file and the line.
-    Source: Compass, "Survey data file format": FROM TO LENGTH BEARING INC LEFT UP DOWN RIGHT, backsights of a survey
-    that has them, and #|flags#; feet and degrees, whatever the units in which FORMAT says that they were read.
+    Raises
+    ------
+    InputError
+        If a reading is not a number. The message names the file and the line.
+
+    References
+    ----------
+    Compass, "Survey data file format": FROM TO LENGTH BEARING INC LEFT UP DOWN RIGHT, backsights of a survey that has
+    them, and #|flags#; feet and degrees, whatever the units in which FORMAT says that they were read.
     """
     head = _Head()
     survey: CompassSurvey | None = None

@@ -70,11 +70,17 @@ class _Command:
 def read_project(path: Path) -> list[ProjectFile]:
     """Read a project file.
 
-    Raises InputError if a data file is missing, lies outside the project's folder or is none, a station's place is not
-    stated in feet or metres, or there are more than `survex_files`. The message names the file and the line.
-    Source: Compass, "Project file format": `#file,station[unit,east,north,up],...;`, `[folder;` and `];`, `$zone;`,
-    `&datum;`, `@east,north,up,zone,convergence;`, and comments from one / to the next or the end of the line.
-    Convergences (% and *) are computed.
+    Raises
+    ------
+    InputError
+        If a data file is missing, lies outside the project's folder or is none, a station's place is not stated in
+        feet or metres, or there are more than `survex_files`. The message names the file and the line.
+
+    References
+    ----------
+    Compass, "Project file format": `#file,station[unit,east,north,up],...;`, `[folder;` and `];`, `$zone;`, `&datum;`,
+    `@east,north,up,zone,convergence;`, and comments from one / to the next or the end of the line. Convergences (% and
+    *) are computed.
     """
     files: list[ProjectFile] = []
     folder, folders = path.parent.resolve(), [path.parent]

@@ -14,9 +14,22 @@ _GROUND_ERROR = 0.003  # of a length; UTM zones and national grids stay within 0
 def ground_scale(system: pyproj.CRS, east: float, north: float) -> tuple[float, float]:
     """Return how much longer lengths are in a projected system than on the ground, along its first and second axis.
 
-    `system`: pyproj.CRS; projected. `east`, `north`: float; a place, in the system's unit.
-    Returns (float, float): 1 is true to scale. Web Mercator has about 1 / cos(latitude): 1.74 at latitude 55.
-    Raises pyproj.exceptions.ProjError if the place is outside the projection.
+    Parameters
+    ----------
+    system : pyproj.CRS
+        Projected.
+    east, north : float
+        A place, in the system's unit.
+
+    Returns
+    -------
+    (float, float)
+        1 is true to scale. Web Mercator has about 1 / cos(latitude): 1.74 at latitude 55.
+
+    Raises
+    ------
+    pyproj.exceptions.ProjError
+        If the place is outside the projection.
     """
     step = _STEP_M / float(system.axis_info[0].unit_conversion_factor)
     geodetic = system.geodetic_crs or pyproj.CRS("EPSG:4326")

@@ -37,8 +37,16 @@ def is_projected(shapes: list[BaseGeometry], system: pyproj.CRS) -> bool:
 def project(path: Path, shapes: list[BaseGeometry], system: pyproj.CRS) -> tuple[list[BaseGeometry], str]:
     """Return shapes in metres by a transverse Mercator about their middle, on the system's own ellipsoid.
 
-    Returns list of shapely geometry, m. str: the projection of longitude and latitude, as PROJ writes it.
-    Raises InputError if the coordinates are no degrees, or further apart than a mine is wide.
+    Returns
+    -------
+    list of shapely geometry, m
+    str
+        The projection of longitude and latitude, as PROJ writes it.
+
+    Raises
+    ------
+    InputError
+        If the coordinates are no degrees, or further apart than a mine is wide.
     """
     if not system.is_geographic:
         try:

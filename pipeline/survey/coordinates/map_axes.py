@@ -94,7 +94,10 @@ class MapAxes:
 def coordinate_system(path: Path, text: str) -> pyproj.CRS:
     """Return the coordinate system that a file names.
 
-    Raises InputError if it is unknown, or its definition names files, which PROJ would open.
+    Raises
+    ------
+    InputError
+        If it is unknown, or its definition names files, which PROJ would open.
     """
     if _PROJ_FILES.search(text):
         raise InputError(f"{path}: its coordinate system {text[:80]!r} names files; they are not read")
@@ -116,7 +119,9 @@ def axes_of(system: pyproj.CRS) -> MapAxes:
     such as those whose axes point south and west, they keep the system's own order:
     findings/pyproj-krovak-south-first.sh.
 
-    Source: OGC 12-128r18 (GeoPackage), 1.1.3.1.3; GDAL, OSR API tutorial, "CRS and axis order".
+    References
+    ----------
+    OGC 12-128r18 (GeoPackage), 1.1.3.1.3; GDAL, OSR API tutorial, "CRS and axis order".
     """
     plan, height = _parts(system)
     axes = plan.axis_info
@@ -188,7 +193,12 @@ def warn_of_heights(path: Path, axes: MapAxes, plan_metres: float) -> None:
 def require_plane(path: Path, system: pyproj.CRS, place: np.ndarray) -> None:
     """Refuse a system whose axes start at the Earth's centre: no two of them are a plan.
 
-    `path`: Path. `system`: pyproj.CRS. `place`: (3,) float64; a place in the file, which the advice is for.
+    Parameters
+    ----------
+    path : Path
+    system : pyproj.CRS
+    place : (3,) float64
+        A place in the file, which the advice is for.
     """
     if not system.is_geocentric:
         return

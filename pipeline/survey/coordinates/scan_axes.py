@@ -47,9 +47,17 @@ class ScanAxes:
 def axes_of_scan(path: Path, block: PointBlock, unit_m: float | None) -> ScanAxes:
     """Return the axes of a file whose first points are given; remarks list what it states.
 
-    `path`: Path. `block`: PointBlock. `unit_m`: float or None; as the user states it: it overrules the file's unit of
-    plan and heights.
-    Raises InputError if the file's coordinates are degrees, lie about the Earth's centre, or are of a stretched map.
+    Parameters
+    ----------
+    path : Path
+    block : PointBlock
+    unit_m : float or None
+        As the user states it: it overrules the file's unit of plan and heights.
+
+    Raises
+    ------
+    InputError
+        If the file's coordinates are degrees, lie about the Earth's centre, or are of a stretched map.
     """
     stated = block.system
     found = ScanAxes(unit_m=1.0 if unit_m is None else unit_m)

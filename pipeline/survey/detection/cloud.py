@@ -47,7 +47,10 @@ def _has_no_faces(path: Path) -> bool:
 def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
     """Read the points of a scan, and choose the resolution by their spacing and the size of the surface.
 
-    Raises InputError if the file cannot be read.
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
     """
     from pipeline.survey.clouds.read import thinned_scan  # open3d takes a second to load
     from pipeline.survey.clouds.thinned import spacing_of

@@ -36,8 +36,11 @@ _BARS_M = (10.0, 20.0, 25.0, 50.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
 def detect_picture(path: Path, stated: StatedOptions) -> Detection:
     """Detect the scale of a plan's picture, or of a page of a PDF, and how its workings are drawn.
 
-    Raises InputError if the file cannot be read, has no scale, or a stated value is refused; of workings that are not
-    found beyond doubt a `DoubtError`.
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has no scale, or a stated value is refused; of workings that are not found beyond
+        doubt a `DoubtError`.
     """
     is_pdf = kind_of(path) is FileKind.PDF
     page, most = int(stated.page or 1), reader_limits().megapixels

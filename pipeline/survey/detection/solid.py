@@ -13,7 +13,10 @@ from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:
     """Read triangles as the surface of the workings.
 
-    Raises InputError if they cannot be read, or have a hole wider than `--close` allows.
+    Raises
+    ------
+    InputError
+        If they cannot be read, or have a hole wider than `--close` allows.
     """
     from pipeline.survey.detection.unstated import facets_of_mesh, warn_of_guesses
     from pipeline.survey.solids.read import read_solid  # trimesh and ezdxf take a second to load

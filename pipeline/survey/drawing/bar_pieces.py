@@ -32,7 +32,10 @@ def with_pieces_joined(dark: np.ndarray) -> np.ndarray:
 
     A light piece is as long as a dark one beside it: any other gap is one in a broken bar.
 
-    `dark`: (rows, cols) uint8; 1 is dark.
+    Parameters
+    ----------
+    dark : (rows, cols) uint8
+        1 is dark.
     """
     _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     joined = dark.copy()
@@ -59,7 +62,10 @@ def is_piece_beside(piece: np.ndarray, bar: np.ndarray) -> bool:
 def tick_distance_px(part: np.ndarray) -> float:
     """Return the distance of the middles of the ticks of a line between two ticks, px; 0 if it is none.
 
-    `part`: (rows, cols) bool; a dark region in its box.
+    Parameters
+    ----------
+    part : (rows, cols) bool
+        A dark region in its box.
     """
     share = part.mean(axis=0)
     line = np.flatnonzero(share < _TICK)  # the columns between the ticks

@@ -52,7 +52,10 @@ class Placement:
 def world_file(image: Path) -> Path | None:
     """Return the world file in a picture's folder, or None.
 
-    Raises InputError if it is a link that leads out of the folder.
+    Raises
+    ------
+    InputError
+        If it is a link that leads out of the folder.
     """
     suffixes = [*_SUFFIXES.get(image.suffix.lower(), []), ".wld"]
     same_stem = [p for p in sorted(image.parent.glob("*")) if p.stem == image.stem and p.is_file()]
@@ -65,9 +68,15 @@ def world_file(image: Path) -> Path | None:
 def read_placement(image: Path) -> Placement:
     """Read a picture's georeference from its world file, or from the GeoTIFF itself.
 
-    Raises InputError if it has no georeference, its pixels are not square or are mirrored, or its system is in degrees;
-    if it is stored turned, because no format says whether its georeference is of the stored or of the turned picture.
-    Source: Esri, "World files for raster datasets"; OGC GeoTIFF 1.1.
+    Raises
+    ------
+    InputError
+        If it has no georeference, its pixels are not square or are mirrored, or its system is in degrees; if it is
+        stored turned, because no format says whether its georeference is of the stored or of the turned picture.
+
+    References
+    ----------
+    Esri, "World files for raster datasets"; OGC GeoTIFF 1.1.
     """
     file, tags = world_file(image), _geotiff_tags(image)
     if file is None and tags is None:
@@ -163,7 +172,10 @@ def _geotiff_tags(image: Path) -> tuple[Affine, CRS | None, int, int] | None:
 def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
     """Return how much longer lengths are in the map than on the ground; 1 within 0.3 %.
 
-    Raises InputError if the middle of the picture is outside the system, or lengths differ between the axes.
+    Raises
+    ------
+    InputError
+        If the middle of the picture is outside the system, or lengths differ between the axes.
     """
     try:
         along = ground_scale(coordinate_system(image, system), east, north)

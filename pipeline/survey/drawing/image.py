@@ -29,7 +29,10 @@ _STRIP_ROWS = 512  # conversions work on strips, so that they need little memory
 def read_image(path: Path, max_megapixels: float) -> Image:
     """Read an image file of a plan as BGR: as `read_pixels`, and it must have more than one colour.
 
-    Raises InputError if the file is empty, unreadable, too large or of one colour only.
+    Raises
+    ------
+    InputError
+        If the file is empty, unreadable, too large or of one colour only.
     """
     return require_workings_drawn(path, read_pixels(path, max_megapixels, is_plan=True))
 
@@ -37,12 +40,24 @@ def read_image(path: Path, max_megapixels: float) -> Image:
 def read_pixels(path: Path, max_megapixels: float, is_plan: bool = False) -> Image:
     """Read an image file as BGR.
 
-    `path`: Path; PNG, JPEG, TIFF, BMP, PNM or GIF. The header is checked before pixels are decoded. The picture is
-    turned upright as its Exif data say. Of several pages of a TIFF or frames of a GIF the first is read, with a
-    warning. `max_megapixels`: float; upper limit of the image's size. `is_plan`: bool; whether pixels of 16 bits may
-    use fewer, and white on transparent ground is refused.
-    Returns (rows, cols, 3) uint8.
-    Raises InputError if the file is empty, unreadable or too large.
+    Parameters
+    ----------
+    path : Path
+        PNG, JPEG, TIFF, BMP, PNM or GIF. The header is checked before pixels are decoded. The picture is turned upright
+        as its Exif data say. Of several pages of a TIFF or frames of a GIF the first is read, with a warning.
+    max_megapixels : float
+        Upper limit of the image's size.
+    is_plan : bool
+        Whether pixels of 16 bits may use fewer, and white on transparent ground is refused.
+
+    Returns
+    -------
+    (rows, cols, 3) uint8
+
+    Raises
+    ------
+    InputError
+        If the file is empty, unreadable or too large.
     """
     picture = decode_pixels(path, max_megapixels)
     read = _to_bgr(picture, is_plan)
@@ -59,8 +74,10 @@ def read_pixels(path: Path, max_megapixels: float, is_plan: bool = False) -> Ima
 def decode_pixels(path: Path, max_megapixels: float) -> np.ndarray:
     """Decode an image file as `read_pixels`, with its own channels, opacity among them, and its own depth.
 
-    Returns (rows, cols) or (rows, cols, 3 or 4) uint8, uint16 or shares of white: grey, or blue, green, red and
-    opacity.
+    Returns
+    -------
+    (rows, cols) or (rows, cols, 3 or 4) uint8, uint16 or shares of white
+        Grey, or blue, green, red and opacity.
     """
     size = path.stat().st_size
     if not size:
@@ -124,7 +141,10 @@ def _require_known_depth(path: Path, picture: np.ndarray) -> None:
 def require_workings_drawn(path: Path, picture: Image) -> Image:
     """Return the picture if it has more than one colour.
 
-    Raises InputError if it has one colour only. The message names the file and the colour.
+    Raises
+    ------
+    InputError
+        If it has one colour only. The message names the file and the colour.
     """
     if all((strip == picture[0, 0]).all() for strip in _strips(picture)):
         colour = {0: "black", 765: "white"}.get(int(picture[0, 0].astype(int).sum()), "of one colour")

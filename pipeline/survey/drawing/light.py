@@ -29,12 +29,20 @@ def even_light(picture: Image) -> tuple[Image, float]:
     Drawings and flat scans are returned as they are: many of their pixels have one grey value, or their paper varies
     by less than a fifth. Noise of a photograph is smoothed as far as it is strong.
 
-    `picture`: (rows, cols, 3) uint8.
-    Returns `picture`: (rows, cols, 3) uint8. `darkest`: float; light of the darkest paper, as a share of the lightest;
-    1 if the picture is returned as it is.
-    Source: Gatos, Pratikakis and Perantonis 2006, "Adaptive degraded document image binarization": ink relative to the
-    paper that is estimated behind it. The estimate here is a morphological closing, and a cubic surface behind wide
-    fills.
+    Parameters
+    ----------
+    picture : (rows, cols, 3) uint8
+
+    Returns
+    -------
+    picture : (rows, cols, 3) uint8
+    darkest : float
+        Light of the darkest paper, as a share of the lightest; 1 if the picture is returned as it is.
+
+    References
+    ----------
+    Gatos, Pratikakis and Perantonis 2006, "Adaptive degraded document image binarization": ink relative to the paper
+    that is estimated behind it. The estimate here is a morphological closing, and a cubic surface behind wide fills.
     """
     if has_one_grey(picture):
         return picture, 1.0

@@ -26,9 +26,21 @@ def points_per_unit(path: Path, document: pypdfium2.PdfDocument, page: int) -> f
     the page into a document of its own, which it writes without encryption and packed objects, and Pillow's reader of
     PDF takes the page's entries from there.
 
-    `path`: Path. `document`: pypdfium2.PdfDocument. `page`: int; from 1.
-    Raises InputError if it is not a number above 0.
-    Source: ISO 32000-2:2020, table 31 (UserUnit, VP)
+    Parameters
+    ----------
+    path : Path
+    document : pypdfium2.PdfDocument
+    page : int
+        From 1.
+
+    Raises
+    ------
+    InputError
+        If it is not a number above 0.
+
+    References
+    ----------
+    ISO 32000-2:2020, table 31 (UserUnit, VP)
     """
     entries = _entries(document, page)
     if any(name in entries for name in _MEASURES):

@@ -30,7 +30,10 @@ def ratio_of_page(path: Path, page: int) -> float | None:
 def px_per_m_of(path: Path, ratio: float, dpi: float | None) -> float:
     """Return the scale, px/m, of a drawing of a ratio 1:N at a resolution; None is that which a picture states.
 
-    Raises InputError if a picture states no resolution.
+    Raises
+    ------
+    InputError
+        If a picture states no resolution.
     """
     dpi = dpi or read_header(path).dpi
     if dpi is None:

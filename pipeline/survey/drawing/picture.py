@@ -37,7 +37,10 @@ _FITTING_PX = 40e6  # of a page: reading takes about 25 bytes a pixel beside lib
 def read_picture(path: Path, params: PlanSurveyParams) -> Image:
     """Read an image or a PDF page without changing it.
 
-    Raises InputError if it cannot be read or is too large.
+    Raises
+    ------
+    InputError
+        If it cannot be read or is too large.
     """
     if path.suffix.lower() == ".pdf":
         return require_workings_drawn(path, read_page(path, params.page, params.dpi, params.max_megapixels))
@@ -47,7 +50,10 @@ def read_picture(path: Path, params: PlanSurveyParams) -> Image:
 def read_page(path: Path, page: int, dpi: float, max_megapixels: float) -> Image:
     """Render a PDF page on white paper as (rows, cols, 3) uint8 BGR.
 
-    Raises InputError if the file is not PDF, has no such page, or the page exceeds the limits on size.
+    Raises
+    ------
+    InputError
+        If the file is not PDF, has no such page, or the page exceeds the limits on size.
     """
     with _open_page(path, page) as (pdf_page, pages):
         if pages > 1:
@@ -71,7 +77,10 @@ def _require_page_size(path: Path, page: int, size: tuple[float, float], dpi: fl
 def fitting_dpi(path: Path, page: int) -> float:
     """Return the resolution at which a PDF page is read if none is stated: 200, less for a large page, with a warning.
 
-    Raises InputError if the file is no PDF, has no such page, or the page is too large at the least resolution.
+    Raises
+    ------
+    InputError
+        If the file is no PDF, has no such page, or the page is too large at the least resolution.
     """
     with _open_page(path, page) as (pdf_page, _):
         unit = points_per_unit(path, pdf_page.pdf, page)
@@ -94,7 +103,10 @@ def fitting_dpi(path: Path, page: int) -> float:
 def page_text(path: Path, page: int) -> str:
     """Return the text of a PDF's page; it is empty for a scan.
 
-    Raises InputError if the file is no PDF, or has no such page.
+    Raises
+    ------
+    InputError
+        If the file is no PDF, or has no such page.
     """
     with _open_page(path, page) as (pdf_page, _):
         return str(pdf_page.get_textpage().get_text_range())
@@ -120,9 +132,16 @@ def _open_page(path: Path, page: int) -> Iterator[tuple[pypdfium2.PdfPage, int]]
 def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> tuple[Image, bool]:
     """Crop, reduce, clean and rotate a picture by the parameters; the result is dark on light.
 
-    Returns `picture`: (rows, cols, 3) uint8. `evened`: bool; whether its light was uneven, as in a photograph, and was
-    evened out, with a remark.
-    Raises InputError if the crop box is not inside the picture, or a photograph shows nothing but paper.
+    Returns
+    -------
+    picture : (rows, cols, 3) uint8
+    evened : bool
+        Whether its light was uneven, as in a photograph, and was evened out, with a remark.
+
+    Raises
+    ------
+    InputError
+        If the crop box is not inside the picture, or a photograph shows nothing but paper.
     """
     if params.crop_px is not None:
         col0, row0, col1, row1 = params.crop_px
@@ -157,7 +176,10 @@ def make_ready(path: Path, picture: Image, params: PlanSurveyParams) -> tuple[Im
 def require_few_regions(path: Path, picture: Image) -> None:
     """Refuse a picture with more separate dark regions than the limit, such as noise.
 
-    Raises InputError: the message names the file, the count and the limit.
+    Raises
+    ------
+    InputError
+        The message names the file, the count and the limit.
     """
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8)
     count = cv2.connectedComponents(dark)[0] - 1
@@ -172,7 +194,10 @@ def require_few_regions(path: Path, picture: Image) -> None:
 def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     """Fill the workings of a line drawing, so that they are dark on light paper; parameters are in its px.
 
-    Raises InputError if the walls enclose no area, or a seed is outside the walls.
+    Raises
+    ------
+    InputError
+        If the walls enclose no area, or a seed is outside the walls.
     """
     dark = dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
     try:
@@ -185,7 +210,10 @@ def fill_walls(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
 def keep_workings(path: Path, picture: Image, params: PlanSurveyParams) -> Image:
     """Remove everything but the workings from a drawing; they are dark on light paper.
 
-    Raises InputError if the workings are not found beyond doubt. The message names the option that settles it.
+    Raises
+    ------
+    InputError
+        If the workings are not found beyond doubt. The message names the option that settles it.
     """
     try:
         inside = read_bounded(picture, params.level, params.reduction).mask

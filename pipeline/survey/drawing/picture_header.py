@@ -54,7 +54,10 @@ class PictureHeader:
 def read_header(path: Path) -> PictureHeader:
     """Return the header of a picture.
 
-    Raises InputError if the format is not supported, or the header is broken.
+    Raises
+    ------
+    InputError
+        If the format is not supported, or the header is broken.
     """
     try:
         with warnings.catch_warnings(action="ignore"), Pillow.open(path, formats=_FORMATS) as picture:  # of broken tags
@@ -112,7 +115,10 @@ def _count_pages(picture: ImageFile.ImageFile) -> int:
 def read_first_frame(path: Path) -> np.ndarray:
     """Return the first frame of a GIF as (rows, cols, 3 or 4) uint8: blue, green, red, and opacity if it states one.
 
-    Raises InputError if it cannot be decoded.
+    Raises
+    ------
+    InputError
+        If it cannot be decoded.
     """
     try:
         with warnings.catch_warnings(action="ignore"), Pillow.open(path, formats=("GIF",)) as picture:
@@ -129,8 +135,11 @@ def read_first_frame(path: Path) -> np.ndarray:
 def require_picture_size(path: Path, header: PictureHeader, max_megapixels: float) -> None:
     """Refuse a picture by its header.
 
-    Raises InputError if the picture exceeds `max_megapixels`, the side that can be rendered, or the limit on decoded
-    bytes. The message names the file, the value and the limit.
+    Raises
+    ------
+    InputError
+        If the picture exceeds `max_megapixels`, the side that can be rendered, or the limit on decoded bytes. The
+        message names the file, the value and the limit.
     """
     require_size(path, header.width, header.height, max_megapixels)
     decoded, most = header.width * header.height * header.pixel_bytes, reader_limits().decoded_bytes
@@ -159,7 +168,9 @@ def require_size(path: Path, width: int, height: int, max_megapixels: float) -> 
 def turn_upright(picture: np.ndarray, orientation: int) -> np.ndarray:
     """Return a picture (rows, cols, ...) as it is to be shown by its orientation.
 
-    Source: Exif 2.3, table 4, tag 274.
+    References
+    ----------
+    Exif 2.3, table 4, tag 274.
     """
     if orientation >= 5:  # rows are columns
         picture = picture.swapaxes(0, 1)

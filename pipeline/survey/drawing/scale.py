@@ -29,7 +29,10 @@ def find_bar(picture: Image) -> tuple[int, int, int, int] | None:
 
     The plan's largest region is never the bar. Digits may stand at its ends.
 
-    Returns (col0, row0, col1, row1), px, or None: the bar's box with some paper around it.
+    Returns
+    -------
+    (col0, row0, col1, row1), px, or None
+        The bar's box with some paper around it.
     """
     dark = without_holes(dark_pixels(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.uint8))
     whole, joined = _longest_bar(picture, dark), with_pieces_joined(dark)
@@ -68,11 +71,25 @@ def _longest_bar(picture: Image, dark: np.ndarray, alone: bool = False) -> tuple
 def measure_bar(picture: Image, bar_length_m: float, name: str) -> float:
     """Measure a horizontal scale bar.
 
-    `picture`: (rows, cols, 3) uint8; the bar, dark on light, with light pixels around it. It may be in dark and light
-    pieces, or a line between two ticks, whose middles are its ends; digits may stand at its ends. `bar_length_m`:
-    float; the length that the bar represents. `name`: str; the picture's name in errors.
-    Returns float: px/m. The error is up to one pixel in the bar's length.
-    Raises InputError if there is no bar, or it is vertical, broken or too short. The message states its size in px.
+    Parameters
+    ----------
+    picture : (rows, cols, 3) uint8
+        The bar, dark on light, with light pixels around it. It may be in dark and light pieces, or a line between two
+        ticks, whose middles are its ends; digits may stand at its ends.
+    bar_length_m : float
+        The length that the bar represents.
+    name : str
+        The picture's name in errors.
+
+    Returns
+    -------
+    float
+        px/m. The error is up to one pixel in the bar's length.
+
+    Raises
+    ------
+    InputError
+        If there is no bar, or it is vertical, broken or too short. The message states its size in px.
     """
     if picture.size == 0:
         raise InputError(f"{name}: the scale bar's box is empty")

@@ -61,10 +61,22 @@ def choose_free_space(path: Path, free: Mask, placement: GridPlacement, start_m:
     If another area is half as large as the largest, or the largest lies around others up to the edges of the grid, the
     area at the map's origin is taken, where a robot that made the map started.
 
-    `path`: Path; of the map; messages name it. `free`: (rows, cols) bool; row 0 in the south. `placement`:
-    GridPlacement. `start_m`: tuple or None; where robots start, m, mine frame.
-    Raises DoubtError if several areas could be meant and none is at the map's origin. The message lists them.
-    InputError if no free area is large enough, or none is at the start.
+    Parameters
+    ----------
+    path : Path
+        Of the map; messages name it.
+    free : (rows, cols) bool
+        Row 0 in the south.
+    placement : GridPlacement
+    start_m : tuple or None
+        Where robots start, m, mine frame.
+
+    Raises
+    ------
+    DoubtError
+        If several areas could be meant and none is at the map's origin. The message lists them.
+    InputError
+        If no free area is large enough, or none is at the start.
     """
     areas = _find_areas(free, placement)
     if areas.sizes_m2.max(initial=0.0) < _SMALLEST_M2:

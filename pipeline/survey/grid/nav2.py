@@ -68,9 +68,14 @@ class Nav2Map:
 def read_nav2_map(path: Path) -> Nav2Map:
     """Read a map from its YAML file.
 
-    Raises InputError if the YAML file does not describe a map, or its picture is missing, not readable or outside the
-    folder.
-    Source: Nav2 map_server, "Map yaml format"
+    Raises
+    ------
+    InputError
+        If the YAML file does not describe a map, or its picture is missing, not readable or outside the folder.
+
+    References
+    ----------
+    Nav2 map_server, "Map yaml format"
     """
     header = _read_map_file(path)
     picture = _picture_of(path, header)
@@ -118,7 +123,10 @@ def _warn_of_unknown(path: Path, header: _MapFile, pixels: np.ndarray, cells: np
 def nav2_picture(path: Path) -> Path:
     """Return the picture of a map: the one that its YAML file names, or the one of that name beside it.
 
-    Raises InputError if the YAML file does not describe a map, or the picture is missing or outside its folder.
+    Raises
+    ------
+    InputError
+        If the YAML file does not describe a map, or the picture is missing or outside its folder.
     """
     return _picture_of(path, _read_map_file(path))
 

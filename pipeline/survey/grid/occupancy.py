@@ -29,9 +29,19 @@ def occupancy_of(pixels: np.ndarray, rules: CellRules) -> np.ndarray:
     A shade is the mean of the colours. Opacity counts as a fourth colour in the mode trinary; in the mode scale a cell
     that is not opaque is unknown; the mode raw does not look at it.
 
-    `pixels`: (rows, cols) or (rows, cols, 3 or 4) uint8 or uint16; grey, or colours and opacity. `rules`: CellRules.
-    Returns (rows, cols) int8.
-    Source: Nav2 map_server, `loadMapFromFile` in `map_io.cpp`
+    Parameters
+    ----------
+    pixels : (rows, cols) or (rows, cols, 3 or 4) uint8 or uint16
+        Grey, or colours and opacity.
+    rules : CellRules
+
+    Returns
+    -------
+    (rows, cols) int8
+
+    References
+    ----------
+    Nav2 map_server, `loadMapFromFile` in `map_io.cpp`
     """
     found = np.empty(pixels.shape[:2], np.int8)
     for row in range(0, len(found), _STRIP_ROWS):

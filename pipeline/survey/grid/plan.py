@@ -38,7 +38,10 @@ def read_grid(params: GridSurveyParams) -> GridReading:
     The mine frame is the map's own frame, unless the map lies more than 10 km from its origin. The walls of a map with
     a yaw are turned by it.
 
-    Raises InputError: as for `read_free_space`, or if the free space is longer than a mine may be.
+    Raises
+    ------
+    InputError
+        As for `read_free_space`, or if the free space is longer than a mine may be.
     """
     free = read_free_space(params)
     rows, cols = free.cells.shape
@@ -55,8 +58,10 @@ def read_grid(params: GridSurveyParams) -> GridReading:
 def read_free_space(params: GridSurveyParams) -> FreeCells:
     """Read the free cells of a map that are built.
 
-    Raises InputError if the map cannot be read, is too large or holds no floor; of several areas that could be meant a
-    `DoubtError`.
+    Raises
+    ------
+    InputError
+        If the map cannot be read, is too large or holds no floor; of several areas that could be meant a `DoubtError`.
     """
     path = Path(params.map)
     grid = read_nav2_map(path)

@@ -60,8 +60,17 @@ def areas_of(path: Path, walls: list[tuple[Wall, str]], snap_m: float, rules: Fl
     A closed wall encloses an area, or a pillar if it lies in one at its height. Open walls of one layer that are near
     each other at like heights enclose areas together; ends up to 12 m apart are then joined as the end of a drift.
 
-    `path`: Path. `walls`: list of ((k, 3) m, layer). `snap_m`: float; a wall whose ends are no further apart is closed.
-    Raises InputError if open walls enclose no area, or cross themselves; the message names the layer and the height.
+    Parameters
+    ----------
+    path : Path
+    walls : list of ((k, 3) m, layer)
+    snap_m : float
+        A wall whose ends are no further apart is closed.
+
+    Raises
+    ------
+    InputError
+        If open walls enclose no area, or cross themselves; the message names the layer and the height.
     """
     rings: list[tuple[Wall, str]] = []
     strings: list[tuple[Wall, str]] = []

@@ -21,7 +21,12 @@ _DRIFT_M = 3.5  # height of a drift: an end of a shaft so far over a floor is in
 def shaft_legs(path: Path, axes: list[Wall], floors: FloorMesh, rules: FloorRules = FLOOR_RULES) -> SurveyedLegs | None:
     """Return a leg for each shaft, None if there is none; those that reach no floor are left out, with a warning.
 
-    `path`: Path. `axes`: list of (k, 3) m; from the upper to the lower end; elevations. `floors`: FloorMesh.
+    Parameters
+    ----------
+    path : Path
+    axes : list of (k, 3) m
+        From the upper to the lower end; elevations.
+    floors : FloorMesh
     """
     legs, left_out = [], []
     tree = shapely.STRtree(shapely.polygons(floors.vertices[floors.faces][:, :, :2]))

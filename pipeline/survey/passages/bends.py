@@ -56,8 +56,14 @@ def outer_sectors(ends: list[LegEnd], step_rad: float, overlap_rad: float) -> li
 
     Legs count in the order of their directions. One whose section is the next one's leaves nothing open.
 
-    `ends`: list of LegEnd; legs that have a length in plan. `step_rad`: float; between corners of an arc, at most.
-    `overlap_rad`: float; of a sector with the legs beside it: shapes that only touch leave slits.
+    Parameters
+    ----------
+    ends : list of LegEnd
+        Legs that have a length in plan.
+    step_rad : float
+        Between corners of an arc, at most.
+    overlap_rad : float
+        Of a sector with the legs beside it: shapes that only touch leave slits.
     """
     if len(ends) < 2:
         return []

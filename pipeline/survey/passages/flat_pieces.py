@@ -20,9 +20,17 @@ def choose_flat_piece(path: Path, built: BaseGeometry, piece: Piece | None) -> B
 
     Workings in one piece stay as they are.
 
-    `path`: Path. `built`: shapely geometry, m, mine frame. `piece`: (float, float, float), str or None; easting,
-    northing and elevation, m; the elevation is ignored.
-    Raises InputError if `piece` is the name of a station, which lines do not have, or no workings are near it.
+    Parameters
+    ----------
+    path : Path
+    built : shapely geometry, m, mine frame
+    piece : (float, float, float), str or None
+        Easting, northing and elevation, m; the elevation is ignored.
+
+    Raises
+    ------
+    InputError
+        If `piece` is the name of a station, which lines do not have, or no workings are near it.
     """
     if isinstance(piece, str):
         raise InputError(f"{path}: survey.piece = {piece!r:.60}: lines have no names; state a place by --piece E,N,0")

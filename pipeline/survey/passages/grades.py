@@ -25,10 +25,20 @@ def with_grades(
     The misclosure of loops is distributed by least squares, and a warning names the largest one. Legs without a
     grade are linear between their ends (`heights_of_grades`). The roof is not surveyed.
 
-    `path`: Path; the survey's file, which errors name. `legs`: list of SurveyLeg; without elevations; `grades` may hold
-    those of the table. `stated`: dict; rise over run by the name of the leg, in the order of its stations.
-    Raises InputError if a leg is unknown, a grade is stated twice or too steep, or a loop misses by too much; if the
-    legs are not connected, or a leg without a grade becomes too steep.
+    Parameters
+    ----------
+    path : Path
+        The survey's file, which errors name.
+    legs : list of SurveyLeg
+        Without elevations; `grades` may hold those of the table.
+    stated : dict
+        Rise over run by the name of the leg, in the order of its stations.
+
+    Raises
+    ------
+    InputError
+        If a leg is unknown, a grade is stated twice or too steep, or a loop misses by too much; if the legs are not
+        connected, or a leg without a grade becomes too steep.
     """
     legs = [_stated(path, leg, stated, rules) for leg in legs]
     unknown = sorted(stated.keys() - {leg.name for leg in legs})

@@ -133,7 +133,10 @@ def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
     A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
     Where stations have heights, shafts are legs of their own, at the end.
 
-    Raises InputError if no leg remains, or a leg has no wall distance at all.
+    Raises
+    ------
+    InputError
+        If no leg remains, or a leg has no wall distance at all.
     """
     legs, count, most = [], sum(map(len, chains)), reader_limits().stations
     if count > most:
@@ -197,7 +200,10 @@ def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
 def check_network(path: Path, legs: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> None:
     """Check that all legs are connected and that legs cross only at stations.
 
-    Raises InputError if not. The message names the file and the legs.
+    Raises
+    ------
+    InputError
+        If not. The message names the file and the legs.
     """
     require_connected(path, legs)
     require_no_crossing(path, legs, rules=rules)

@@ -19,10 +19,21 @@ def sections_of(
     The section at a station is square to the line from the station before to the one after, if both legs keep 96 % of
     the width that the survey has along them. If not, each leg has a section of its own there, square to the leg.
 
-    `places_m`: (n, 2) float64, m; stations, in plan. `walls_m`: (n, 2) float64, m; distances to the left and right
-    wall. `may_share`: (n,) bool, optional; stations at which both legs may have one section; all if not stated.
-    Returns (n - 1, 2, 2) float64: unit vectors at both ends of each leg; zeros of a leg without a length in plan. (n,)
-    bool: whether both legs of a station have one section; never at the first and the last.
+    Parameters
+    ----------
+    places_m : (n, 2) float64, m
+        Stations, in plan.
+    walls_m : (n, 2) float64, m
+        Distances to the left and right wall.
+    may_share : (n,) bool, optional
+        Stations at which both legs may have one section; all if not stated.
+
+    Returns
+    -------
+    (n - 1, 2, 2) float64
+        Unit vectors at both ends of each leg; zeros of a leg without a length in plan.
+    (n,) bool
+        Whether both legs of a station have one section; never at the first and the last.
     """
     own, shared = _left_of(np.diff(places_m, axis=0)), _left_of(np.gradient(places_m, axis=0))[1:-1]
     is_shared = (np.einsum("kd,kd->k", own[:-1], shared) >= KEPT) & (np.einsum("kd,kd->k", own[1:], shared) >= KEPT)
@@ -44,8 +55,11 @@ def widths_kept(places_m: Points2, walls_m: Points2, across: np.ndarray) -> np.n
     A leg's walls are straight from section to section. Where a section leans over the leg, on the inside of a bend, the
     wall of the next leg takes over.
 
-    `places_m`, `walls_m`: as of `sections_of`. `across`: (n - 1, 2, 2) float64; as `sections_of` returns it, for turns
-    below 90 deg.
+    Parameters
+    ----------
+    places_m, walls_m : as of `sections_of`
+    across : (n - 1, 2, 2) float64
+        As `sections_of` returns it, for turns below 90 deg.
     """
     stations = np.stack([places_m[:-1], places_m[1:]], axis=1)
     walls = np.stack([walls_m[:-1], walls_m[1:]], axis=1) * [1.0, -1.0]  # leg, end, side

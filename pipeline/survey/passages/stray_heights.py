@@ -17,7 +17,10 @@ def stray_zero(places_m: np.ndarray) -> int | None:
 
     Levels at the height 0 are none, nor is a shaft's collar: a station straight above or below another one.
 
-    `places_m`: (n, 3) m; each station once.
+    Parameters
+    ----------
+    places_m : (n, 3) m
+        Each station once.
     """
     heights = places_m[:, 2]
     zeros, others = np.flatnonzero(heights == 0), heights[heights != 0]
@@ -33,7 +36,10 @@ def stray_zero(places_m: np.ndarray) -> int | None:
 def require_elevations(path: Path, points_m: np.ndarray, of: str) -> None:
     """Refuse points (n, 3) m of walls or lines if an elevation of 0 is a missing value.
 
-    Raises InputError: with the first such point, the heights of the others, and the option that overrules it.
+    Raises
+    ------
+    InputError
+        With the first such point, the heights of the others, and the option that overrules it.
     """
     places = np.unique(points_m, axis=0)
     stray = stray_zero(places)

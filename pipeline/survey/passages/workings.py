@@ -27,7 +27,10 @@ def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
     sector between these: the wall goes round the station as far away as it was measured. So the way round a bend is as
     wide as its legs, and no measured wall is crossed.
 
-    Returns shapely geometry, m, mine frame: several polygons where both wall distances of a station are zero.
+    Returns
+    -------
+    shapely geometry, m, mine frame
+        Several polygons where both wall distances of a station are zero.
     """
     shapes: list[BaseGeometry] = []
     places: dict[str, np.ndarray] = {}

@@ -46,8 +46,17 @@ def close_pieces(vertices: np.ndarray, faces: np.ndarray, weld_m: float, largest
 
     Corners nearer than `weld_m` are one. Holes are filled, up to the width `largest_hole_m`.
 
-    `vertices`: (n, 3) float64, m. `faces`: (m, 3) int64; in the file's order. `weld_m`, `largest_hole_m`: float.
-    Raises InputError if a hole is wider, or nothing is enclosed. The message names the place of the largest hole.
+    Parameters
+    ----------
+    vertices : (n, 3) float64, m
+    faces : (m, 3) int64
+        In the file's order.
+    weld_m, largest_hole_m : float
+
+    Raises
+    ------
+    InputError
+        If a hole is wider, or nothing is enclosed. The message names the place of the largest hole.
     """
     vertices, faces = _welded(vertices, faces, weld_m)
     vertices, faces, flipped = part_pieces(vertices, faces)

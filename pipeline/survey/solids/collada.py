@@ -42,8 +42,14 @@ def read_collada(path: Path, data: bytes) -> StatedMeshes:
     The unit (`<unit meter="...">`; a metre where none is stated) and the axis that points up (`<up_axis>`; y where none
     is stated) are those of the file. Polygons need not be convex. Nothing outside the file is read.
 
-    Raises InputError if the file is no Collada, its scene is broken, or it has no mesh.
-    Source: Khronos, COLLADA 1.4.1 and 1.5, elements asset, node, instance_geometry, mesh.
+    Raises
+    ------
+    InputError
+        If the file is no Collada, its scene is broken, or it has no mesh.
+
+    References
+    ----------
+    Khronos, COLLADA 1.4.1 and 1.5, elements asset, node, instance_geometry, mesh.
     """
     root = read_plain_xml(path, data)
     if plain_name(root) != "COLLADA":

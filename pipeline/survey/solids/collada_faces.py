@@ -19,7 +19,10 @@ _FACES = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 def numbers(path: Path, text: str | None, what: str, count: int | None = None) -> np.ndarray:
     """Return the numbers of a text, float64.
 
-    Raises InputError if one is none, or there are not `count` of them.
+    Raises
+    ------
+    InputError
+        If one is none, or there are not `count` of them.
     """
     words = (text or "").split()
     try:
@@ -35,7 +38,10 @@ def numbers(path: Path, text: str | None, what: str, count: int | None = None) -
 def faces_of(path: Path, mesh: Element, by_id: Named) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices (n, 3) and the triangles (m, 3) of a mesh.
 
-    Raises InputError if it is broken. The message names the element.
+    Raises
+    ------
+    InputError
+        If it is broken. The message names the element.
     """
     vertices = next((child for child in mesh if plain_name(child) == "vertices"), None)
     position = _input(vertices, "POSITION")

@@ -18,7 +18,11 @@ def overlapping(solids: list[manifold3d.Manifold], is_rock: np.ndarray, reach_m:
     each other if no more than the reach is between them. Where no corner is on a facet, those of the smaller facet are
     moved.
 
-    `solids`: list. `is_rock`: (n,) bool. `reach_m`: float.
+    Parameters
+    ----------
+    solids : list
+    is_rock : (n,) bool
+    reach_m : float
     """
     if len(solids) < 2:
         return solids

@@ -29,10 +29,18 @@ def decimated(
     The third is within how far of it the first share of `within` of vertices is, m: more than the tolerance where
     `most_facets` are few.
 
-    `vertices`, `faces`: (n, 3) float64 m, (m, 3) int. `tolerance_m`: float; of ten vertices eight are nearer to the
-    surface that is returned; of a hundred 99 are three times as near. `most_facets`: int. `within`: pairs of a share of
-    the vertices and how many tolerances they move by at most.
-    Raises InputError if no mesh that encloses a space comes out.
+    Parameters
+    ----------
+    vertices, faces : (n, 3) float64 m, (m, 3) int
+    tolerance_m : float
+        Of ten vertices eight are nearer to the surface that is returned; of a hundred 99 are three times as near.
+    most_facets : int
+    within : pairs of a share of the vertices and how many tolerances they move by at most
+
+    Raises
+    ------
+    InputError
+        If no mesh that encloses a space comes out.
     """
     middle = vertices.mean(axis=0)
     about = (vertices - middle).astype(np.float32)

@@ -67,8 +67,10 @@ class _LayerMesh:
 def read_triangles(path: Path, data: bytes, layers: list[str] | None = None) -> Triangles:
     """Read the triangles of a file's layers; None reads all.
 
-    Raises InputError if the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is
-    unknown.
+    Raises
+    ------
+    InputError
+        If the file is no mesh of its format, has no triangle, a coordinate is not finite, or a layer is unknown.
     """
     suffix, dxf_unit = path.suffix.lower(), None
     stated = _stated_meshes(path, data, suffix)

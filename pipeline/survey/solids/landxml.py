@@ -34,9 +34,15 @@ def read_landxml(path: Path, data: bytes) -> StatedMeshes:
     unit that it states for them. Faces that are marked invisible (`i="1"`) close the outline of a triangulation and are
     no part of the surface.
 
-    Raises InputError if the file is no LandXML, has no surface with faces or only such as close no space, or a point or
-    a face is broken.
-    Source: LandXML-1.2, elements Units, Surface, Definition, Pnts, P, Faces and F.
+    Raises
+    ------
+    InputError
+        If the file is no LandXML, has no surface with faces or only such as close no space, or a point or a face is
+        broken.
+
+    References
+    ----------
+    LandXML-1.2, elements Units, Surface, Definition, Pnts, P, Faces and F.
     """
     found, metres = _surfaces(path, data)
     if all(_faces_one_way(mesh) for mesh in found):
@@ -52,7 +58,10 @@ def read_landxml_floor(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray,
 
     The last is None if the file states no unit.
 
-    Raises InputError: as `read_landxml`; a floor is read.
+    Raises
+    ------
+    InputError
+        As `read_landxml`; a floor is read.
     """
     found, metres = _surfaces(path, data)
     starts = np.cumsum([0, *(len(vertices) for _, vertices, _ in found)])

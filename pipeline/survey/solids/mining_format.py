@@ -25,9 +25,14 @@ def read_omf(path: Path) -> StatedMeshes:
     Places are counted from the origins of the project and of the surface. Points, lines, grids and block models are
     listed.
 
-    Raises InputError if `omf` is not installed, the file is no OMF of version 1, has no surface, or states an unknown
-    unit.
-    Source: Global Mining Guidelines Group, Open Mining Format 1.0.
+    Raises
+    ------
+    InputError
+        If `omf` is not installed, the file is no OMF of version 1, has no surface, or states an unknown unit.
+
+    References
+    ----------
+    Global Mining Guidelines Group, Open Mining Format 1.0.
     """
     try:
         with warnings.catch_warnings():

@@ -17,7 +17,11 @@ def part_pieces(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np
     edge are joined across the space between their inner sides; a wall between two pieces that is written once is of
     both. Of a piece that is written twice one copy is left.
 
-    `vertices`: (n, 3) float64, m. `faces`: (m, 3) int64; in the file's order.
+    Parameters
+    ----------
+    vertices : (n, 3) float64, m
+    faces : (m, 3) int64
+        In the file's order.
     """
     count = len(vertices)
     if len(faces) and (np.bincount(edges_of(faces, count)[0]) > 2).any():

@@ -57,8 +57,11 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     on the file's triangles. Without `is_stated` meshes for which they are not are simplified by 3 cm, and warnings list
     what was done.
 
-    Raises InputError if the file is no mesh, is too large, encloses no space, has a hole wider than `close_m`, or
-    crosses itself wherever it is found again. The message names the file and the option.
+    Raises
+    ------
+    InputError
+        If the file is no mesh, is too large, encloses no space, has a hole wider than `close_m`, or crosses itself
+        wherever it is found again. The message names the file and the option.
     """
     path = Path(params.file)
     data = read_text_bytes(path, "file_bytes")

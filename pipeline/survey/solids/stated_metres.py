@@ -67,7 +67,10 @@ def unit_in_comments(path: Path, data: bytes, suffix: str) -> Unit | None:
 def in_named_unit(path: Path, found: StatedMeshes) -> StatedMeshes:
     """Return meshes in a unit that has a name: as they are, or in metres with a remark.
 
-    Raises InputError if the file states a unit of no positive number of metres.
+    Raises
+    ------
+    InputError
+        If the file states a unit of no positive number of metres.
     """
     metres = found.metres
     if metres is None or name_of(metres):

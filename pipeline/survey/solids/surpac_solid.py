@@ -17,7 +17,10 @@ _CORNERS = slice(1, 4)  # of a record: its number, three points, three neighbour
 def strings_beside(path: Path) -> Path:
     """Return the string file of a triangulation: its name with .str.
 
-    Raises InputError if it is not there.
+    Raises
+    ------
+    InputError
+        If it is not there.
     """
     for suffix in (".str", ".STR"):
         if (beside := path.with_suffix(suffix)).is_file():
@@ -31,8 +34,10 @@ def read_dtm(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
     Points are numbered from 1 in the order of the string file. Where its strings are parted by records of the number
     0, and a triangle has a higher number than there are points, those records are counted, too.
 
-    Raises InputError if it is a binary file, a record is no triangle (the message names its line), or a point is not
-    there.
+    Raises
+    ------
+    InputError
+        If it is a binary file, a record is no triangle (the message names its line), or a point is not there.
     """
     data = read_text_bytes(path)
     if b"\0" in data:

@@ -26,8 +26,14 @@ def read_usd(path: Path) -> StatedMeshes:
     Metres a unit and the axis that points up are those of the stage. Without them USD's own rule counts centimetres and
     y, with a remark. Nothing outside the file is read: a file that names others is refused.
 
-    Raises InputError if usd-core is not installed, the file is no USD, names other files, or has no mesh.
-    Source: OpenUSD, UsdGeomMesh, UsdGeomPointInstancer, "Encoding Stage UpAxis", "Encoding Stage Linear Units".
+    Raises
+    ------
+    InputError
+        If usd-core is not installed, the file is no USD, names other files, or has no mesh.
+
+    References
+    ----------
+    OpenUSD, UsdGeomMesh, UsdGeomPointInstancer, "Encoding Stage UpAxis", "Encoding Stage Linear Units".
     """
     try:
         from pxr import Sdf, Tf, Usd, UsdGeom

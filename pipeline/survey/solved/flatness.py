@@ -39,8 +39,11 @@ class _Legs:
 def require_flat(path: Path, sections: list[Section], rules: FloorRules = FLOOR_RULES) -> None:
     """Refuse workings that a flat world cannot show: steep legs, and passages over each other.
 
-    Raises InputError if a leg is steeper than `flat_grade`, or workings that overlap in plan differ by more than
-    `flat_step_m` in height. The message names the stations and the place.
+    Raises
+    ------
+    InputError
+        If a leg is steeper than `flat_grade`, or workings that overlap in plan differ by more than `flat_step_m` in
+        height. The message names the stations and the place.
     """
     if not any(len(section.names) > 1 for section in sections):
         return

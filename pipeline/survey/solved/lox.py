@@ -37,9 +37,15 @@ _ANONYMOUS = ("", "-", ".")
 def read_lox(path: Path) -> SolvedSurvey:
     """Read a solved survey; coordinates are metres in the system of the project, which the file does not name.
 
-    Returns SolvedSurvey: distances to walls of each leg at both of its ends, where Therion has them.
-    Raises InputError if the file is no `.lox`, ends early, exceeds a limit, or a leg is of a station that it does not
-    have.
+    Returns
+    -------
+    SolvedSurvey
+        Distances to walls of each leg at both of its ends, where Therion has them.
+
+    Raises
+    ------
+    InputError
+        If the file is no `.lox`, ends early, exceeds a limit, or a leg is of a station that it does not have.
     """
     found, texts, others = _blocks(path, read_text_bytes(path))
     surveys, stations, shots = found[1], found[2], found[3]

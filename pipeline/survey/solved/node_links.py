@@ -34,7 +34,10 @@ def links_of(path: Path) -> Path:
 def read_node_links(path: Path) -> SolvedSurvey:
     """Read nodes and links as a survey in three dimensions; node k is station `k`, from 1.
 
-    Raises InputError if a file is missing or a line is not valid. The message names the file, the line and the value.
+    Raises
+    ------
+    InputError
+        If a file is missing or a line is not valid. The message names the file, the line and the value.
     """
     beside = links_of(path)
     inside(f"{path}", beside.name, path.parent, path.parent.resolve())  # it may be a link

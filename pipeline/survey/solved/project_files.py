@@ -34,9 +34,16 @@ _NAME_BYTES = 240  # Linux takes 255; a suffix may be added
 def project_files(path: Path) -> list[Path]:
     """Return a project's files: the main file, and every file that it includes, in order.
 
-    `path`: Path; a `.svx` file.
-    Raises InputError if a named file is missing or outside the main file's folder, a file includes itself, or the
-    project exceeds `survex_files` or `survex_depth`. The message names the file and the line.
+    Parameters
+    ----------
+    path : Path
+        A `.svx` file.
+
+    Raises
+    ------
+    InputError
+        If a named file is missing or outside the main file's folder, a file includes itself, or the project exceeds
+        `survex_files` or `survex_depth`. The message names the file and the line.
     """
     files: list[Path] = []
     _scan(path, path.parent.resolve(), files, [])
@@ -46,7 +53,10 @@ def project_files(path: Path) -> list[Path]:
 def plain_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield line numbers and lines as `text_lines`, and refuse control characters but tabs.
 
-    Raises InputError: naming the file, the line and the first such character.
+    Raises
+    ------
+    InputError
+        Naming the file, the line and the first such character.
     """
     for number, line in text_lines(path):
         found = _CONTROL.search(line)
@@ -58,7 +68,10 @@ def plain_lines(path: Path) -> Iterator[tuple[int, str]]:
 def text_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield line numbers and lines as Survex counts them: they end with a line feed, a return, or both.
 
-    Raises InputError if the file or a line exceeds its limit.
+    Raises
+    ------
+    InputError
+        If the file or a line exceeds its limit.
     """
     most = reader_limits().survex_line_bytes
     for number, line in enumerate(re.split(_LINE_END, file_text(path)), start=1):
@@ -77,7 +90,10 @@ def file_text(path: Path) -> str:
 def inside(where: str, name: str, beside: Path, folder: Path) -> Path:
     """Return the path of a named file beside another file, and refuse one outside the folder.
 
-    Raises InputError: the message begins with `where`.
+    Raises
+    ------
+    InputError
+        The message begins with `where`.
     """
     clean = name.replace("\\", "/")
     too_long = len(clean) > 1000 or any(len(part.encode()) > _NAME_BYTES for part in clean.split("/"))
@@ -133,7 +149,10 @@ def _scan(path: Path, folder: Path, files: list[Path], above: list[Path]) -> Non
 def named_or_lower_case(where: str, what: str, name: str, beside: Path, folder: Path, suffix: str) -> Path:
     """Return the file of a name, with or without the suffix, or that of the name in lower case.
 
-    Raises InputError if there is none. The message begins with `where` and `what`.
+    Raises
+    ------
+    InputError
+        If there is none. The message begins with `where` and `what`.
     """
     for text in (name, f"{name}{suffix}"):
         option = inside(where, text, beside, folder)
@@ -176,7 +195,10 @@ def _require_plain_set(where: str, rest: str) -> None:
 def included_file(where: str, rest: str, path: Path, folder: Path) -> Path:
     """Return the file that `*include` names in a file; `rest` is what follows the command.
 
-    Raises InputError if there is none below the folder. The message begins with `where`.
+    Raises
+    ------
+    InputError
+        If there is none below the folder. The message begins with `where`.
     """
     word = _WORD.match(rest)
     name = (word[1] if word[1] is not None else word[2]) if word else ""

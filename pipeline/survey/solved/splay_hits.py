@@ -52,7 +52,11 @@ class SplayHits:
     def __init__(self, rows: list[list[int]], places_m: np.ndarray, splays: dict[int, np.ndarray]) -> None:
         """Assign each splay to the nearest passage.
 
-        `rows`: lists of nodes. `places_m`: (n, 3) m, of the nodes. `splays`: arrays (k, 3) m by node.
+        Parameters
+        ----------
+        rows : lists of nodes
+        places_m : (n, 3) m, of the nodes
+        splays : arrays (k, 3) m by node
         """
         self.places_m = places_m
         self.strays = 0

@@ -39,11 +39,24 @@ def read_3d(path: Path) -> SolvedSurvey:
     Coordinates are whole centimetres, so positions are exact to 5 mm. A leg names no stations; its ends are the
     stations at its coordinates. An end without a station becomes an anonymous station.
 
-    `path`: Path.
-    Returns SolvedSurvey: extended elevations, which are drawings and no surveys, are refused.
-    Raises InputError if the file is no `.3d` of versions 3 to 8, ends early, holds a reserved code, or exceeds a limit.
-    The message names the file and the byte.
-    Source: Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm.
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    SolvedSurvey
+        Extended elevations, which are drawings and no surveys, are refused.
+
+    Raises
+    ------
+    InputError
+        If the file is no `.3d` of versions 3 to 8, ends early, holds a reserved code, or exceeds a limit. The
+        message names the file and the byte.
+
+    References
+    ----------
+    Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm.
     """
     cursor = Cursor(path, read_text_bytes(path))
     header = _read_header(cursor)

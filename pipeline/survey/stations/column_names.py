@@ -32,11 +32,20 @@ def columns_of(
 ) -> list[TableColumn]:
     """Return the columns of a table, and list those that are read by a name that is not ours.
 
-    `names`: list of str; as the table has them; of one without names the numbers of its columns. `needed`: list of str;
-    our columns without which there is no table. `stated`: mapping of str to str, optional; our column, with its unit or
-    without, and the name of the table's column that is it.
-    Raises InputError if what is stated is not there, a unit is not known, or all is there but the column leg; the
-    message says which columns are read as which.
+    Parameters
+    ----------
+    names : list of str
+        As the table has them; of one without names the numbers of its columns.
+    needed : list of str
+        Our columns without which there is no table.
+    stated : mapping of str to str, optional
+        Our column, with its unit or without, and the name of the table's column that is it.
+
+    Raises
+    ------
+    InputError
+        If what is stated is not there, a unit is not known, or all is there but the column leg; the message says which
+        columns are read as which.
     """
     found = [TableColumn(name.lower()) for name in names]
     given = _stated_columns(path, names, stated or {})

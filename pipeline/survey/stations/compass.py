@@ -33,10 +33,20 @@ def read_plt(path: Path, half_width_m: float | None = None, rules: FloorRules = 
     `half_width_m` is the distance to a wall that nobody measured, in a file whose stations differ in height by more
     than `flat_step_m` (`plan_legs`).
 
-    Returns list of SurveyLeg: metres in the file's own frame, x east, y north. Of a level file they have no heights,
-    and vertical legs are omitted.
-    Raises InputError if a line cannot be read. The message names the file, the line and the value.
-    Source: Compass, "Plot file format": `M` or `D` north east up `S`name `P` left up down right, in feet.
+    Returns
+    -------
+    list of SurveyLeg
+        Metres in the file's own frame, x east, y north. Of a level file they have no heights, and vertical legs are
+        omitted.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be read. The message names the file, the line and the value.
+
+    References
+    ----------
+    Compass, "Plot file format": `M` or `D` north east up `S`name `P` left up down right, in feet.
     """
     chains: list[list[_Station]] = []
     splays: list[tuple[_Place, _Place]] = []  # their stations, and their ends

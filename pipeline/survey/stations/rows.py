@@ -33,7 +33,10 @@ def read_rows(
     Columns of walls that the table lacks are empty, unless they are needed. Columns that others name otherwise are
     read, and listed; `stated` says which is which (`columns_of`).
 
-    Raises InputError if it is no table of stations, a column is missing or stands twice, or a name cannot be printed.
+    Raises
+    ------
+    InputError
+        If it is no table of stations, a column is missing or stands twice, or a name cannot be printed.
     """
     text = read_csv_text(path)
     head, separator = text.partition("\n")[0], separator_of(text)

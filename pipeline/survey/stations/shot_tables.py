@@ -28,8 +28,11 @@ _COMMENTS = 20  # lines above a table of shots, at most
 def require_no_readings(path: Path, text: str) -> None:
     """Refuse a table of distances and angles, with the program that reads it.
 
-    Raises InputError if the first line, or a comment above the rows, names a length and an angle or from and to. The
-    message has the lines of Survex that read the rows.
+    Raises
+    ------
+    InputError
+        If the first line, or a comment above the rows, names a length and an angle or from and to. The message has the
+        lines of Survex that read the rows.
     """
     for line in text.splitlines()[:_COMMENTS]:
         words = line.split(separator_of(line) if set(line) & set(",;\t") else None)

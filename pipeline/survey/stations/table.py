@@ -107,7 +107,10 @@ def section_of(leg: SurveyLeg) -> Section:
 def read_station_survey(path: Path) -> SolvedSurvey:
     """Read a station table with elevations as a survey in three dimensions.
 
-    Raises InputError if the table has no elevations or is not valid; it may be steep and pass over itself.
+    Raises
+    ------
+    InputError
+        If the table has no elevations or is not valid; it may be steep and pass over itself.
     """
     return survey_of_legs(path, _read_legs(path, _FARTHEST_M))
 

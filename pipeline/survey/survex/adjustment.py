@@ -86,7 +86,10 @@ def _named(one: Traverse, name: Callable[[str], str]) -> str:
 def require_printed_length(path: Path, output: str, survey: SolvedSurvey) -> None:
     """Refuse a result whose legs are not as long as `cavern` prints.
 
-    Raises InputError if they differ by more than what whole centimetres explain.
+    Raises
+    ------
+    InputError
+        If they differ by more than what whole centimetres explain.
     """
     found = _TOTAL.search(output)
     if found is None:

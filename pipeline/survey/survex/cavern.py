@@ -44,7 +44,10 @@ _HANGING_STATION = re.compile(r"(?:.*: info: )?(\S+)")
 def require_cavern(path: Path) -> str:
     """Return the path of `cavern`.
 
-    Raises InputError if Survex is not installed.
+    Raises
+    ------
+    InputError
+        If Survex is not installed.
     """
     program = shutil.which("cavern")
     if program is None:
@@ -58,7 +61,10 @@ def require_cavern(path: Path) -> str:
 def require_version(path: Path, least: tuple[int, ...], what: str) -> None:
     """Refuse a file that needs a newer version of Survex than is installed.
 
-    Raises InputError: the message names the version that is installed, and the one that is needed.
+    Raises
+    ------
+    InputError
+        The message names the version that is installed, and the one that is needed.
     """
     _, output = _run([require_cavern(path), "--version"])
     version = _version(output)
@@ -74,12 +80,24 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
     it. It writes into a temporary folder only. Misclosures, computed declinations and stations that hang on no fixed
     one are listed.
 
-    `path`: Path; the main file. Errors name it. `written`: Written; what to solve in place of the file itself. Errors
-    name the lines from which it was made. `declination_deg`: float, optional; in place of every declination that Survex
-    computes.
-    Raises InputError if Survex is not installed, refuses the project, or writes no result. Its first error is given
-    with file and line.
-    Source: Survex manual, "cavern".
+    Parameters
+    ----------
+    path : Path
+        The main file. Errors name it.
+    written : Written
+        What to solve in place of the file itself. Errors name the lines from which it was made.
+    declination_deg : float, optional
+        In place of every declination that Survex computes.
+
+    Raises
+    ------
+    InputError
+        If Survex is not installed, refuses the project, or writes no result. Its first error is given with file and
+        line.
+
+    References
+    ----------
+    Survex manual, "cavern".
     """
     program = require_cavern(path)
     with tempfile.TemporaryDirectory(prefix="minexplore-") as name:

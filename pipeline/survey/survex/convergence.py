@@ -13,8 +13,10 @@ def convergence_deg(system: pyproj.CRS, east: float, north: float) -> float:
 
     True north is that of WGS84, as Therion has it: a step to the north, seen in the system.
 
-    Raises pyproj.exceptions.ProjError if there is no way from the system to WGS84. The angle is nan or inf outside of
-    the system.
+    Raises
+    ------
+    pyproj.exceptions.ProjError
+        If there is no way from the system to WGS84. The angle is nan or inf outside of the system.
     """
     to_degrees = pyproj.Transformer.from_crs(system, "EPSG:4326", always_xy=True)
     longitude, latitude = to_degrees.transform(east, north)

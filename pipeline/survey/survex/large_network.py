@@ -37,8 +37,14 @@ Run = Callable[[list[str]], tuple[int, str]]
 def fix_junctions(source: Path, program: str, run: Run) -> int:
     """Fix the junctions of a large network at the end of its main file; return the number of its loops, 0 if not.
 
-    `source`: Path; the main file of a copy of a project, which lies in its folder for Survex alone. `program`: str;
-    `cavern`. `run`: function; runs a command; returns its exit status and what it prints.
+    Parameters
+    ----------
+    source : Path
+        The main file of a copy of a project, which lies in its folder for Survex alone.
+    program : str
+        `cavern`.
+    run : function
+        Runs a command; returns its exit status and what it prints.
     """
     network = read_network(source)
     if network is None or not network.legs:

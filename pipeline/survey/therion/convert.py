@@ -48,10 +48,20 @@ def to_survex(path: Path) -> SurvexText:
     convergence of the meridians. Vectors of `data cartesian` are turned like bearings. Stations and legs of an imported
     `.3d` keep their places. Drawings, maps, teams and extensions are left out.
 
-    `path`: Path; the main `.th` file, or the `thconfig` of the project.
-    Raises InputError if a line cannot be converted. The message names the file, the line and the word.
-    Source: The Therion Book, "Data format": survey, centreline, data, units, calibrate, declination, flags, fix,
-    equate. Therion 6.1.6 is the witness of what the book leaves open.
+    Parameters
+    ----------
+    path : Path
+        The main `.th` file, or the `thconfig` of the project.
+
+    Raises
+    ------
+    InputError
+        If a line cannot be converted. The message names the file, the line and the word.
+
+    References
+    ----------
+    The Therion Book, "Data format": survey, centreline, data, units, calibrate, declination, flags, fix, equate.
+    Therion 6.1.6 is the witness of what the book leaves open.
     """
     made = SurvexText()
     lines = list(project_lines(path, []))

@@ -42,7 +42,10 @@ class Declination:
 def declination_of(where: str, words: list[str]) -> Declination:
     """Return what `VALUE UNIT` or `DATE VALUE DATE VALUE ... UNIT` states; `-` is the date of data without one.
 
-    Raises InputError if an angle, a date or the unit is none.
+    Raises
+    ------
+    InputError
+        If an angle, a date or the unit is none.
     """
     words = " ".join(word.strip("[]") for word in words).split()
     unit = UNITS.get(words[-1].lower(), "") if words else ""

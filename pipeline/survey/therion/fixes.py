@@ -46,7 +46,10 @@ class Fixes:
         One deviation is that of all coordinates; two are those of the plan and of the height. In a coordinate system,
         units and corrections are those of the height alone.
 
-        Raises InputError if a number is none.
+        Raises
+        ------
+        InputError
+            If a number is none.
         """
         if len(line.words) < 5:
             raise InputError(f"{line.where}: expected fix station east north up")
@@ -62,7 +65,10 @@ class Fixes:
     def combine(self) -> None:
         """Replace several places of one station by their mean, weighted by their deviations, and list it.
 
-        Raises InputError if the places of a station are in two coordinate systems.
+        Raises
+        ------
+        InputError
+            If the places of a station are in two coordinate systems.
         """
         for fixes in self.found.values():
             if len(fixes) == 1:

@@ -24,7 +24,10 @@ Grades = dict[str, list[str]]
 def grades_of(lines: list[TherionLine]) -> Grades:
     """Return Therion's own grades and those that a project defines: between `grade NAME` and `endgrade`.
 
-    Raises InputError if a line of a definition is none of a quantity, a number and a unit.
+    Raises
+    ------
+    InputError
+        If a line of a definition is none of a quantity, a number and a unit.
     """
     found: Grades = {name: [] for name in _WITHOUT}
     for name, (length, compass, clino) in _KNOWN.items():

@@ -63,9 +63,21 @@ def add_imported(imports: Imports, line: TherionLine, prefix: str) -> None:
 
     A station that several files hold stays where the first one has it, as in Therion.
 
-    `imports`: Imports. `line`: TherionLine. `prefix`: str; the open surveys, whose stations the file's are.
-    Raises InputError if the file is no `.3d`, cannot be read, or an option is not supported.
-    Source: The Therion Book, "import".
+    Parameters
+    ----------
+    imports : Imports
+    line : TherionLine
+    prefix : str
+        The open surveys, whose stations the file's are.
+
+    Raises
+    ------
+    InputError
+        If the file is no `.3d`, cannot be read, or an option is not supported.
+
+    References
+    ----------
+    The Therion Book, "import".
     """
     made, options = imports.made, _options_of(line)
     file = named_file(line, imports.folder)

@@ -36,8 +36,10 @@ def therion_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:
 
     `files` receives every file that was read, and those that `import` names.
 
-    Raises InputError if an input is missing, outside the main file's folder, or inputs itself, or if there are too
-    many.
+    Raises
+    ------
+    InputError
+        If an input is missing, outside the main file's folder, or inputs itself, or if there are too many.
     """
     yield from _lines(path, path.parent.resolve(), files, [])
 
@@ -70,7 +72,10 @@ def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> It
 def named_file(line: TherionLine, folder: Path) -> Path:
     """Return the file that a line names; `.th` may be left out.
 
-    Raises InputError if it is missing or outside the folder.
+    Raises
+    ------
+    InputError
+        If it is missing or outside the folder.
     """
     if len(line.words) < 2:
         raise InputError(f"{line.where}: {line.words[0]} names no file")

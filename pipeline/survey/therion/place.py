@@ -61,7 +61,10 @@ class Place:
 def cs_for_survex(where: str, words: tuple[str, ...]) -> System:
     """Return a coordinate system for `*cs`, and the metric one in which the result is wanted.
 
-    Raises InputError if Survex does not know it.
+    Raises
+    ------
+    InputError
+        If Survex does not know it.
     """
     name = " ".join(words)
     upper = name.upper()
@@ -89,8 +92,10 @@ def cs_for_survex(where: str, words: tuple[str, ...]) -> System:
 def _of_authority(where: str, name: str) -> System:
     """Return a system of EPSG or ESRI; in place of axes to the west and the south, it has axes to the east and north.
 
-    Raises InputError if it is unknown, or counts in another unit than metres: Survex and Therion would take these for
-    metres.
+    Raises
+    ------
+    InputError
+        If it is unknown, or counts in another unit than metres: Survex and Therion would take these for metres.
     """
     try:
         found = pyproj.CRS.from_user_input(name)
@@ -114,7 +119,10 @@ def _of_authority(where: str, name: str) -> System:
 def place_of(lines: list[TherionLine], dates: Dates) -> Place | None:
     """Return where a project lies, or None if it names no coordinate system or fixes no station in it.
 
-    Raises InputError if a coordinate system is not supported, or the fixed stations do not lie within it.
+    Raises
+    ------
+    InputError
+        If a coordinate system is not supported, or the fixed stations do not lie within it.
     """
     first, current = None, None
     fixes: list[list[float]] = []

@@ -25,9 +25,20 @@ def project_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:
     Of a configuration only `source` counts, by name or up to `endsource`, and `input` of other configurations; layouts
     and exports are left out. Remarks say what is not applied.
 
-    `path`: Path. `files`: list of Path; receives every file that was read.
-    Raises InputError: as `therion_lines`.
-    Source: The Therion Book, "Configuration file".
+    Parameters
+    ----------
+    path : Path
+    files : list of Path
+        Receives every file that was read.
+
+    Raises
+    ------
+    InputError
+        As `therion_lines`.
+
+    References
+    ----------
+    The Therion Book, "Configuration file".
     """
     within, unused = False, []
     for line in therion_lines(path, files):

@@ -28,7 +28,10 @@ def require_walls_alone(path: Path, content: Shapes, snap_m: float, widths_m: tu
     rectangle with pillars: several closed lines in it, apart from each other, that leave passages of a width between
     the two of `widths_m`.
 
-    Raises InputError: the message lists the layers, or says what helps if there is only one.
+    Raises
+    ------
+    InputError
+        The message lists the layers, or says what helps if there is only one.
     """
     layers = sorted(set(content.layer_of))
     lines = [shape for shape in content.shapes if isinstance(shape, LineString)]
@@ -77,7 +80,10 @@ def require_no_boundary(path: Path, content: Shapes) -> None:
     Such an area also covers most of the convex hull of the others: drifts that hold the areas of shafts do not. Areas
     at different heights are levels, which may enclose each other in plan.
 
-    Raises InputError: the message names the area's layer and lists the layers.
+    Raises
+    ------
+    InputError
+        The message names the area's layer and lists the layers.
     """
     layers = sorted(set(content.layer_of))
     areas = np.where(shapely.get_dimensions(content.shapes) == 2, shapely.area(content.shapes), 0.0)

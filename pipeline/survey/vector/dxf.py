@@ -61,10 +61,17 @@ READING_ERRORS = (
 def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     """Read the lines of the given layers; None reads all that are shown, neither off nor frozen.
 
-    Returns Shapes: lines in drawing units. The unit is `$INSUNITS` if it is in, ft, mm, cm or m, else None. Of curves
-    that were fitted to a polyline the points of the curve are read, not those of its frame.
-    Raises InputError if the file is not DXF, exceeds a limit on entities, blocks or points, or a layer is unknown. The
-    message lists the layers.
+    Returns
+    -------
+    Shapes
+        Lines in drawing units. The unit is `$INSUNITS` if it is in, ft, mm, cm or m, else None. Of curves that were
+        fitted to a polyline the points of the curve are read, not those of its frame.
+
+    Raises
+    ------
+    InputError
+        If the file is not DXF, exceeds a limit on entities, blocks or points, or a layer is unknown. The message lists
+        the layers.
     """
     data = read_text_bytes(path)
     require_at_most(path, len(_ENTITY.findall(data)), "dxf_entities", "entities and tables")
@@ -95,7 +102,10 @@ def read_dxf_labels(path: Path) -> np.ndarray:
 
     A text is the height at its insertion point; a decimal comma counts as a point.
 
-    Raises InputError if a coordinate is absurd.
+    Raises
+    ------
+    InputError
+        If a coordinate is absurd.
     """
     found: list[tuple[float, ...]] = []
     data = read_text_bytes(path)

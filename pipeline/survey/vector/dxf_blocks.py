@@ -25,7 +25,10 @@ def mend_blocks(path: Path, drawing: Drawing) -> dict[str, int]:
     A scale of 0, which some CAD programs write for z, counts as 1. The lines of dimensions, leaders and tables are no
     walls.
 
-    Returns dict of str to int: how many entities of each type were taken out.
+    Returns
+    -------
+    dict of str to int
+        How many entities of each type were taken out.
     """
     references = list(_references(drawing))
     flat = [insert for insert in references if any(insert.dxf.get(scale) == 0 for scale in _SCALES)]

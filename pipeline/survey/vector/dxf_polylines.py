@@ -23,7 +23,9 @@ _OTHER_UNITS = {3: "miles", 7: "kilometres", 8: "microinches", 9: "mils", 10: "y
 def drop_frame_points(drawing: Drawing) -> None:
     """Take the points that only control a fitted curve or surface out of all polylines and polygon meshes.
 
-    Source: Autodesk, DXF Reference, VERTEX: group code 70, flag 16 (spline frame control point); POLYLINE: 73 and 74
+    References
+    ----------
+    Autodesk, DXF Reference, VERTEX: group code 70, flag 16 (spline frame control point); POLYLINE: 73 and 74
     """
     for block in drawing.blocks:
         for entity in block:

@@ -52,10 +52,18 @@ def read_geodata(path: Path, layers: list[str] | None, level_by: str | None = No
 
     Measures (M) are dropped and curves are read as chords, with a warning that counts them.
 
-    `path`: Path. `layers`: list of str or None. `level_by`: str or None; the property that is a shape's layer in the
-    result; None is the layer itself.
-    Raises InputError if the content does not match the suffix, a layer or the property is unknown (the message lists
-    them), or the layers have different coordinate systems.
+    Parameters
+    ----------
+    path : Path
+    layers : list of str or None
+    level_by : str or None
+        The property that is a shape's layer in the result; None is the layer itself.
+
+    Raises
+    ------
+    InputError
+        If the content does not match the suffix, a layer or the property is unknown (the message lists them), or the
+        layers have different coordinate systems.
     """
     suffix, most = path.suffix.lower(), reader_limits().file_bytes
     if path.stat().st_size > most:

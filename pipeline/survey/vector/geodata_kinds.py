@@ -49,8 +49,13 @@ def _kind_of_shapefile(path: Path) -> int:
 def stored_kinds(source: Path | bytes, layer: str, count: int) -> Counter[str]:
     """Return how many shapes of a layer are stored as curves or with measures, which GDAL reads as others.
 
-    `source`: Path or bytes; a Shapefile, or the bytes of a GeoPackage. `layer`: str. `count`: int; shapes of the layer.
-    A Shapefile states measures for all.
+    Parameters
+    ----------
+    source : Path or bytes
+        A Shapefile, or the bytes of a GeoPackage.
+    layer : str
+    count : int
+        Shapes of the layer. A Shapefile states measures for all.
     """
     if isinstance(source, Path):
         return Counter({MEASURED: count} if _kind_of_shapefile(source) in _MEASURED else {})
@@ -92,9 +97,17 @@ def flags_of(columns: Mapping[str | None, Sequence[Any]], count: int) -> list[fr
 def without_flagged(path: Path, content: Shapes, flags: Sequence[frozenset[str]]) -> Shapes:
     """Return shapes without splays and without legs on the surface, as they are no drifts; a warning counts them.
 
-    `path`: Path. `content`: Shapes. `flags`: sequence of frozenset of str; of each shape. Those of a duplicate go with
-    it: it ties stations, and is no passage of its own.
-    Raises InputError if all shapes are splays or on the surface.
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+    flags : sequence of frozenset of str
+        Of each shape. Those of a duplicate go with it: it ties stations, and is no passage of its own.
+
+    Raises
+    ------
+    InputError
+        If all shapes are splays or on the surface.
     """
     if not any(flags):
         return content

@@ -22,11 +22,22 @@ _NO_NUMBER = re.compile(r"-?(?:NaN|Infinity|\d{300,})\b")  # as Python writes wh
 def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = None) -> Shapes:
     """Read polygons and lines.
 
-    `path`: Path. `layers`: list of str or None; read only the features whose property `layer` is in this list; None
-    reads all features. `level_by`: str or None; the property that is a feature's layer in the result; None is `layer`.
-    Raises InputError if the file is not GeoJSON, or no feature has the property `level_by`.
-    Source: RFC 7946. The member `crs` is from the 2008 specification; GDAL still writes it for other systems than WGS
-    84.
+    Parameters
+    ----------
+    path : Path
+    layers : list of str or None
+        Read only the features whose property `layer` is in this list; None reads all features.
+    level_by : str or None
+        The property that is a feature's layer in the result; None is `layer`.
+
+    Raises
+    ------
+    InputError
+        If the file is not GeoJSON, or no feature has the property `level_by`.
+
+    References
+    ----------
+    RFC 7946. The member `crs` is from the 2008 specification; GDAL still writes it for other systems than WGS 84.
     """
     data = read_text_bytes(path)
     require_size(path, data.count(b"[") // 2)  # before anything is built; a point has one bracket, a ring few more

@@ -56,9 +56,20 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
     Without stated elevations, the texts are elevations in metres if all are numbers at least 4 m apart; a warning lists
     them.
 
-    `path`: Path. `content`: Shapes; its layers are the texts of the property. `field`: str; the property's name.
-    `stated_m`: dict of str to float, or None; some or all elevations.
-    Raises InputError if no elevations are stated and the texts are none; the message names the option for each.
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        Its layers are the texts of the property.
+    field : str
+        The property's name.
+    stated_m : dict of str to float, or None
+        Some or all elevations.
+
+    Raises
+    ------
+    InputError
+        If no elevations are stated and the texts are none; the message names the option for each.
     """
     if stated_m:
         return stated_m
@@ -90,8 +101,15 @@ def level_elevations(path: Path, content: Shapes, field: str, stated_m: dict[str
 def warn_of_overlaps(path: Path, content: Shapes, moved: Sequence[BaseGeometry], joined: BaseGeometry) -> None:
     """Warn that areas which lie over each other are joined, as they may be those of several levels.
 
-    `path`: Path. `content`: Shapes; its layers and the names of its properties say how levels are kept apart. `moved`:
-    sequence of shapely geometry, m; its shapes. `joined`: shapely geometry, m; what was made of them.
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        Its layers and the names of its properties say how levels are kept apart.
+    moved : sequence of shapely geometry, m
+        Its shapes.
+    joined : shapely geometry, m
+        What was made of them.
     """
     if not len(moved) or shapely.get_dimensions(moved).min() < 2:
         return  # lines enclose areas, whatever crosses them

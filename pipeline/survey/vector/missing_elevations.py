@@ -22,9 +22,18 @@ def fill_elevations(path: Path, content: Shapes, none_at: float) -> Shapes:
     Points without one have the elevation `none_at` or no number. A line without any takes the elevations of the
     nearest points of other lines, in plan. Shapes without elevations at all stay as they are if no shape has one.
 
-    `path`: Path. `content`: Shapes; in the file's coordinates, without collections. `none_at`: float; in the file's
-    unit.
-    Raises InputError if no point has another elevation.
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        In the file's coordinates, without collections.
+    none_at : float
+        In the file's unit.
+
+    Raises
+    ------
+    InputError
+        If no point has another elevation.
     """
     if not any(shape.has_z for shape in content.shapes):
         return content

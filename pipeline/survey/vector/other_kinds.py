@@ -32,7 +32,10 @@ _WAYS = (
 def warn_of_others(path: Path, content: Shapes) -> None:
     """Warn of what a file holds beside lines and polygons: it is not read.
 
-    Raises InputError if the file holds nothing else; the message lists the kinds, and how such a file becomes lines.
+    Raises
+    ------
+    InputError
+        If the file holds nothing else; the message lists the kinds, and how such a file becomes lines.
     """
     if content.shapes:
         if content.others:

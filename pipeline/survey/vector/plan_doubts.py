@@ -24,7 +24,10 @@ def require_plan(path: Path, content: Shapes, rules: FloorRules = FLOOR_RULES) -
     Contours are closed lines, five of which lie within each other. If they have heights, each is at one height, and
     they fall or rise all the way.
 
-    Raises InputError: the message says what the drawing looks like, and the option that reads it all the same.
+    Raises
+    ------
+    InputError
+        The message says what the drawing looks like, and the option that reads it all the same.
     """
     lines = _single_lines(content)
     has_heights = bool(lines) and all(line.has_z for line in lines)

@@ -64,7 +64,10 @@ class Shapes:
 def require_size(path: Path, points: int) -> None:
     """Refuse a file with too many points.
 
-    Raises InputError if there are more points than the limit. The message names the file, the count and the limit.
+    Raises
+    ------
+    InputError
+        If there are more points than the limit. The message names the file, the count and the limit.
     """
     require_at_most(path, points, "points", "points or more")
 
@@ -72,8 +75,11 @@ def require_size(path: Path, points: int) -> None:
 def require_simple(path: Path, content: Shapes) -> Shapes:
     """Return a file's shapes without collections in collections; lines in three dimensions keep their elevations.
 
-    Raises InputError if there are too many shapes or points, they are nested too deep, a coordinate is absurd or not
-    finite, or their edges cross too often.
+    Raises
+    ------
+    InputError
+        If there are too many shapes or points, they are nested too deep, a coordinate is absurd or not finite, or their
+        edges cross too often.
     """
     limits = reader_limits()
     require_at_most(path, len(content.shapes), "shapes", "shapes")
@@ -102,8 +108,17 @@ def require_simple(path: Path, content: Shapes) -> Shapes:
 def require_plain_coordinates(path: Path, shapes: list[BaseGeometry], names: list[str]) -> None:
     """Refuse shapes with a place in plan that is absurd or not finite; an elevation may stand for none.
 
-    `path`: Path. `shapes`: list of shapely geometry. `names`: list of str; what a message calls each shape.
-    Raises InputError: the message names the shape and the value.
+    Parameters
+    ----------
+    path : Path
+    shapes : list of shapely geometry
+    names : list of str
+        What a message calls each shape.
+
+    Raises
+    ------
+    InputError
+        The message names the shape and the value.
     """
     values, of = shapely.get_coordinates(shapes, return_index=True)
     rows, columns = np.nonzero(~(np.abs(values) < LARGEST))
@@ -124,9 +139,15 @@ def locate(
     an origin at the south-west corner, rounded to 10 m, unless `origin` is given. Axes that point south or west are
     turned: the origin is one of the turned coordinates.
 
-    Returns list of shapely geometry, m, mine frame. Georeference.
-    Raises InputError if a coordinate is not finite or more than 10 km from the origin, or the coordinate system is
-    unknown.
+    Returns
+    -------
+    list of shapely geometry, m, mine frame
+    Georeference
+
+    Raises
+    ------
+    InputError
+        If a coordinate is not finite or more than 10 km from the origin, or the coordinate system is unknown.
     """
     shapes = [shapely.force_2d(shape) for shape in content.shapes if not shape.is_empty]
     if not shapes:
@@ -164,9 +185,14 @@ def locate(
 def with_heights(path: Path, content: Shapes, unit: str | None) -> Shapes:
     """Return shapes whose elevations count upwards, in the unit of the plan that `locate` makes of them.
 
-    `path`: Path. `content`: Shapes; as a reader returns them. Elevations of a system that states no unit of heights
-    have that of its plan; they are metres if the plan is in degrees. `unit`: str or None; as of `locate`; it is that of
-    elevations too.
+    Parameters
+    ----------
+    path : Path
+    content : Shapes
+        As a reader returns them. Elevations of a system that states no unit of heights have that of its plan; they are
+        metres if the plan is in degrees.
+    unit : str or None
+        As of `locate`; it is that of elevations too.
     """
     if content.crs is None or not any(shape.has_z for shape in content.shapes):
         return content
@@ -200,7 +226,10 @@ def workings_of(
 ) -> MultiPolygon:
     """Return the workings from shapes (m): their polygons, or the areas that their lines enclose.
 
-    Raises InputError if there are no polygons and lines, or the lines enclose no area.
+    Raises
+    ------
+    InputError
+        If there are no polygons and lines, or the lines enclose no area.
     """
     parts = [part for shape in shapes for part in shapely.get_parts(shape)]
     polygons = [part for part in parts if isinstance(part, Polygon)]

@@ -24,10 +24,21 @@ def read_surpac(path: Path, layers: list[str] | None) -> Shapes:
     A record is a string's number, northing (Y), easting (X), elevation (Z) and descriptions, with commas between them.
     A record of the number 0 ends a piece of a string, and the word END ends the file.
 
-    `path`: Path. `layers`: list of str or None; numbers of strings, which are the layers of the result.
-    Returns Shapes: lines (x, y, z) in the file's unit, which a string file does not state.
-    Raises InputError if the file is a binary string file, a record is none (the message names its line), or a number is
-    unknown.
+    Parameters
+    ----------
+    path : Path
+    layers : list of str or None
+        Numbers of strings, which are the layers of the result.
+
+    Returns
+    -------
+    Shapes
+        Lines (x, y, z) in the file's unit, which a string file does not state.
+
+    Raises
+    ------
+    InputError
+        If the file is a binary string file, a record is none (the message names its line), or a number is unknown.
     """
     pieces: list[tuple[str, list[Point]]] = []
     is_open = False
@@ -53,7 +64,10 @@ def read_surpac(path: Path, layers: list[str] | None) -> Shapes:
 def read_records(path: Path) -> list[tuple[int, Point | None]]:
     """Read the records of a string file in their order: a string's number and a point, or 0 and None between pieces.
 
-    Raises InputError if the file is a binary string file, or a record is none. The message names its line.
+    Raises
+    ------
+    InputError
+        If the file is a binary string file, or a record is none. The message names its line.
     """
     data = read_text_bytes(path)
     if b"\0" in data:

@@ -73,9 +73,15 @@ def copy_of(path: Path) -> WallsCopy:
     Folders and files are found whatever their case, as in Windows. Files in folders that are not there are left out, as
     in Walls, and a warning counts them.
 
-    Raises InputError if a named file is missing or outside the project's folder, or the files exceed `survex_files`,
-    `survex_depth` or, together, `text_bytes`. The message names the file and the line.
-    Source: Walls, "Project file". Survex 1.4.22, src/datain.c, says which entries are left out.
+    Raises
+    ------
+    InputError
+        If a named file is missing or outside the project's folder, or the files exceed `survex_files`, `survex_depth`
+        or, together, `text_bytes`. The message names the file and the line.
+
+    References
+    ----------
+    Walls, "Project file". Survex 1.4.22, src/datain.c, says which entries are left out.
     """
     if path.suffix.lower() == _SURVEY:
         return WallsCopy(path, surveys=[path], options=[""])

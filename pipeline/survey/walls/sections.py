@@ -118,7 +118,9 @@ class _SectionReader:
 def with_sections(survey: SolvedSurvey, files: list[tuple[Path, str]]) -> SolvedSurvey:
     """Return a solved survey with the cross-sections of its files, each with the `.OPTIONS` of its project.
 
-    Source: Walls, "Passage dimensions" and "#UNITS": `<left,right,up,down>` or `*...*`, `LRUD=F:LRUD`, `S=FEET`.
+    References
+    ----------
+    Walls, "Passage dimensions" and "#UNITS": `<left,right,up,down>` or `*...*`, `LRUD=F:LRUD`, `S=FEET`.
     """
     number = {name: k for k, name in enumerate(survey.names)} | {
         name.casefold(): k for k, name in enumerate(survey.names)

@@ -31,8 +31,16 @@ def deepest(parts: Iterable[np.ndarray], free: Tile, inside: Inside, corners: np
     than the deepest known one are cut in two. The distance from one facet is convex, so that in a tetrahedron it is
     largest at a corner; the distance from the surface is no larger.
 
-    `parts`: iterable of (k, 3) float64, m; the corners of each part. `free`: Tile; the free space, in the frame of the
-    parts. `inside`: Inside; of the same free space. `corners`: (f, 3, 3) float64, m; its facets.
+    Parameters
+    ----------
+    parts : iterable of (k, 3) float64, m
+        The corners of each part.
+    free : Tile
+        The free space, in the frame of the parts.
+    inside : Inside
+        Of the same free space.
+    corners : (f, 3, 3) float64, m
+        Its facets.
     """
     cells = np.concatenate([np.zeros((0, 4, 3)), *(_cells_of(part, free) for part in parts)])
     depth, place = 0.0, cells[:1].mean(axis=(0, 1)) if len(cells) else np.zeros(3)

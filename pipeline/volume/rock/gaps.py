@@ -35,7 +35,9 @@ def widest_gap(facets: Facets, faces: PartFaces, least_depth_m: float = 0.0) -> 
     of the largest discs in these (Kadets 2005), so pieces that touch each other count with their sum, as far as one
     disc reaches.
 
-    Source: Kadets 2005, Proc. AMS 133(5), doi:10.1090/S0002-9939-04-07650-6
+    References
+    ----------
+    Kadets 2005, Proc. AMS 133(5), doi:10.1090/S0002-9939-04-07650-6
     """
     pieces, owner, radius = _pieces(facets, faces.some(faces.depth_m >= least_depth_m))
     found = SurfaceGap(0.0, facets.corners[0].mean(axis=0))

@@ -20,9 +20,14 @@ def shared_m3(facets: Facets, parts: Sequence[np.ndarray], are_free: Callable[[n
     less or more, and the sum is all of it if the middle is in rock; else it is what is missing from the whole part.
     Its sign says which. No boolean with the whole free space is needed.
 
-    `facets`: Facets; of the free space's mesh: all that are near the parts. `parts`: sequence of (k, 3) float64, m; the
-    parts' corners. `are_free`: function; of places (k, 3) m, which are in the free space: the middles of parts into
-    which hardly a facet reaches.
+    Parameters
+    ----------
+    facets : Facets
+        Of the free space's mesh: all that are near the parts.
+    parts : sequence of (k, 3) float64, m
+        The parts' corners.
+    are_free : function
+        Of places (k, 3) m, which are in the free space: the middles of parts into which hardly a facet reaches.
     """
     found = [np.zeros(0)]
     for start in range(0, len(parts), _TOGETHER):

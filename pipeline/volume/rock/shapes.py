@@ -118,9 +118,15 @@ def bodies_of(
 ) -> ConvexBodies:
     """Return convex solids as bodies; those of no volume are their front, which is in nothing.
 
-    `solids`: list of manifold3d.Manifold. `fronts`: (n, k, 3) float64, m; corners of the face of each that lies on the
-    free space's surface. `outward`: (n, 3) float64; unit normal of that face, out of the solid. `owner`: (n,) int64; as
-    of `ConvexBodies`.
+    Parameters
+    ----------
+    solids : list of manifold3d.Manifold
+    fronts : (n, k, 3) float64, m
+        Corners of the face of each that lies on the free space's surface.
+    outward : (n, 3) float64
+        Unit normal of that face, out of the solid.
+    owner : (n,) int64
+        As of `ConvexBodies`.
     """
     points, faces = [], []
     for front, solid in zip(fronts, solids, strict=True):

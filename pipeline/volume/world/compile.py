@@ -55,8 +55,10 @@ def compile_volume(
     two the legs follow the middles of its floors. Robots start at `start_m`, (x, y[, z]) m, mine frame, or where
     `start_of` chooses.
 
-    Raises GeometryError if the legs make no closed volume, or robots find no room. The message names `subject`, the
-    survey's file.
+    Raises
+    ------
+    GeometryError
+        If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
     try:
         return _files_of(params, _made_of(params, shape), start_m)

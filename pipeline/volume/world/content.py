@@ -24,7 +24,10 @@ def in_mine_frame(volume: Volume, offset_m: np.ndarray) -> VolumeFacets:
 def closed_volume(facets: VolumeFacets) -> Volume:
     """Return facets as the measures of `pipeline.volume` take them: a solid with its mesh.
 
-    Raises GeometryError if the mesh is not closed, or a facet is turned over.
+    Raises
+    ------
+    GeometryError
+        If the mesh is not closed, or a facet is turned over.
     """
     faces, leg, label = (column.astype(np.int64) for column in (facets.faces, facets.leg, facets.label))
     volume = Volume(facets.vertices, faces, leg, label, [])

@@ -35,7 +35,10 @@ from pipeline.volume.world.topology import LegNetwork, LegRecord, mine_network
 def volume_view(root: Path, mine: MineSurvey) -> WorldView:
     """Return what the report of a volume world shows.
 
-    Raises ArtifactError if an artifact is missing or broken; the message names it.
+    Raises
+    ------
+    ArtifactError
+        If an artifact is missing or broken; the message names it.
     """
     bundle = root / "realism" / "world"
     record = read_volume_record(bundle)

@@ -43,7 +43,10 @@ def labels_of(vertices: np.ndarray, faces: np.ndarray, steepest: float) -> np.nd
 def volume_of_solid(mesh: ClosedMesh, steepest: float) -> Volume:
     """Return a solid as the shell and the measures take it; all facets are of one piece.
 
-    Raises GeometryError if its mesh is not closed.
+    Raises
+    ------
+    GeometryError
+        If its mesh is not closed.
     """
     solid = manifold_of(mesh.vertices, mesh.faces)
     if solid.is_empty():
@@ -58,9 +61,18 @@ def legs_on_floors(cells: FloorSpans, robot: RobotSize, datum_m: float) -> Surve
     Each storey's floor is thinned in plan; stations are a metre apart. Storeys that meet are joined by a leg between
     their nearest stations.
 
-    `cells`: FloorSpans. `robot`: RobotSize; that the cells are of. `datum_m`: float; elevation of height 0.
-    Raises GeometryError if no floor is so large. The message names the floors' areas, and what overrules the robot's
-    limits.
+    Parameters
+    ----------
+    cells : FloorSpans
+    robot : RobotSize
+        That the cells are of.
+    datum_m : float
+        Elevation of height 0.
+
+    Raises
+    ------
+    GeometryError
+        If no floor is so large. The message names the floors' areas, and what overrules the robot's limits.
     """
     pairs = neighbours_of(cells, robot)
     places, walls, names, first, storey_of = [], [], [], [0], []

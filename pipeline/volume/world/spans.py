@@ -31,7 +31,12 @@ def spans_of(vertices: np.ndarray, faces: np.ndarray, origin_m: np.ndarray, cell
     belongs to one of the two. The same edges decide whether a facet is floor or roof: the normal of one that stands
     nearly upright has a rounded sign, and a column would have more floors than roofs.
 
-    `vertices`: (n, 3) float64, m. `faces`: (f, 3) int. `origin_m`: (2,) float64, m. `cell_m`: float.
+    Parameters
+    ----------
+    vertices : (n, 3) float64, m
+    faces : (f, 3) int
+    origin_m : (2,) float64, m
+    cell_m : float
     """
     facet, column, row, is_floor = _columns(vertices, faces, origin_m, cell_m)
     a, b, c = np.moveaxis(vertices[faces], 1, 0)

@@ -136,7 +136,10 @@ def start_of(
     The place is the stated one, else the first entrance, else the highest end of a leg, of those from which the
     robot reaches the largest floor on which it has room to start. `datum_m` is the elevation of z = 0, for messages.
 
-    Raises GeometryError if nowhere near the place a robot has room. The message names the place and what moves it.
+    Raises
+    ------
+    GeometryError
+        If nowhere near the place a robot has room. The message names the place and what moves it.
     """
     radius_m, clearance_m = spawn.radius_m, spawn.clearance_m
     roomy = (cells.storey >= 0) & (cells.clearance_m >= clearance_m)

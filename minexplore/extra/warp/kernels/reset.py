@@ -14,7 +14,10 @@ _PI = wp.constant(wp.float64(np.pi))
 def start_places(world: World, robot: RobotParams) -> np.ndarray:
     """Return where episodes begin (n, 2) m, mine frame: the anchor, or where it is too narrow all places near it.
 
-    Raises ValueError if the robot fits nowhere near the entrance.
+    Raises
+    ------
+    ValueError
+        If the robot fits nowhere near the entrance.
     """
     spawn = world.record["spawn"]
     if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= robot.radius_m:

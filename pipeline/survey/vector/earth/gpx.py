@@ -21,8 +21,14 @@ def read_gpx(path: Path, layers: list[str] | None, level_by: str | None = None) 
 
     A line with a point that has none is read without. Waypoints are counted.
 
-    Raises InputError if it is no GPX, or a layer or the property is unknown.
-    Source: Topografix, "GPX 1.1 Schema": ele is in metres.
+    Raises
+    ------
+    InputError
+        If it is no GPX, or a layer or the property is unknown.
+
+    References
+    ----------
+    Topografix, "GPX 1.1 Schema": ele is in metres.
     """
     data = read_text_bytes(path)
     root = root_of(path, data, "gpx")

@@ -30,8 +30,14 @@ def read_kml(path: Path, layers: list[str] | None, level_by: str | None = None) 
     Elevations count only where a shape's altitude mode is `absolute`: in the others they are heights above the ground,
     or none. A shape that is not visible is read if its layer is named.
 
-    Raises InputError if it is no KML, a layer or the property is unknown, or its shapes are in files that it names.
-    Source: OGC 12-007r2, "KML 2.3", altitudeMode and visibility.
+    Raises
+    ------
+    InputError
+        If it is no KML, a layer or the property is unknown, or its shapes are in files that it names.
+
+    References
+    ----------
+    OGC 12-007r2, "KML 2.3", altitudeMode and visibility.
     """
     is_zip = path.suffix.lower() == ".kmz"
     files = _kml_files(path) if is_zip else [read_text_bytes(path)]

@@ -23,7 +23,10 @@ def certify_alone(world: VolumeBundle, params: VolumeProofParams) -> Certificate
     A bundle made of a solid, or of drawn areas, has legs that follow its floors, so that no floor is compared with
     them. One without visible rock has no figures of it.
 
-    Raises GeometryError if its mesh is not closed.
+    Raises
+    ------
+    GeometryError
+        If its mesh is not closed.
     """
     stated = survey_alone(world, params)
     found = validate_volume(params, world, _own_mesh(world) if stated is None else stated).certificate

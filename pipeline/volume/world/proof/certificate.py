@@ -102,7 +102,10 @@ def open_volume(folder: Path) -> VolumeBundle:
 def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: VolumeShape) -> Validated:
     """Measure a volume world against its survey: its legs, the solid where it is one, or drawn floors.
 
-    Raises GeometryError if its mesh is not closed.
+    Raises
+    ------
+    GeometryError
+        If its mesh is not closed.
     """
     rng, volume = np.random.default_rng(params.seed), closed_volume(world.mine)
     fronts = fronts_of(volume, world.parts)

@@ -31,7 +31,12 @@ class Compiled:
 def compare_model(xml: bytes, parts: Parts, zones: list[ZoneStrip], most: int, rng: np.random.Generator) -> Compiled:
     """Compare a model with the parts: all as written, and at most `most` of them as MuJoCo compiles them.
 
-    Raises BundleError if it is no plain XML. ArtifactError if MuJoCo refuses a part.
+    Raises
+    ------
+    BundleError
+        If it is no plain XML.
+    ArtifactError
+        If MuJoCo refuses a part.
     """
     names = part_names(parts, zones)
     written = _WrittenParts(parts, names, rng.permutation(len(names))[:most].tolist())

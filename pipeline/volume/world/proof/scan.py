@@ -74,12 +74,21 @@ def measure_rays(volume: Volume, rock: Mapping[str, Mesh], rays_m: np.ndarray) -
 
     The world is its visible rock and floor, or without rock the facets of the volume.
 
-    `volume`: Volume. `rock`: mapping of name to Mesh; the visible rock; empty in a light world. `rays_m`: (n, 2, 3)
-    float64, m, mine frame; places of the scanner, and the points that it saw from there.
-    Returns RayDeviation: its figures are those of points, of the ranges' differences, positive where the world's is
-    longer; `p95_mm` of their sizes; `through_share` of rays that are more than 30 cm longer, as a wall is missing, and
-    `short_share` of those that are as much shorter, as something is there that was not. `worst_within_10cm` is the
-    least share of the places, cubes of 10 m from which 100 rays start, and `worst_*_m` the middle of those starts.
+    Parameters
+    ----------
+    volume : Volume
+    rock : mapping of name to Mesh
+        The visible rock; empty in a light world.
+    rays_m : (n, 2, 3) float64, m, mine frame
+        Places of the scanner, and the points that it saw from there.
+
+    Returns
+    -------
+    RayDeviation
+        Its figures are those of points, of the ranges' differences, positive where the world's is longer; `p95_mm` of
+        their sizes; `through_share` of rays that are more than 30 cm longer, as a wall is missing, and `short_share` of
+        those that are as much shorter, as something is there that was not. `worst_within_10cm` is the least share of
+        the places, cubes of 10 m from which 100 rays start, and `worst_*_m` the middle of those starts.
     """
     middle = volume.vertices.mean(axis=0)
     if rock:

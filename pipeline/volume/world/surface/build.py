@@ -52,7 +52,10 @@ def rock_of_volume(
     Near points (n, 3) m of a scan it is the volume itself, which follows them, with their colours (n, 3), if they have
     any. Away from them, and in workings that were not scanned, it is synthetic and has the texture.
 
-    Raises InputError if the rock would need points more than 0.5 m apart to keep within `most_faces`.
+    Raises
+    ------
+    InputError
+        If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
     volume = decode(compiled / VOLUME, VolumeFacets)
     balls = balls_along(volume, decode(compiled / TOPOLOGY, LegNetwork))

@@ -56,8 +56,15 @@ def packed(number: np.ndarray, group: np.ndarray, corners_m: np.ndarray, most_px
 
     Its pixels are 1 cm wide, or as wide as it takes to keep it within `most_px`.
 
-    `number`: (m,) int; the chart of each face. `group`: (m,) int; the group of axes of each face; one a chart.
-    `corners_m`: (m, 3, 2) float64, m; coordinates of the corners. `most_px`: int.
+    Parameters
+    ----------
+    number : (m,) int
+        The chart of each face.
+    group : (m,) int
+        The group of axes of each face; one a chart.
+    corners_m : (m, 3, 2) float64, m
+        Coordinates of the corners.
+    most_px : int
     """
     order = np.argsort(number, kind="stable")
     first = np.searchsorted(number[order], np.arange(number.max() + 1))

@@ -20,8 +20,12 @@ def places_crossed(
 
     The sides of a thin wedge of rock may cross in 32 bits. The volume itself does not.
 
-    `vertices`, `faces`: (n, 3) float64 m, (m, 3) int; of the rock, without floors. `volume`: (v, 3) float64 m, (f, 3)
-    int; vertices and facets.
+    Parameters
+    ----------
+    vertices, faces : (n, 3) float64 m, (m, 3) int
+        Of the rock, without floors.
+    volume : (v, 3) float64 m, (f, 3) int
+        Vertices and facets.
     """
     used, numbers = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], numbers.reshape(-1, 3)

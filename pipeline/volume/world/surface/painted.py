@@ -126,7 +126,9 @@ def _pixels(corners: np.ndarray, side: int) -> Iterator[_Pixels]:
 def _filled(picture: np.ndarray, covered: np.ndarray) -> np.ndarray:
     """Return a picture whose other pixels have the colours of covered ones about them, from a picture half as large.
 
-    Source: Gortler et al. 1996, "The Lumigraph", SIGGRAPH (pull and push)
+    References
+    ----------
+    Gortler et al. 1996, "The Lumigraph", SIGGRAPH (pull and push)
     """
     if covered.all() or not covered.any():
         return picture

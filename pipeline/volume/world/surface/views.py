@@ -22,7 +22,10 @@ _BACK_M, _WAYS = 6.0, 32
 def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork) -> Image:
     """Return robot-eye views side by side (600, 900 each, 3) uint8, BGR, of the bundle in a folder.
 
-    Raises BundleError if the bundle is not allowed, or MuJoCo refuses it.
+    Raises
+    ------
+    BundleError
+        If the bundle is not allowed, or MuJoCo refuses it.
     """
     world = load_world(folder)
     model, T = world.compile(shown_spec(world)), world.T_world_mine

@@ -40,7 +40,10 @@ def require_labelled(
     faces up on no floor is roof and the rest is wall, also ledges over and beside floors, but for slivers; nearly all
     facets must be about their legs.
 
-    Raises ArtifactError: with the file, the facet or the part, and what is wrong.
+    Raises
+    ------
+    ArtifactError
+        With the file, the facet or the part, and what is wrong.
     """
     mine = world.mine
     size = np.linalg.norm(mine.normals, axis=1)

@@ -47,7 +47,10 @@ def remake_lights(model: Path, stated: Sequence[StatedLight], legs: LegNetwork) 
     Pitch and cut-off angle are those of the first light, the height is the largest over the floor, and the distance is
     one of those between neighbours. Places and directions are the stated ones where they are within rounding.
 
-    Raises ArtifactError if no distance gives the lights.
+    Raises
+    ------
+    ArtifactError
+        If no distance gives the lights.
     """
     if not stated:
         return []

@@ -32,8 +32,12 @@ def require_same_model(folder: Path, world: VolumeBundle) -> None:
     Taken from the model are height, pitch, cut-off angle and distance of the lights. All else follows from
     `world.json`, the network and the mesh.
 
-    Raises BundleError if it is no plain XML. ArtifactError: with the element, the attribute, the value and what it
-    should be.
+    Raises
+    ------
+    BundleError
+        If it is no plain XML.
+    ArtifactError
+        With the element, the attribute, the value and what it should be.
     """
     record = world.record
     box = world_box(world.mine)

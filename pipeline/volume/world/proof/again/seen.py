@@ -32,7 +32,10 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
     The plan of a solid, and of drawn areas, is that of their file, which a bundle has not: its area must be about that
     of the floors, and its frame hold the mesh.
 
-    Raises ArtifactError: with the field, its value and what it should be.
+    Raises
+    ------
+    ArtifactError
+        With the field, its value and what it should be.
     """
     path, record = folder / RECORD, world.record
     stated = record.areas
@@ -55,7 +58,10 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
 def require_surveyed_plan(folder: Path, record: VolumeRecord, survey: Frame, drawn: BaseGeometry) -> None:
     """Compare frame and areas of a record with those of its survey, seen from above, m, mine frame.
 
-    Raises ArtifactError: with the field, its value and what it should be.
+    Raises
+    ------
+    ArtifactError
+        With the field, its value and what it should be.
     """
     if record.plan_frame != survey:
         raise ArtifactError(f"{folder / RECORD}: plan_frame = {record.plan_frame}, the survey has {survey}")

@@ -28,7 +28,10 @@ def require_textured(folder: Path, chunks: Mapping[str, Mesh]) -> None:
     The picture repeats, and then a coordinate is that of its place, or each piece of rock has a part of it. The length
     that it covers is read off.
 
-    Raises ArtifactError: with the file, the place, the value and the limit.
+    Raises
+    ------
+    ArtifactError
+        With the file, the place, the value and the limit.
     """
     names, meshes = list(chunks), list(chunks.values())
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
