@@ -98,7 +98,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     # Speed
     _page("bench", "setup", "benchmarks.speed.time_env", 3, "env-speed", one_thread=True),
     _page("bench-growth", "setup", "benchmarks.speed.growth", 15, "growth", one_thread=True),
-    _page("pieces", "setup-baselines", "benchmarks.speed.pieces", 15),
+    _page("pieces", "setup-baselines", "benchmarks.speed.pieces", 20),
     _page("bench-pipeline", "setup", "benchmarks.speed.time_pipeline", 15, "timings"),
     _page("peers", "setup", "benchmarks.comparisons.peers", 2, one_thread=True),
     _page("sensors", "all", "benchmarks.sensors.page", 4, one_thread=True),

@@ -96,7 +96,7 @@ def over_cluster(call: Call, left: Iterator[Any], jobs: int, processors: float, 
     signal.signal(signal.SIGTERM, ending)  # Ray has set a handler of its own
     call, under_way = importable(call), dict[Any, Any]()
     needs = {"num_cpus": processors, "memory": memory_gb * 2**30, "max_retries": _RETRIES}
-    remote = ray.remote(**needs)(lambda argument: call(argument))  # it takes no partial
+    remote = ray.remote(**needs)(lambda argument: _on_node(call, argument))  # it takes no partial
     try:
         while True:
             ahead = max(_LEAST_AHEAD, int(_AHEAD * ray.cluster_resources().get("CPU", 0)))
@@ -113,6 +113,14 @@ def over_cluster(call: Call, left: Iterator[Any], jobs: int, processors: float, 
         for waiting in under_way:
             ray.cancel(waiting, force=True)
         ray.shutdown()
+
+
+def _on_node(call: Call, argument: Any) -> Any:
+    """Call without Ray's collector of garbage: a process with a thread starts an interpreter to read each survey."""
+    for thread in threading.enumerate():
+        if type(thread).__name__ == "PythonGCThread":
+            thread.stop()  # type: ignore[attr-defined]
+    return call(argument)
 
 
 def importable(call: Any) -> Any:

@@ -8,14 +8,15 @@ import sys
 import pytest
 import shapely
 
-from pipeline.build.family import Member, _over_cores
+from pieces.work import HERE
+from pipeline.build.family import Member, make_family
 from pipeline.errors import InputError, describe_shortage
 from pipeline.survey.detect import detect_survey
 from tests.mines import TEE
 from tests.project import ROOT
 
 POSIX = {"fcntl", "grp", "pty", "pwd", "resource", "syslog", "termios", "tty"}
-PACKAGES = ("minexplore", "pipeline", "stages", "baselines")
+PACKAGES = ("minexplore", "pieces", "pipeline", "stages", "baselines")
 RUN_ON_LINUX = {"baselines/sandbox/policy_process.py"}  # bubblewrap alone starts it
 IMPORTED = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)  # at the top of a module
 # Filelock needs no fcntl on Windows, where it takes another way, so it is imported before.
@@ -67,4 +68,4 @@ def test_a_lack_of_memory_is_one_line_without_a_limit(no_posix):
 
 def test_a_family_of_worlds_is_refused_where_no_process_forks(no_posix):
     with pytest.raises(InputError, match="this system forks no processes"):
-        next(_over_cores([Member("a", "test", 1, "cave", [])], 1, ""))
+        make_family([Member("a", "test", 1, "cave", [])], HERE)
