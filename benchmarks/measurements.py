@@ -53,7 +53,6 @@ _UNSEEN = (
     "--policy wall-following nearest-frontier information-gain frontier-tour depth-first two-level"
 )
 _FIVE_SEEDS = 'for seed in 42 142 242 342 442; do python -m baselines.ppo.train seed=$seed "$@"; done'
-_CURVES = 'python -m baselines.ppo.curves "$@"; python -m baselines.graph.training.curves "$@"'
 _RENEW = "python -m baselines.oracle; python -m baselines.evaluate --all; python -m baselines.leaderboard"
 _RERUN = (
     'for file in $(python -m baselines.scoring.rerun); do python -m baselines.score "$file" --rerun all; done; '
@@ -119,7 +118,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("train-gpu", "setup-gpu", "baselines.ppo.train_gpu", "artifacts/train"),
     _python("train-graph", "setup-baselines", "baselines.graph.training.train", "artifacts/train", one_thread=True),
     Benchmark("train-all", "setup-baselines", _FIVE_SEEDS, "artifacts/train"),
-    Benchmark("curves", "setup", _CURVES, f"{_PARTS}training.md, {_PARTS}graph-training.md", 0.5),
+    _python("curves", "setup", "baselines.ppo.curves", f"{_PARTS}training.md", 0.5),
     Benchmark("renew-benchmark", "all", _RENEW, "baselines/results, LEADERBOARD.md"),
     Benchmark("rerun", "all", _RERUN, "LEADERBOARD.md"),
     _python("leaderboard", "all", "baselines.leaderboard", "LEADERBOARD.md"),

@@ -97,6 +97,6 @@ def test_every_page_has_a_measurement_with_its_cost_of_half_an_hour_at_most_and_
     costs = {name: one.minutes for one in BENCHMARKS for name in one.pages}
     parts = {path.relative_to(ROOT).as_posix() for path in (ROOT / "docs/evidence/parts").glob("*.md")}
     assert set(costs) == parts
-    assert len(parts) <= 26
+    assert len(parts) <= 25
     assert all(minutes is not None and minutes <= 30 for minutes in costs.values())
     assert all(one.day != "never" for one in pages(ROOT))

@@ -1,9 +1,8 @@
-"""Training of the graph explorer as a page, parts/graph-training.md: `python -m baselines.graph.training.curves`."""
+"""Training of the graph explorer as pictures and tables of a page; see `baselines.ppo.curves`."""
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,8 @@ import matplotlib
 import numpy as np
 from pydantic import ValidationError
 
-from baselines.base.errors import BaselineError, run_command
-from baselines.base.markdown import markdown_table, write_table
+from baselines.base.errors import BaselineError
+from baselines.base.markdown import markdown_table
 from baselines.graph.training.settings import GraphSettings
 
 matplotlib.use("Agg")
@@ -21,7 +20,7 @@ import matplotlib.pyplot as plt
 
 RUNS = Path("artifacts/train")
 KEPT = Path("baselines/results/graph_training")
-_PAGE, _PICTURE = Path("docs/evidence/parts/graph-training.md"), Path("docs/graph-training.png")
+_PICTURE = Path("docs/graph-training.png")
 _WHOLE = "graph"  # the name of the runs that lack nothing
 _LACKS = {"attention": "clusters are scored alone", "stubs": "no figures of dead ends", "floor": "no figures of floors"}
 
@@ -146,14 +145,9 @@ def _paired(differences: np.ndarray) -> str:
     return f"{differences.mean():+.1f} ± {differences.std(ddof=1) / np.sqrt(len(differences)):.1f}"
 
 
-def main() -> None:
-    """Keep what the page needs, draw it, write it."""
+def drawn_tables() -> str:
+    """Keep what the page needs, draw the picture, and return the tables."""
     keep()
     curves = read_curves()
     draw_curves(curves, _PICTURE)
-    write_table(_PAGE, tables(curves))
-    print(f"{_PAGE} and {_PICTURE} are written")
-
-
-if __name__ == "__main__":
-    sys.exit(run_command("graph-curves", main))
+    return tables(curves)
