@@ -11,12 +11,12 @@ _TOGETHER = 1 << 18  # angles of triangles that are summed at once
 
 
 @dataclass(frozen=True)
-class _Block:
+class _BoxedFacets:
     """A box (2, 3) m about facets, triangles (n, 3, 3) m with the same border, and halves, or the facets themselves."""
 
     box: np.ndarray
     cone: np.ndarray
-    parts: tuple[_Block, ...]
+    parts: tuple[_BoxedFacets, ...]
     corners: np.ndarray
 
 
@@ -49,7 +49,7 @@ class SolidAngle:
         return angle > 2 * np.pi
 
 
-def _block(vertices: np.ndarray, faces: np.ndarray, middles: np.ndarray, some: np.ndarray) -> _Block:
+def _block(vertices: np.ndarray, faces: np.ndarray, middles: np.ndarray, some: np.ndarray) -> _BoxedFacets:
     """Return the block of some facets, which is halved across its longest side until none has too many."""
     corners = vertices[faces[some]]
     points = corners.reshape(-1, 3)
@@ -57,11 +57,11 @@ def _block(vertices: np.ndarray, faces: np.ndarray, middles: np.ndarray, some: n
     start, end = _border(faces[some], len(vertices))
     cone = np.stack([vertices[start], vertices[end], np.broadcast_to(box.mean(axis=0), (len(start), 3))], axis=1)
     if len(some) <= _LEAST:
-        return _Block(box, cone, (), corners)
+        return _BoxedFacets(box, cone, (), corners)
     axis, half = int(np.ptp(middles[some], axis=0).argmax()), len(some) // 2
     order = some[np.argpartition(middles[some, axis], half)]
     parts = tuple(_block(vertices, faces, middles, part) for part in (order[:half], order[half:]))
-    return _Block(box, cone, parts, corners[:0])
+    return _BoxedFacets(box, cone, parts, corners[:0])
 
 
 def _border(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
