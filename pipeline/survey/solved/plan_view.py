@@ -92,7 +92,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     legs = legs_of_chains(path, [plan.chain_of(*row, of) for row, of in zip(rows, sources, strict=True)])
     steps = {plan.names[node]: found for node, found in hits.splays.items()}
-    legs = with_hits(legs, hits, plan.names, half_width_m or float(np.median(walls_m)))
+    legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
 
