@@ -17,7 +17,7 @@ _APART_M = 0.15  # between sections, at least
 _SHOULDER = 0.6  # of a section's height, up to which it is as wide as at its station
 _STEEPER = 0.2  # rise over length of a splay more than that of another: it may hit the roof
 _INSIDE_M = 0.1  # a wall so much nearer than one that a splay passed is no wall of the passage
-_NEAR_M = 2.0  # along the survey, from a station without a measured wall to hits that it is interpolated between
+_NEAR_M = 5.0  # along the survey, from a station without a measured wall to hits that it is interpolated between
 _STEEPEST = 1.0  # rise over run, of the ways down from the floors of stations to what splays passed
 _FADE_M = 2.0  # along the survey from a measured wall to an assumed one, at least
 

@@ -90,7 +90,7 @@ def test_wheal_pell_reads_with_its_stations_and_splays(capsys):
     assert np.ptp(survey.positions_m[:, 2]) > 90
     legs = plan_legs(PELL, survey)
     said = capsys.readouterr().err
-    assert "stations of passages have no measured wall beside them; 0.77 m is taken" in said
+    assert "stations of passages have no measured wall beside them; 1.10 m is taken" in said
     assert sorted(round(abs(np.diff(leg.heights_m[:, 0])[0]), 1) for leg in legs if leg.is_plumb)[-1] == 37.0
     assert all(np.isfinite(leg.walls_m).all() and np.isfinite(leg.heights_m[:, 2]).all() for leg in legs)
     stated = plan_legs(PELL, survey, 0.5)

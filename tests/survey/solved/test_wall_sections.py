@@ -1,6 +1,5 @@
 """Sections where splays hit: chambers whose walls are known, measured by rays that are cast here."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import shapely
 
 from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.whole_survey import splays_from
 from pipeline.types import Source
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.union import pieces_of, unite
@@ -46,11 +44,10 @@ def built(survey, half_width_m=1.0):
     """Return the legs of a survey, and the triangles (t, 3, 3) m of the volume that they make."""
     legs = plan_legs(Path("cave.3d"), survey, half_width_m)
     network = network_with_roofs(legs, 3.5, 1.0)
+    volume = unite(network, pieces_of(network))
     middle = next(leg for leg in legs if "a" in leg.stations)
     start = middle.stations.index("a")
     offset = [*middle.positions_m[start], middle.heights_m[start, 0]] - network.places_m[network.names.index("a")]
-    network = replace(network, splays_m=splays_from(legs) - offset)
-    volume = unite(network, pieces_of(network))
     return legs, (volume.vertices + offset)[volume.faces]
 
 
@@ -112,11 +109,11 @@ def test_what_is_measured_holds_on_its_side_and_the_rest_is_assumed():
     assert leg.known[at, 1 - side] == Source.ASSUMED
 
 
-def test_the_remark_on_assumed_walls_says_of_how_many_walls_they_come(capsys):
-    splays = {1: [[0, 3.0, 0], [0, -2.0, 0], [4, -2.4, 0]]}
+def test_the_remark_on_assumed_walls_says_of_how_many_stations_and_splays_they_come(capsys):
+    splays = {1: [[0, 3.0, 0], [0, -2.0, 0]]}
     survey = survey_of([(0.0, 0, 0), (10, 0, 0), (20, 0, 0)], [(0, 1), (1, 2)], splays)
     built(survey, None)
-    assert "2.40 m is taken on each side without one, the median of the 3 walls that splays hit or stations state" in (
+    assert "2.50 m is taken on each side without one, half the median width of the 1 with both, in a survey of 2 " in (
         capsys.readouterr().err
     )
 
