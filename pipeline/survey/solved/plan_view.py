@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -45,7 +44,7 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     path : Path
     survey : SolvedSurvey
     half_width_m : float or None
-        Distance to a wall where none was measured; None takes the usual one of the survey's own. A warning
+        Distance to a wall where none was measured; None takes half the median width of the survey's own. A warning
         counts them.
 
     Raises
@@ -72,8 +71,6 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     continued = plan.between(rows)
     rows += [(nodes, np.full((len(nodes), 4), np.nan)) for nodes, _ in continued]
     hits = SplayHits([nodes for nodes, _ in rows], plan.places, splays)
-    sides = np.concatenate([hits.asides_m, *(walls[:, :2].ravel() for _, walls in rows)])
-    walls_m = sides[np.isfinite(sides)]
     rows = [(nodes, plan.with_splays(nodes, walls, hits)) for nodes, walls in rows]
     first = len(rows) - len(continued)
     rows[first:] = [
@@ -82,17 +79,17 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
     ]
     warn_of_strays(path, hits.strays)
     _warn_of_unsurveyed(path, plan)
-    rows, known = with_sides(path, rows, half_width_m, walls_m if hits.asides_m else ())
+    rows, sides = with_sides(path, rows, half_width_m, sum(map(len, splays.values())))
     rows = _with_one_floor(path, plan, rows)
     warn_of_floors(path, rows)
     rows, floors = fill_down(rows, plan.places, hits.depths())
     sources = [
-        np.column_stack([sides, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
-        for (nodes, _), sides in zip(rows, known, strict=True)
+        np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
+        for (nodes, _), known in zip(rows, sides, strict=True)
     ]
-    legs = legs_of_chains(path, [plan.chain_of(*row, of) for row, of in zip(rows, sources, strict=True)])
+    legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
     steps = {plan.names[node]: found for node, found in hits.splays.items()}
-    legs = with_hits(legs, hits, plan.names, half_width_m or float(np.median(walls_m)))
+    legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
 
 
@@ -200,14 +197,11 @@ def _chains(edges: list[tuple[int, int]], stops: set[int]) -> list[Nodes]:
     return found
 
 
-def with_sides(
-    path: Path, rows: Rows, half_width_m: float | None, walls_m: Sequence[float] | np.ndarray = ()
-) -> tuple[Rows, list[np.ndarray]]:
+def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int = 0) -> tuple[Rows, list[np.ndarray]]:
     """Return the rows with both sides of every station, and how each side (n, 2) is known (`Source`).
 
-    The usual side is half the median width of the stations with both. In a survey with splays, which hit most walls
-    between stations, it is the median of all measured ones, `walls_m` (n,) m. Warnings count the stations whose sides
-    were not measured, and say where the usual side comes from.
+    Warnings count the stations whose sides were not measured, and say of how many others, and of how many `splays`, the
+    usual side comes. With splays it is the median side where no station has both.
 
     Raises InputError if a width is needed and neither stated nor measured anywhere, or a wall is too far from its
     station.
@@ -216,7 +210,7 @@ def with_sides(
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
     if farthest > most:
         raise InputError(f"{path}: a wall {farthest:g} m beside its station, at most {most:g} (farthest_wall_m)")
-    usual = half_width_m or (float(np.median(walls_m)) if len(walls_m) else usual_half_width_m(rows))
+    usual = half_width_m or usual_half_width_m(rows, splays > 0)
     if usual is None and not np.isfinite(sides).all():
         raise InputError(
             f"{path}: no station has a distance to both walls; state it (survey.half_width_m, --half-width)"
@@ -224,10 +218,10 @@ def with_sides(
     filled = [fill_sides(walls, usual or 0.0) for _, walls in rows]
     total = sum(len(nodes) for nodes, _ in rows)
     if count := sum(one.have(Source.ASSUMED) for one in filled):
-        both = int(np.isfinite(sides).reshape(-1, 2).all(axis=1).sum())
-        found = f"half the median width of the {both} with both"
-        found = f"the median of the {len(walls_m)} walls that splays hit or stations state" if len(walls_m) else found
-        found += "; --half-width M states another"
+        known = np.isfinite(sides).reshape(-1, 2)
+        both = int(known.all(axis=1).sum())
+        found = f"half the median width of the {both} with both" if both else f"the median of {known.sum()} walls"
+        found += f", in a survey of {splays} splays" * (splays > 0) + "; --half-width M states another"
         warn_user(
             f"stations of passages have no measured wall beside them; {usual:.2f} m is taken on each side "
             f"without one, {'as stated' if half_width_m else found}",

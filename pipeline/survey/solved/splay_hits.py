@@ -60,7 +60,6 @@ class SplayHits:
         """
         self.places_m = places_m
         self.strays = 0
-        self.asides_m: list[float] = []  # to the walls that splays hit, from their shots
         self.shots: dict[tuple[int, int], ShotSplays] = defaultdict(ShotSplays)
         self.at: dict[tuple[int, int], list[WallHit]] = defaultdict(list)  # by node and the other node of the shot
         self._shots = np.array([pair for row in rows for pair in pairwise(row)], int).reshape(-1, 2)
@@ -123,14 +122,12 @@ class SplayHits:
         run = float(np.linalg.norm(self._way[shot, :2]))
         tilt = abs(float(step[2])) / float(np.linalg.norm(step))
         if run < _PLUMB_M or abs(self._way[shot, 2]) > run:
-            self.asides_m.append(float(np.hypot(*step[:2])))
             for one, other in ((a, b), (b, a)):
                 if one == node:
                     self.at[one, other].append(WallHit(0.0, 0.0, tilt, node, step, place))
             return
         along, aside, _ = self._beside(shot, place)
         hit = WallHit(along, aside, tilt, node, step, place)
-        self.asides_m.append(abs(aside))
         zone = min(max(AT_STATION_M, _SQUARE * abs(aside)), run / 2)
         if along <= zone:
             self.at[a, b].append(hit)

@@ -52,11 +52,12 @@ def measured(walls: np.ndarray) -> np.ndarray:
     return np.where((walls == 0).all(axis=1, keepdims=True), np.nan, walls)
 
 
-def usual_half_width_m(rows: Rows) -> float | None:
-    """Return half the median width where both sides are known; None without any."""
+def usual_half_width_m(rows: Rows, of_sides: bool = False) -> float | None:
+    """Return half the median width where both sides are known; without any None, or `of_sides` the median side."""
     sides = np.concatenate([np.zeros((0, 2)), *(walls[:, :2] for _, walls in rows)])
     both = sides[np.isfinite(sides).all(axis=1)].sum(axis=1) / 2
-    return float(np.median(both)) if len(both) else None
+    known = sides[np.isfinite(sides)] if of_sides and not len(both) else both
+    return float(np.median(known)) if len(known) else None
 
 
 @dataclass(frozen=True)

@@ -17,19 +17,13 @@ _APART_M = 0.15  # between sections, at least
 _SHOULDER = 0.6  # of a section's height, up to which it is as wide as at its station
 _STEEPER = 0.2  # rise over length of a splay more than that of another: it may hit the roof
 _INSIDE_M = 0.1  # a wall so much nearer than one that a splay passed is no wall of the passage
-_NEAR_M = 2.0  # along the survey, from a station without a measured wall to hits that it is interpolated between
+_NEAR_M = 5.0  # along the survey, from a station without a measured wall to hits that it is interpolated between
 _STEEPEST = 1.0  # rise over run, of the ways down from the floors of stations to what splays passed
-# In Wheal Pell two hits of one side differ by 0.3 m, the median, if they are 0.25 m apart along the survey, by 0.5 m if
-# they are 0.5 m apart, and from there on by 0.6 m, as any two: beyond, a hit says little.
-_FADE_M = 0.5
-_ALIKE_M = 3.0  # along the survey, over which the walls of a chamber or of a crawl are alike
+_FADE_M = 2.0  # along the survey from a measured wall to an assumed one, at least
 
 
-def with_hits(legs: list[SurveyLeg], hits: SplayHits, names: list[str], usual_m: float) -> list[SurveyLeg]:
-    """Return legs with sections where splays hit their walls, also beyond ends; `names` are those of the nodes.
-
-    Walls between hits are not far from `usual_m`, the distance that nobody measured.
-    """
+def with_hits(legs: list[SurveyLeg], hits: SplayHits, names: list[str]) -> list[SurveyLeg]:
+    """Return legs with sections where splays hit their walls, also beyond ends; `names` are those of the nodes."""
     by_name: dict[tuple[str, str], ShotSplays] = {}
     for (a, b), found in hits.shots.items():
         run = float(np.linalg.norm((hits.places_m[b] - hits.places_m[a])[:2]))
@@ -37,10 +31,7 @@ def with_hits(legs: list[SurveyLeg], hits: SplayHits, names: list[str], usual_m:
         by_name[names[b], names[a]] = found.turned(run)
     legs_at = Counter(name for leg in legs for pair in pairwise(leg.stations) for name in pair)
     ends = {name for name, count in legs_at.items() if count == 1}
-    return [
-        _with_hits(_with_faces(leg, by_name, ends), by_name, usual_m) if _has_splays(leg, by_name) else leg
-        for leg in legs
-    ]
+    return [_with_hits(_with_faces(leg, by_name, ends), by_name) if _has_splays(leg, by_name) else leg for leg in legs]
 
 
 def _has_splays(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays]) -> bool:
@@ -96,7 +87,7 @@ def _turned(leg: SurveyLeg) -> SurveyLeg:
 Knot = tuple[float, float, int]  # m along a leg in plan, m to the wall, and its source
 
 
-def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays], usual_m: float) -> SurveyLeg:
+def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays]) -> SurveyLeg:
     """Return a leg with sections where splays hit its walls."""
     at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1)))
     walls, known = leg.walls_m.copy(), leg.known.copy()
@@ -116,7 +107,7 @@ def _with_hits(leg: SurveyLeg, shots: dict[tuple[str, str], ShotSplays], usual_m
             hits += [(at[k] + t, w, Source.MEASURED) for t, w in _walls_of(own, run, not leg.surveyed[k + 1])]
         _fill(at, walls[:, side], known[:, side], hits, ~leg.surveyed)
         stations = [(s, w, int(o)) for s, w, o in zip(at.tolist(), walls[:, side], known[:, side], strict=True)]
-        sides.append(list(_faded(sorted([*stations, *hits]), usual_m)))
+        sides.append(list(_faded(sorted([*stations, *hits]))))
     floor = _floor_of(leg, at, free)
     extra = _apart(at, [*sides, floor])
     return _roofed(_refined(leg, at, extra, sides, floor, known), free)
@@ -206,32 +197,17 @@ def _fill(at: np.ndarray, walls: np.ndarray, known: np.ndarray, hits: list[Knot]
             walls[k], known[k] = np.interp(at[k], where, width), Source.INTERPOLATED
 
 
-def _faded(knots: list[Knot], usual_m: float) -> Iterator[Knot]:
-    """Yield knots in order, with further ones where a wall leaves one that is known, if the next is not near."""
-    hits = np.array([(where, wide) for where, wide, known in knots if known == Source.MEASURED]).reshape(-1, 2)
+def _faded(knots: list[Knot]) -> Iterator[Knot]:
+    """Yield knots in order, with further ones where a measured wall ends on the way to an assumed one."""
     for one, two in pairwise(knots):
         yield one
-        between = two[0] - one[0] - _APART_M
-        if between > 2 * _FADE_M and Source.ASSUMED not in (one[2], two[2]):
-            count = 2 + int(between / _ALIKE_M)
-            for where in np.linspace(one[0] + _FADE_M, two[0] - _FADE_M, count).tolist():
-                yield where, _likely_m(hits, where, usual_m), Source.INTERPOLATED
-        elif between > _FADE_M and (one[2], two[2]) == (Source.MEASURED, Source.ASSUMED):
-            yield one[0] + _FADE_M, two[1], Source.ASSUMED
-        elif between > _FADE_M and (one[2], two[2]) == (Source.ASSUMED, Source.MEASURED):
-            yield two[0] - _FADE_M, one[1], Source.ASSUMED
+        reach = max(_FADE_M, 2 * abs(one[1] - two[1]))
+        if two[0] - one[0] > reach + _APART_M:
+            if one[2] == Source.MEASURED and two[2] == Source.ASSUMED:
+                yield one[0] + reach, two[1], Source.ASSUMED
+            if two[2] == Source.MEASURED and one[2] == Source.ASSUMED:
+                yield two[0] - reach, one[1], Source.ASSUMED
     yield knots[-1]
-
-
-def _likely_m(hits: np.ndarray, where: float, usual_m: float) -> float:
-    """Return how far aside, m, a wall is between hits (n, 2) m along and aside: their mean, near ones counting more.
-
-    The usual wall of the survey counts as one more hit there. The mean is of logarithms: walls are as often half as far
-    as twice as far.
-    """
-    weight = np.exp(-np.abs(hits[:, 0] - where) / _ALIKE_M)
-    total = weight @ np.log(np.maximum(hits[:, 1], _INSIDE_M)) + np.log(max(usual_m, _INSIDE_M))
-    return float(np.exp(total / (weight.sum() + 1)))
 
 
 def _apart(at: np.ndarray, sides: list[list[Knot]]) -> list[float]:

@@ -18,7 +18,7 @@ from pipeline.volume.network import SurveyNetwork
 SILL_M = 0.15  # over floors, where views begin: robots drive out of a passage nowhere
 BESIDE_M = 0.3  # about floors, as far as the sill goes: beyond it views may be deeper
 _DIRECTIONS = 40  # about 30 deg from one to the next
-_REACH_RAD = 0.5  # from a splay, as far as it says where the wall is
+_REACH_RAD = 0.7  # from a splay, as far as it says where the wall is
 _BESIDE_RAD = 0.17  # from a splay, at least, in other directions
 _PARALLEL_RAD = 0.035  # of splays, of which the shortest counts: it ends at what is before the others
 _ALONE = 0.5  # weight of the station itself, beside those of the splays
