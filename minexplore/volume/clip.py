@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
-
-_LINE = 2  # corners
 
 
 def clip_convex(corners_m: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
@@ -23,9 +20,27 @@ def clip_convex(corners_m: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) ->
             if not len(inner):
                 return inner
             near, far = depth[depth >= 0][:, None, None], -depth[depth < 0][None, :, None]
-            crossing = ((inner[:, None] * far + outer[None] * near) / (near + far)).reshape(-1, 3)
-            hull = shapely.convex_hull(shapely.multipoints(np.delete(crossing, axis, axis=1)))
-            ring = shapely.get_coordinates(hull)  # of an area, closed by its first corner
-            section = ring[:-1] if len(ring) > _LINE else ring
-            corners_m = np.concatenate([inner, np.insert(section, axis, limit, axis=1)])
+            crossing = (inner[:, None] * far + outer[None] * near) / (near + far)
+            section = crossing.reshape(-1, 3)
+            section[:, axis] = limit
+            corners_m = np.concatenate([inner, section[_hull(np.delete(section, axis, axis=1))]])
     return corners_m
+
+
+def _hull(places: np.ndarray) -> list[int]:
+    """Return which of places (n, 2) are corners of their hull (Andrew's monotone chain)."""
+    points = places.tolist()
+    order = sorted(range(len(points)), key=points.__getitem__)
+    found: list[int] = []
+    for way in (order, order[::-1]):
+        chain: list[int] = []
+        for k in way:
+            while len(chain) > 1 and _turn(points[chain[-2]], points[chain[-1]], points[k]) <= 0:
+                chain.pop()
+            chain.append(k)
+        found += chain[:-1] if len(chain) > 1 else chain
+    return list(dict.fromkeys(found))
+
+
+def _turn(a: list[float], b: list[float], c: list[float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

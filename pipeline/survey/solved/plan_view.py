@@ -203,8 +203,10 @@ def with_sides(path: Path, rows: Rows, half_width_m: float | None, splays: int =
     Warnings count the stations whose sides were not measured, and say of how many others, and of how many `splays`, the
     usual side comes. With splays it is the median side where no station has both.
 
-    Raises InputError if a width is needed and neither stated nor measured anywhere, or a wall is too far from its
-    station.
+    Raises
+    ------
+    InputError
+        If a width is needed and neither stated nor measured anywhere, or a wall is too far from its station.
     """
     sides = np.concatenate([walls[:, :2].ravel() for _, walls in rows]) if rows else np.zeros(0)
     farthest, most = np.max(sides, where=np.isfinite(sides), initial=0.0), reader_limits().farthest_wall_m
