@@ -46,8 +46,8 @@ class HuskyParams(DrivenRobot):
     track_m: float = 0.5708
     max_speed_mps: float = 1.0
     turn_gain: float = 2.6
-    travel_scale: float = 1.03
-    side_ratio: float = 0.98
+    travel_scale: float = 0.966
+    side_ratio: float = 0.983
     speed_noise_mps: float = 0.037
     turn_noise_radps: float = 0.0114
     sensor_height_m: float = 0.5

@@ -32,7 +32,7 @@ def test_the_huskys_fields_are_those_of_the_published_log(shared_mine: Path):
     assert husky.side_ratio == pytest.approx(found.side_ratio, abs=0.0005)
     assert husky.speed_noise_mps == pytest.approx(found.speed_noise_mps, abs=0.0005)
     assert husky.turn_noise_radps == pytest.approx(found.turn_noise_radps, abs=0.0001)
-    assert abs(found.heading_error_rad) < 0.06  # which nothing was fitted to
+    assert abs(found.heading_error_rad) < 0.04  # which nothing was fitted to; on the way to 02S 0.048
     # The robot of the log drives no faster than its data sheet says.
     steady = np.abs(np.diff(log.time_s) - 0.1) < 0.02
     speeds = ((log.left_m + log.right_m)[1:] / 2 / np.diff(log.time_s))[steady]
