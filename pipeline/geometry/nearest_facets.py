@@ -54,7 +54,7 @@ class NearestFacets:
 
     def query(self, places: np.ndarray) -> Nearest:
         """Return what is nearest to places (n, 3) m."""
-        about = (places - self._middle).astype(np.float32)
+        about = self._about(places)
         piece = self._scene.compute_closest_points(about, nthreads=self._threads)["primitive_ids"].numpy()
         facet = self._owner[piece.astype(np.int64)]
         nearest = np.empty((len(places), 3))
@@ -62,6 +62,14 @@ class NearestFacets:
             some = slice(start, start + _BLOCK)
             nearest[some] = closest_points(self._vertices[self._faces[facet[some]]], places[some])
         return Nearest(np.linalg.norm(nearest - places, axis=1), facet, nearest)
+
+    def rough_distances(self, places: np.ndarray) -> np.ndarray:
+        """Return the distances (n,) float32 m from pieces as Open3D measures them, within `WITHIN_M`: much faster."""
+        found: np.ndarray = self._scene.compute_distance(self._about(places), nthreads=self._threads).numpy()
+        return found
+
+    def _about(self, places: np.ndarray) -> np.ndarray:
+        return np.asarray(places - self._middle, np.float32)
 
 
 def closest_points(triangles: np.ndarray, places: np.ndarray) -> np.ndarray:

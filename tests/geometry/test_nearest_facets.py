@@ -61,6 +61,7 @@ def test_no_triangle_is_nearer_than_the_one_found_by_more_than_the_bound():
     )
     assert (found.distance_m >= near - 1e-12).all()
     assert (found.distance_m - near).max() <= WITHIN_M
+    assert np.abs(NearestFacets.of(triangles).rough_distances(places) - near).max() <= WITHIN_M
     own_m = np.linalg.norm(closest_points(triangles[found.facet], places) - places, axis=1)
     np.testing.assert_array_equal(found.distance_m, own_m)
 

@@ -107,7 +107,7 @@ class _Chassis:
         beside = np.empty((len(spans), len(aside_m), 3))
         beside[:, :, :2], beside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
         seen = (places_m[spans, None] + beside) * self._stretched
-        return self._rock.query(seen.reshape(-1, 3)).distance_m.reshape(seen.shape[:2])
+        return self._rock.rough_distances(seen.reshape(-1, 3)).reshape(seen.shape[:2])
 
 
 def _spread(room: np.ndarray, start: np.ndarray) -> np.ndarray:
