@@ -1,9 +1,9 @@
 """What a Husky's wheel log says of its drive: `python -m benchmarks wheel-log` prints the fields of `HuskyParams`.
 
-The log is that of the way from scan 00S to scan 01S of the Chilean mine, both of which were surveyed: drive nM ends at
-scan nS. The way to 02S fits worse (its heading is off by 0.048 rad, this one's by 0.029). The logs 26M and 28M, which are
-not kept here, fit to 25S-26S and 27S-28S alone, with the same scale (0.966 and 0.967). The log holds the way (m) that the
-wheels of either side made between two times (s).
+The log is that of the way from scan 00S to scan 01S of the Chilean mine, both of which were surveyed: drive nM ends
+at scan nS. The way to 02S fits worse (its heading is off by 0.048 rad, this one's by 0.029). The logs 26M and 28M,
+which are not kept here, fit to 25S-26S and 27S-28S alone, with the same scale (0.966 and 0.967). The log holds the
+way (m) that the wheels of either side made between two times (s).
 """
 
 from __future__ import annotations
