@@ -68,7 +68,7 @@ def test_a_husky_climbs_a_ramp_at_its_top_speed_and_touches_nothing(ramp):
         batch.step(np.array([[1.0, 0.0]]), rngs)
     x, y, yaw = batch.poses()[0]
     assert batch.collisions[0] == 0
-    assert x == pytest.approx(45.0, abs=1.5)  # 30 s at 1 m/s, of which 20 m rise by 15 %
+    assert x == pytest.approx(15.0 + 30.0 * robot.top_speed_mps(1.5), abs=1.5)  # in 30 s; 20 m rise by 15 %
     assert abs(y) < 0.5
     assert abs(yaw) < 0.1
     assert batch.heights(np.arange(1))[0] == pytest.approx(3.0, abs=0.02)
