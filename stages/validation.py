@@ -8,12 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from minexplore.bundle import MODEL
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from minexplore.bundle import MODEL, RECORD
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
+from pipeline.proof.drawn_areas import require_drawn_areas
 from pipeline.proof.groups import applying_limits, is_measured, why_rock_is_not_judged
 from pipeline.proof.lidar.replay import replay_sweeps
 from pipeline.proof.lidar.replay_report import Replay
@@ -24,7 +28,7 @@ from pipeline.report.figures.plans import draw_agreement
 from pipeline.stage import Artifact, Stage, by_model, main
 from pipeline.store.codecs import Bundle, decode
 from pipeline.store.mine_survey import WORKINGS, MineSurvey, volume_of
-from pipeline.types import DrawnPlan, Mask, SurveyedLegs, Workings
+from pipeline.types import DrawnFloors, DrawnPlan, Mask, SurveyedLegs, VolumeShape, Workings
 
 
 def _validate_level(
@@ -49,6 +53,14 @@ def _validate_level(
     return {"metrics": metrics, "timings": timings, "certificate": validator.certificate, "evidence": evidence}
 
 
+def _seen_plan(mine: MineSurvey, shape: VolumeShape, traced: Path) -> BaseGeometry:
+    """Return a volume seen from above, m, mine frame: the survey's workings, or of a traced plan its floors."""
+    if shape is mine.shape:
+        return shapely.union_all(shapely.get_parts(decode(traced / WORKINGS, Workings).polygons))
+    assert isinstance(shape, DrawnFloors)
+    return shapely.union_all(shapely.polygons(shape.mesh.vertices[shape.mesh.faces][:, :, :2]))
+
+
 def _validate_volume(
     params: ValidationParams,
     mine: MineSurvey,
@@ -71,7 +83,9 @@ def _validate_volume(
     require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
     legs = shape if isinstance(shape, SurveyedLegs) else None  # those of other shapes follow their floors
     require_remade(world, opened, params.volume, legs, shape.datum_m)
-    require_surveyed_plan(world, opened.record, frame, decode(traced / WORKINGS, Workings).polygons)
+    plan = _seen_plan(mine, shape, traced)
+    require_surveyed_plan(world, opened.record, frame, plan)
+    require_drawn_areas(world / RECORD, opened.record.areas, plan.length, frame, cleaned, raw)
     found = validate_volume(params.volume, opened, shape)
     rock = measure_volume_texture(opened, params.texture)
     metrics, evidence = found.metrics, dict[str, Any]()

@@ -44,13 +44,20 @@ def survey_of_table(source: str | Path, folder: Path, **values: Any) -> MineSurv
     return read_unlimited(params.model_copy(update={"file": path.as_posix()}))
 
 
+def survey_of_areas(path: Path, heights: Path | None = None, **values: Any) -> MineSurvey:
+    """Return what stage 1 writes of a drawing; `values` are those of the survey's section."""
+    params = VectorSurveyParams.model_validate({"kind": "vector", "name": "test", "file": "data/x", **values})
+    update = {"file": path.as_posix(), "heights": None if heights is None else heights.as_posix()}
+    return read_unlimited(params.model_copy(update=update))
+
+
 class VolumeWorld:
     """A station table, or a file, built as one volume; its bundle is in `folder / "world"`."""
 
     def __init__(self, source: str | Path | MineSurvey, folder: Path, **values: Any) -> None:
         """Run the functions of stages 1, 2, 3 and 5; `values` are those of the survey's section."""
         mine = source if isinstance(source, MineSurvey) else survey_of_table(source, folder, **values)
-        self.survey = mine.survey
+        self.mine, self.survey, self.folder = mine, mine.survey, folder
         self.traced = trace_free_space(CONFIG.contours, mine)
         write(folder / "traced", self.traced["traced"])
         self.shape: Any = volume_of(mine, folder / "traced")
@@ -69,9 +76,7 @@ class VolumeWorld:
     @classmethod
     def from_areas(cls, path: Path, heights: Path | None = None, **values: Any) -> Self:
         """Build the areas of a drawing with heights instead; `values` are those of the survey's section."""
-        params = VectorSurveyParams.model_validate({"kind": "vector", "name": "test", "file": "data/x", **values})
-        update = {"file": path.as_posix(), "heights": None if heights is None else heights.as_posix()}
-        return cls(read_unlimited(params.model_copy(update=update)), path.parent)
+        return cls(survey_of_areas(path, heights, **values), path.parent)
 
     def opened(self) -> VolumeBundle:
         """Return the bundle, checked as stage 6 does."""

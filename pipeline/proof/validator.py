@@ -15,7 +15,6 @@ from shapely import Polygon
 
 from minexplore.bundle import FREE_SPACE, MINE_BODY, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
-from pipeline.geometry.outline.binarize import left_out
 from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.metrics.iou import differing_areas, intersection_over_union
 from pipeline.metrics.leg_widths import LegFigures, measure_legs, sections_along
@@ -34,13 +33,12 @@ from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.certificate import Certificate, certify, measure_containment
 from pipeline.proof.claims import require_own_claims
+from pipeline.proof.drawn_areas import require_drawn_areas
 from pipeline.proof.rebuilt.whole_bundle import require_rock, require_solid, tolerance_of
 from pipeline.proof.surface import SeenRock, WallBands, level_rock, report_relief, report_walls, walls_metrics
 from pipeline.proof.texture import TextureReport, report_texture, texture_metrics
 from pipeline.store.codecs import decode
 from pipeline.types import DriftNetwork, FreeSpace, Mask, Survey, SurveyedLegs, lines_of
-
-_AREA_M2 = 1.1e-3  # areas have three decimals
 
 
 class Validator:
@@ -83,7 +81,8 @@ class Validator:
         require_own_claims(self.bundle, read_made_by(self.bundle), self.params)
         self.free_space, grid = require_solid(self.bundle, self.world.record, self.params)
         _require_survey(self.bundle, self.world, self.survey)
-        _require_plan(self.bundle, self.free_space, self.cleaned, self.raw)
+        plan, masks = self.free_space, (self.cleaned, self.raw)
+        require_drawn_areas(self.bundle / FREE_SPACE, plan.areas, plan.polygon.length, plan.frame, *masks)
         require_rock(self.bundle, self.world.record, self.free_space.polygon, grid, self.params)
 
     @functools.cached_property
@@ -176,19 +175,6 @@ def _require_survey(bundle: Path, world: OpenedBundle, survey: Survey) -> None:
     if survey.entrance_m is not None and not np.allclose(record.spawn.centre_m, survey.entrance_m, atol=1e-6):
         raise ArtifactError(
             f"{bundle / RECORD}: spawn.centre_m = {record.spawn.centre_m}, the survey's entrance is {survey.entrance_m}"
-        )
-
-
-def _require_plan(bundle: Path, free_space: FreeSpace, cleaned: Mask, raw: Mask) -> None:
-    """Compare the areas that only the plan gives: the tunnel before simplification, and unconnected pieces."""
-    stated, px_per_m = free_space.areas, free_space.frame.px_per_m
-    traced = float(cleaned.sum()) / px_per_m**2
-    unconnected = sum(piece[0] for piece in left_out(raw, cleaned, px_per_m**2)) / px_per_m**2
-    rim = free_space.polygon.length / px_per_m  # a pixel along the walls
-    if abs(stated.traced_tunnel_m2 - traced) > rim or abs(stated.unconnected_m2 - unconnected) > _AREA_M2:
-        raise ArtifactError(
-            f"{bundle / FREE_SPACE}: areas: traced_tunnel_m2 = {stated.traced_tunnel_m2}, unconnected_m2 = "
-            f"{stated.unconnected_m2}; the plan has {traced:.3f} and {unconnected:.3f}"
         )
 
 

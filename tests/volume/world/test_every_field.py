@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import shapely
 
 from benchmarks.faults.judge import CAUGHT, CLAIM, judge_fields, prove_volume
 from minexplore.bundle import MESHES, MODEL, RECORD, TOPOLOGY, BundleError, TriangleMesh, decode_msh, encode_msh
@@ -207,7 +208,7 @@ def test_a_network_whose_lists_have_the_order_of_another_file_is_made_again(ligh
 def test_stage_6_compares_the_plan_with_that_of_the_survey(light, tmp_path_factory):
     built = VolumeWorld(BENT, tmp_path_factory.mktemp("plan"))
     record, drawn = open_volume(light).record, built.traced["traced"][WORKINGS].polygons
-    require_surveyed_plan(light, record, built.survey.frame, drawn)
+    require_surveyed_plan(light, record, built.survey.frame, shapely.union_all(drawn))
     moved = dataclasses.replace(built.survey.frame, origin_col=3.25)
     with pytest.raises(ArtifactError, match=r"world\.json: plan_frame = .*, the survey has"):
         require_surveyed_plan(light, record, moved, drawn)

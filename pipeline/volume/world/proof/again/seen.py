@@ -48,15 +48,11 @@ def require_plan(folder: Path, world: VolumeBundle, legs: SurveyedLegs | None) -
             raise ArtifactError(f"{folder / TOPOLOGY}: its legs cannot be seen from above: {line_of(error)}") from error
         _require_margin(path, record.plan_frame, view)
         _require_areas(path, record, view)
-    if stated.traced_tunnel_m2 != stated.tunnel_m2 or stated.unconnected_m2 != 0:
-        raise ArtifactError(
-            f"{path}: areas: traced_tunnel_m2 = {stated.traced_tunnel_m2}, unconnected_m2 = {stated.unconnected_m2}; "
-            f"want tunnel_m2 = {stated.tunnel_m2} and 0, as nothing is traced"
-        )
+        _require_untraced(path, stated)
 
 
 def require_surveyed_plan(folder: Path, record: VolumeRecord, survey: Frame, drawn: BaseGeometry) -> None:
-    """Compare frame and areas of a record with those of its survey, seen from above, m, mine frame.
+    """Compare frame and areas of a record with those of its survey, drawn as seen from above, m, mine frame.
 
     Raises
     ------
@@ -65,7 +61,15 @@ def require_surveyed_plan(folder: Path, record: VolumeRecord, survey: Frame, dra
     """
     if record.plan_frame != survey:
         raise ArtifactError(f"{folder / RECORD}: plan_frame = {record.plan_frame}, the survey has {survey}")
-    _require_areas(folder / RECORD, record, shapely.union_all(shapely.get_parts(drawn)))
+    _require_areas(folder / RECORD, record, drawn)
+
+
+def _require_untraced(path: Path, stated: Areas) -> None:
+    if stated.traced_tunnel_m2 != stated.tunnel_m2 or stated.unconnected_m2 != 0:
+        raise ArtifactError(
+            f"{path}: areas: traced_tunnel_m2 = {stated.traced_tunnel_m2}, unconnected_m2 = {stated.unconnected_m2}; "
+            f"want tunnel_m2 = {stated.tunnel_m2} and 0, as nothing is traced"
+        )
 
 
 def _require_areas(path: Path, record: VolumeRecord, view: BaseGeometry) -> None:
