@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from baselines.base.beams import beam_ranges
-from baselines.explorers.maps.map_graph import Cell, MapGraph, map_graph, worth_driving_to
+from baselines.explorers.maps.map_graph import MapGraph, map_graph, worth_driving_to
 from baselines.explorers.maps.own_map import OwnMap
 from baselines.explorers.pursuit import PathFollower
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 
 _REPLAN_STEPS = 15  # control steps between plans
-_HYSTERESIS_M = 3.0  # a new goal must be this much better than the present one
-_GIVE_UP_STEPS = 60  # control steps beside a frontier that stays unseen
-_BESIDE_M = 3.0
-STILL_M, _STILL_STEPS = 1.0, 80  # a goal is given up, too, while the robot stays so long within a metre of one place
+HYSTERESIS_M = 3.0  # a new goal must be this much better than the present one
+GIVE_UP_STEPS = 60  # control steps beside a frontier that stays unseen
+BESIDE_M = 3.0
+STILL_M, STILL_STEPS = 1.0, 80  # a goal is given up, too, while the robot stays so long within a metre of one place
+_FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens
+
+GoalCell = tuple[int, ...]  # as the graph's `cells` have it: column and row of a coverage cell, and perhaps its layer
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,52 @@ class Situation:
     present: int
 
 
+class Ground(Protocol):
+    """What a robot knows of the ground by its beams, and the graph that it plans on."""
+
+    map: Any
+
+    def add(self, stance: Any, bearings: np.ndarray, ranges: np.ndarray, far_m: float) -> None:
+        """Add beams (k,) rad from ahead, m; a range of `far_m` is a beam that hit nothing."""
+
+    def graph(self, given_up: list[GoalCell], centre: np.ndarray, reach_m: float) -> MapGraph | None:
+        """Return the graph with the frontier within reach of a place (2,) m that was not given up, or None."""
+
+    def has_seen(self, cell: GoalCell) -> bool:
+        """Return whether a cell is seen."""
+
+    def doubts(self) -> Iterator[Callable[[], bool]]:
+        """Return what may be tried where no frontier is near: each opens ground, and returns whether it did."""
+
+
+class LevelGround:
+    """A map of one level, from true poses (x m, y m, heading rad)."""
+
+    def __init__(self, task: TaskParams, robot: RobotParams) -> None:
+        """Start with an empty map."""
+        self.map = OwnMap(task.cell_m)
+        self._radius_m = robot.radius_m
+
+    def add(self, stance: Any, bearings: np.ndarray, ranges: np.ndarray, far_m: float) -> None:
+        """Add beams; see `Ground`."""
+        self.map.add(stance[:2], stance[2] + bearings, ranges, far_m)
+
+    def graph(self, given_up: list[GoalCell], centre: np.ndarray, reach_m: float) -> MapGraph | None:
+        """Return the graph of the map; see `Ground`."""
+        keep = worth_driving_to(self.map, [(col, row) for col, row in given_up], centre, reach_m)
+        graph = map_graph(self.map, self._radius_m, keep)
+        return graph if len(graph.cells) else None
+
+    def has_seen(self, cell: GoalCell) -> bool:
+        """Return whether a cell is seen."""
+        col, row = np.array(cell) - self.map.low
+        return bool(self.map.seen[row, col])
+
+    def doubts(self) -> Iterator[Callable[[], bool]]:
+        """Return nothing: on one level rock is rock."""
+        return iter(())
+
+
 class GraphExplorer:
     """Drives to the cluster of the frontier that `choose` selects.
 
@@ -64,20 +114,33 @@ class GraphExplorer:
         """Start with empty maps."""
         self._task, self._robot = task, robot
         self._follower = PathFollower(task, robot)
-        self._drivers = [_Driver(task, robot) for _ in range(count)]
+        self._drivers = [self._new_driver() for _ in range(count)]
+
+    def new_ground(self) -> Ground:
+        """Return an empty map."""
+        return LevelGround(self._task, self._robot)
+
+    def _new_driver(self) -> Driver:
+        return Driver(self.new_ground(), self._task.region_m)
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
         """Empty the maps of robots (k,)."""
         for robot in robots.tolist():
-            self._drivers[robot] = _Driver(self._task, self._robot)
+            self._drivers[robot] = self._new_driver()
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2)."""
-        ranges = beam_ranges(observation, self._task)
-        return np.array([self._drive(*each) for each in zip(self._drivers, info["pose_m_rad"], ranges, strict=True)])
+        poses, ranges = info["pose_m_rad"], beam_ranges(observation, self._task)
+        return np.array(
+            [self._drive(*each) for each in zip(self._drivers, self.stances(info), poses, ranges, strict=True)]
+        )
 
-    def _drive(self, driver: _Driver, pose: np.ndarray, ranges: np.ndarray) -> tuple[float, float]:
-        driver.map.add(pose[:2], pose[2] + self._follower.bearings, ranges, self._task.range_m[1])
+    def stances(self, info: dict[str, Any]) -> Any:
+        """Return how each robot stands (n,), as its ground takes it: here the poses."""
+        return info["pose_m_rad"]
+
+    def _drive(self, driver: Driver, stance: Any, pose: np.ndarray, ranges: np.ndarray) -> tuple[float, float]:
+        driver.ground.add(stance, self._follower.bearings, ranges, self._task.range_m[1])
         if driver.wants_a_plan(pose[:2]):
             situation = driver.look_around(pose[:2])
             driver.head_for(situation, None if situation is None else self._choose(driver, situation))
@@ -85,7 +148,7 @@ class GraphExplorer:
             return 0.0, 0.5  # no frontier is left: turn on the spot
         return self._follower.follow(driver.path, pose, ranges)
 
-    def _choose(self, driver: _Driver, situation: Situation) -> int:
+    def _choose(self, driver: Driver, situation: Situation) -> int:
         if situation.present >= 0 and driver.steps_to_goal < self.commit_steps:
             return situation.present
         return self.choose(situation)
@@ -95,70 +158,86 @@ class GraphExplorer:
         return int(situation.costs.argmin())
 
 
-class _Driver:
-    """One robot's map, goal and path."""
+class Driver:
+    """One robot's ground, goal and path."""
 
-    def __init__(self, task: TaskParams, robot: RobotParams) -> None:
-        self.map = OwnMap(task.cell_m)
+    def __init__(self, ground: Ground, region_m: float) -> None:
+        """Start without a goal; frontiers count within `region_m` of the robot's first place."""
+        self.ground = ground
         self.path: np.ndarray | None = None
+        self.goal: GoalCell | None = None
         self.steps_to_goal = 0  # since the present goal's cluster was chosen
-        self._radius_m, self._region_m = robot.radius_m, task.region_m
+        self._region_m = region_m
         self._start: np.ndarray | None = None
-        self._goal: Cell | None = None
         self._step = self._planned = 0
-        self._since: dict[Cell, int] = {}  # the step at which each cell of the frontier came into it
-        self._beside: dict[Cell, int] = {}
+        self._since: dict[GoalCell, int] = {}  # the step at which each cell of the frontier came into it
+        self._beside: dict[GoalCell, int] = {}
         self._before = np.zeros(0)
         self._place = self._anchor = np.full(2, np.inf)  # of the robot at the last plan, and where it has stayed since
         self._anchored = 0
 
     def wants_a_plan(self, place: np.ndarray) -> bool:
-        """Count a control step; return whether the plan is old, or its goal is seen or reached."""
+        """Count a control step; return whether the plan is old, or its goal is seen or the path's end is reached."""
         self._step += 1
         self._start = place if self._start is None else self._start
-        if self.path is None or self._goal is None or self._step - self._planned >= _REPLAN_STEPS:
+        if self.path is None or self.goal is None or self._step - self._planned >= _REPLAN_STEPS:
             return True
-        col, row = np.array(self._goal) - self.map.low
-        return bool(self.map.seen[row, col]) or bool(np.linalg.norm(self.path[-1] - place) < 0.5)
+        return self.ground.has_seen(self.goal) or bool(np.linalg.norm(self.path[-1] - place) < 0.5)
 
     def look_around(self, place: np.ndarray) -> Situation | None:
-        """Return what there is to decide at a place (2,) m; None if no frontier can be reached."""
+        """Return what there is to decide at a place (2,) m; None if no frontier can be reached.
+
+        Where none is near, rock that may be a floor is doubted, if the ground has such rock.
+        """
         self._place = place.copy()
         if not np.linalg.norm(place - self._anchor) <= STILL_M:
             self._anchor, self._anchored = place.copy(), self._step
-        given_up = [cell for cell, steps in self._beside.items() if steps > _GIVE_UP_STEPS]
-        keep = worth_driving_to(self.map, given_up, place if self._start is None else self._start, self._region_m)
-        graph = map_graph(self.map, self._radius_m, keep)
-        if not len(graph.cells):
+        found = self._situation(place)
+        for doubt in self.ground.doubts():
+            if (found is None or found.costs.min() > _FAR_M) and doubt():
+                self._beside.clear()
+                found = self._situation(place)
+            if found is not None:
+                break
+        return found
+
+    def _situation(self, place: np.ndarray) -> Situation | None:
+        given_up = [cell for cell, steps in self._beside.items() if steps > GIVE_UP_STEPS]
+        graph = self.ground.graph(given_up, place if self._start is None else self._start, self._region_m)
+        if graph is None:
             return None
         robot = graph.nearest(place)
         costs, self._before = (row[0] for row in graph.costs_from([robot]))
-        cells = [(int(col), int(row)) for col, row in graph.cells[graph.cluster > 0]]
-        self._since = {cell: self._since.get(cell, self._step) for cell in cells}
-        goals, sizes, ages = [], [], []
+        self._since = {cell: self._since.get(cell, self._step) for cell in _cells(graph, graph.cluster > 0)}
+        goals, sizes, ages, kept = [], [], [], []
         for number in np.unique(graph.cluster[(graph.cluster > 0) & np.isfinite(costs)]).tolist():
             members = np.flatnonzero(graph.cluster == number)
+            cells = _cells(graph, members)
             goals.append(int(members[costs[members].argmin()]))
             sizes.append(len(members))
-            ages.append(self._step - max(self._since[int(col), int(row)] for col, row in graph.cells[members]))
+            ages.append(self._step - max(self._since[cell] for cell in cells))
+            kept.append(self.goal in cells)
         if not goals:
             return None
-        kept = [list(self._goal or ()) in graph.cells[graph.cluster == graph.cluster[g]].tolist() for g in goals]
         present = kept.index(True) if True in kept else -1
-        near = costs[goals] - _HYSTERESIS_M * np.array(kept)
+        near = costs[goals] - HYSTERESIS_M * np.array(kept)
         return Situation(graph, robot, np.array(goals), np.array(sizes), near, np.array(ages), present)
 
     def head_for(self, situation: Situation | None, chosen: int | None) -> None:
         """Take the path to a cluster; without one there is no path."""
         passed, self._planned = self._step - self._planned, self._step
         if situation is None or chosen is None:
-            self.path, self._goal = None, None
+            self.path, self.goal = None, None
             return
         node = int(situation.goals[chosen])
-        goal = (int(situation.graph.cells[node, 0]), int(situation.graph.cells[node, 1]))
+        (goal,) = _cells(situation.graph, [node])
         self.path = situation.graph.path(self._place, self._before, node)
-        still = self._step - self._anchored > _STILL_STEPS
-        if goal == self._goal and (still or situation.costs[chosen] < _BESIDE_M):
+        still = self._step - self._anchored > STILL_STEPS
+        if goal == self.goal and (still or situation.costs[chosen] < BESIDE_M):
             self._beside[goal] = self._beside.get(goal, 0) + passed
         self.steps_to_goal = self.steps_to_goal + passed if chosen == situation.present else 0
-        self._goal = goal
+        self.goal = goal
+
+
+def _cells(graph: MapGraph, nodes: np.ndarray | list[int]) -> list[GoalCell]:
+    return [tuple(cell) for cell in graph.cells[nodes].tolist()]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from baselines.explorers.graph_explorer import (
-    _BESIDE_M,
-    _GIVE_UP_STEPS,
-    _HYSTERESIS_M,
-    _STILL_STEPS,
+    BESIDE_M,
+    GIVE_UP_STEPS,
+    HYSTERESIS_M,
     STILL_M,
+    STILL_STEPS,
     Situation,
 )
 from baselines.explorers.maps.own_map import FINE, OwnMap
@@ -87,7 +87,7 @@ class ClusterPlanner:
             here = (graph.cells[edge] == self.goal).all(axis=1)
             kept = np.isin(number[reached[first]], number[here])
         present = int(kept.argmax()) if kept.any() else -1
-        return Situation(graph, robot, goals, sizes, costs[goals] - _HYSTERESIS_M * kept, ages, present)
+        return Situation(graph, robot, goals, sizes, costs[goals] - HYSTERESIS_M * kept, ages, present)
 
     def _update_graph(self) -> None:
         """Bring the graph up to date where the map is another than at the last plan."""
@@ -115,10 +115,10 @@ class ClusterPlanner:
         node = int(situation.goals[chosen])
         goal = (int(situation.graph.cells[node, 0]), int(situation.graph.cells[node, 1]))
         self.path = situation.graph.path(self._place, self._before, node)
-        still = self.still_steps > _STILL_STEPS
-        if goal == self.goal and (still or situation.costs[chosen] < _BESIDE_M):
+        still = self.still_steps > STILL_STEPS
+        if goal == self.goal and (still or situation.costs[chosen] < BESIDE_M):
             self._beside[goal] = self._beside.get(goal, 0) + passed
-            if self._beside[goal] > _GIVE_UP_STEPS:
+            if self._beside[goal] > GIVE_UP_STEPS:
                 self._worth[goal[1] - self.map.low[1], goal[0] - self.map.low[0]] = False
         self.steps_to_goal = self.steps_to_goal + passed if chosen == situation.present else 0
         self.goal = goal

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.explorers.graph_explorer import STILL_M, GraphExplorer, Situation
+from baselines.explorers.graph_explorer import STILL_M, Driver, GraphExplorer, Situation
 from baselines.graph.checkpoint import read_network
 from baselines.graph.choosing import LearnedChoice
 from baselines.graph.features import Context
@@ -55,10 +55,10 @@ class GraphPolicy(GraphExplorer):
         self._forward = commands[:, 0]
         return commands
 
-    def _choose(self, driver: Any, situation: Situation) -> int:
+    def _choose(self, driver: Driver, situation: Situation) -> int:
         robot, step_s = self._drivers.index(driver), self._task.control_s
         held_s = driver.steps_to_goal * step_s
         still_s = min((self._steps[robot] - self._anchored[robot]) * step_s, held_s)
         left_s = (self._task.max_steps - self._steps[robot]) * step_s
         pose, start, floor = self._poses[robot], self._starts[robot], self._floor.of(robot)
-        return self._choice(situation, Context(driver.map, pose, start, left_s, still_s, held_s, floor))
+        return self._choice(situation, Context(driver.ground.map, pose, start, left_s, still_s, held_s, floor))

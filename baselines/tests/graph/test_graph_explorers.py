@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from baselines.explorers.graph_explorer import _Driver
+from baselines.explorers.graph_explorer import Driver, LevelGround
 from baselines.explorers.maps.map_graph import map_graph, worth_driving_to
 from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.tour import open_tour
@@ -125,8 +125,9 @@ def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee, nam
 
 
 def test_a_goal_that_a_robot_cannot_get_to_is_given_up():
-    driver, place = _Driver(TaskParams(), RobotParams()), np.array([3.0, 3.0])
-    driver.map = map_of("############# #...........? #...........? ############# #############")
+    task, place = TaskParams(), np.array([3.0, 3.0])
+    driver = Driver(LevelGround(task, RobotParams()), task.region_m)
+    driver.ground.map = map_of("############# #...........? #...........? ############# #############")
     goals = set()
     for _ in range(500):
         if driver.wants_a_plan(place):
@@ -134,6 +135,6 @@ def test_a_goal_that_a_robot_cannot_get_to_is_given_up():
             if situation is None:
                 break
             driver.head_for(situation, int(situation.costs.argmin()))
-            goals.add(driver._goal)
+            goals.add(driver.goal)
     assert situation is None
     assert goals == {(12, 2), (12, 3)}
