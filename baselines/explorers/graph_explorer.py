@@ -70,6 +70,9 @@ class Ground(Protocol):
     def has_seen(self, cell: GoalCell) -> bool:
         """Return whether a cell is seen."""
 
+    def count_seen(self) -> int:
+        """Return how many coverage cells are seen."""
+
     def doubts(self) -> Iterator[Callable[[], bool]]:
         """Return what may be tried where no frontier is near: each opens ground, and returns whether it did."""
 
@@ -96,6 +99,10 @@ class LevelGround:
         """Return whether a cell is seen."""
         col, row = np.array(cell) - self.map.low
         return bool(self.map.seen[row, col])
+
+    def count_seen(self) -> int:
+        """Return how many coverage cells are seen."""
+        return int(self.map.seen.sum())
 
     def doubts(self) -> Iterator[Callable[[], bool]]:
         """Return nothing: on one level rock is rock."""

@@ -41,6 +41,10 @@ class LayeredGround:
         *place, layer = cell
         return bool(self.map.layers[layer].has_seen(np.array(place))[0])
 
+    def count_seen(self) -> int:
+        """Return how many coverage cells with floors of their own layer are seen."""
+        return sum(int((own.seen & self.map.has_own_floor(number)).sum()) for number, own in self.map.layers.items())
+
     def doubts(self) -> Iterator[Callable[[], bool]]:
         """Return doubts of rock that may be a floor that rises: first of what is nearby, then of all."""
         for layers in ([self.map.layer, *self.map.beside(self.map.layer)], list(self.map.layers)):
@@ -74,11 +78,8 @@ class InformationGainOverHeights(OverHeights):
 
     def choose(self, situation: Situation) -> int:
         """Return the index of the cluster with the greatest gain * exp(-path / 20 m)."""
-        graph = situation.graph
-        assert isinstance(graph, LayeredGraph)
-        gains = []
-        for col, row, layer in graph.cells[situation.goals].tolist():
-            own = graph.parts[layer].own
+        graph, gains = situation.graph, []
+        for (col, row, _), own in zip(graph.cells[situation.goals].tolist(), graph.maps(situation.goals), strict=True):
             gains.append(_unseen_in_view(own, np.array([row, col]) - own.low[::-1], self._task.range_m[1]))
         return int((np.array(gains) * np.exp(-_GAIN_DECAY_PER_M * situation.costs)).argmax())
 

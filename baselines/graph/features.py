@@ -43,7 +43,8 @@ class Context:
 
     Attributes
     ----------
-    own : OwnMap
+    seen : int
+        Coverage cells that the robot has seen.
     pose : (3,)
         x, y, m, and yaw, rad.
     start : (2,) m
@@ -57,7 +58,7 @@ class Context:
         Where the robot has measured its speed, x, y, m, and the share of the commanded speed that it reached.
     """
 
-    own: OwnMap
+    seen: int
     pose: np.ndarray
     start: np.ndarray
     time_left_s: float
@@ -102,7 +103,7 @@ def describe(situation: Situation, context: Context) -> Scene:
     turn, bearing = _bearings(first - pose[:2]) - pose[2], _bearings(places - pose[:2]) - pose[2]
     onward = _unit(places - last)
     beyond, beside = places + _BEYOND_M * onward, _BESIDE_M * onward[:, ::-1] * [-1.0, 1.0]
-    ground = Ground(context.own)
+    ground = GroundAbout(graph.maps(goals))
     unknown, seen, rock = ground.shares(places, _BOX_CELLS)
     wide = [ground.shares(places, half) for half in _WIDE_CELLS]
     far = [ground.shares(places + ahead * onward, _BOX_CELLS)[0] for ahead in _FAR_BEYOND_M]
@@ -111,7 +112,7 @@ def describe(situation: Situation, context: Context) -> Scene:
     sizes, present = situation.sizes[clusters], clusters == situation.present
     everywhere = np.array([
         context.time_left_s / 600, len(situation.goals) / MOST, min(context.still_s / 10, 1.0),
-        0.0, situation.sizes.sum() / 50, context.own.seen.sum() / 1000,
+        0.0, situation.sizes.sum() / 50, context.seen / 1000,
     ])  # fmt: skip
     common = np.tile(everywhere, (count, 1))
     common[:, 3] = present * min(context.held_s / 10, 3.0)
@@ -123,7 +124,7 @@ def describe(situation: Situation, context: Context) -> Scene:
         others[:, :3].clip(max=_APART_M).mean(axis=1) / 20,
         np.linalg.norm(places - context.start, axis=1) / 100,
         *(shares[0] for shares in wide), *(shares[1] for shares in wide),
-        _clearance(context.own, places) / 3, _degrees(situation, goals) / 8, rock, sizes <= 3,
+        ground.clearance(places) / 3, _degrees(situation, goals) / 8, rock, sizes <= 3,
         (apart < 8).sum(axis=1) / 4, ground.shares(beyond, _BOX_CELLS)[0], *far, sides[1], sides[0],
         *_floor(context, places, cost),
     ])  # fmt: skip
@@ -165,28 +166,48 @@ def _unit(along: np.ndarray) -> np.ndarray:
     return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
 
 
-class Ground:
-    """How much of the squares of a map is unknown, seen, or rock: sums over the map, from which each square follows."""
+class GroundAbout:
+    """What maps show about places (k, 2) m, each on a map of its own: squares, by sums over the maps, and rock."""
 
-    def __init__(self, own: OwnMap) -> None:
-        """Take a map; beyond it all is unknown."""
-        self._own = own
-        middle = own.fine[FINE // 2 :: FINE, FINE // 2 :: FINE]
-        layers = np.stack([middle != UNKNOWN, own.seen, middle == ROCK])
-        self._sums = np.zeros((3, *np.add(own.seen.shape, 1)))
-        self._sums[:, 1:, 1:] = layers.cumsum(axis=1, dtype=float).cumsum(axis=2)
+    def __init__(self, maps: list[OwnMap]) -> None:
+        """Take the map (k,) of each place; beyond it all is unknown."""
+        of = {id(own): own for own in maps}
+        self._rows = [(own, np.array([k for k, other in enumerate(maps) if other is own])) for own in of.values()]
+        self._sums = [_sums(own) for own, _ in self._rows]
 
     def shares(self, places: np.ndarray, half: int) -> np.ndarray:
         """Return the shares (3, k), unknown, seen and rock, of squares of 2 half + 1 cells round places (k, 2) m."""
-        row, col = self._own.at(places, self._own.cell_m)
-        rows, cols = self._own.seen.shape
-        low, high = np.clip(row - half, 0, rows), np.clip(row + half + 1, 0, rows)
-        left, right = np.clip(col - half, 0, cols), np.clip(col + half + 1, 0, cols)
-        sums = self._sums
-        inside = sums[:, high, right] - sums[:, low, right] - sums[:, high, left] + sums[:, low, left]
-        inside /= (2 * half + 1) ** 2
-        inside[0] = 1.0 - inside[0]
-        return inside
+        found = np.empty((3, len(places)))
+        for (own, rows), sums in zip(self._rows, self._sums, strict=True):
+            found[:, rows] = _shares(own, sums, places[rows], half)
+        return found
+
+    def clearance(self, places: np.ndarray) -> np.ndarray:
+        """Return the distance (k,) m, at most 3, from places (k, 2) m to known rock."""
+        found = np.empty(len(places))
+        for own, rows in self._rows:
+            found[rows] = _clearance(own, places[rows])
+        return found
+
+
+def _sums(own: OwnMap) -> np.ndarray:
+    """Return the sums (3, rows + 1, cols + 1) of what is known, seen and rock over a map's cells before each."""
+    middle = own.fine[FINE // 2 :: FINE, FINE // 2 :: FINE]
+    layers = np.stack([middle != UNKNOWN, own.seen, middle == ROCK])
+    sums = np.zeros((3, *np.add(own.seen.shape, 1)))
+    sums[:, 1:, 1:] = layers.cumsum(axis=1, dtype=float).cumsum(axis=2)
+    return sums
+
+
+def _shares(own: OwnMap, sums: np.ndarray, places: np.ndarray, half: int) -> np.ndarray:
+    row, col = own.at(places, own.cell_m)
+    rows, cols = own.seen.shape
+    low, high = np.clip(row - half, 0, rows), np.clip(row + half + 1, 0, rows)
+    left, right = np.clip(col - half, 0, cols), np.clip(col + half + 1, 0, cols)
+    inside = sums[:, high, right] - sums[:, low, right] - sums[:, high, left] + sums[:, low, left]
+    inside /= (2 * half + 1) ** 2
+    inside[0] = 1.0 - inside[0]
+    return inside
 
 
 def _clearance(own: OwnMap, places: np.ndarray) -> np.ndarray:

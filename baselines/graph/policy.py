@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from baselines.explorers.graph_explorer import STILL_M, Driver, GraphExplorer, Situation
+from baselines.explorers.over_heights import OverHeights
 from baselines.graph.checkpoint import read_network
 from baselines.graph.choosing import LearnedChoice
 from baselines.graph.features import Context
@@ -61,4 +62,8 @@ class GraphPolicy(GraphExplorer):
         still_s = min((self._steps[robot] - self._anchored[robot]) * step_s, held_s)
         left_s = (self._task.max_steps - self._steps[robot]) * step_s
         pose, start, floor = self._poses[robot], self._starts[robot], self._floor.of(robot)
-        return self._choice(situation, Context(driver.ground.map, pose, start, left_s, still_s, held_s, floor))
+        return self._choice(situation, Context(driver.ground.count_seen(), pose, start, left_s, still_s, held_s, floor))
+
+
+class GraphPolicyOverHeights(OverHeights, GraphPolicy):
+    """`GraphPolicy` on a map of layers."""

@@ -34,6 +34,10 @@ class LayeredGraph(MapGraph):
     layer: int
     parts: dict[int, MapGraph]
 
+    def maps(self, nodes: np.ndarray) -> list[OwnMap]:
+        """Return the map of the layer that each of some nodes (k,) is in."""
+        return [self.parts[layer].own for layer in self.cells[nodes, 2].tolist()]
+
     def nearest(self, place: np.ndarray) -> int:
         """Return the node of the robot's layer from which a robot at a place (2,) m starts."""
         return int(np.flatnonzero(self.cells[:, 2] == self.layer)[0]) + self.parts[self.layer].nearest(place)

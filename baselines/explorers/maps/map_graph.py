@@ -58,6 +58,10 @@ class MapGraph:
         """
         return dijkstra(self.links, directed=False, indices=np.asarray(nodes), return_predecessors=True)
 
+    def maps(self, nodes: np.ndarray) -> list[OwnMap]:
+        """Return the map that each of some nodes (k,) is on."""
+        return [self.own] * len(nodes)
+
     def nearest(self, place: np.ndarray) -> int:
         """Return the node that a robot at a place (2,) m starts from: the nearest with a link and no rock between.
 

@@ -103,7 +103,15 @@ class MapSimulator:
         held_s = planner.steps_to_goal * step_s
         still_s = min(planner.still_steps * step_s, held_s)
         left_s = self.horizon_s - self.time_s[robot]
-        return Context(planner.map, self.poses[robot], planner.start, left_s, still_s, held_s, self._floor.of(robot))
+        return Context(
+            int(planner.map.seen.sum()),
+            self.poses[robot],
+            planner.start,
+            left_s,
+            still_s,
+            held_s,
+            self._floor.of(robot),
+        )
 
     def send(self, robot: int, situation: Situation | None, chosen: int | None) -> None:
         """Let a robot drive to a cluster of its situation."""

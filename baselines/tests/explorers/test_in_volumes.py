@@ -18,8 +18,9 @@ def explored(world, name, steps):
 
 
 @pytest.mark.slow
-def test_a_frontier_explorer_sees_passages_over_and_under_each_other(over):
-    episode, grid = explored(over, "nearest-frontier", 1300)
+@pytest.mark.parametrize("name", ["nearest-frontier", "graph-142"])
+def test_a_frontier_explorer_sees_passages_over_and_under_each_other(over, name):
+    episode, grid = explored(over, name, 1300)
     assert episode.seen[-1] > 0.95 * grid.total
     assert episode.collided < 5
 
