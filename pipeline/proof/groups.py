@@ -13,6 +13,10 @@ JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the
 _OF_CERTIFICATE = ("areas", "collision", "survey", "certificate")
 # of a cut to the wall in plan: in a volume that wall is not the border of the floor everywhere
 _TO_PLAN = ".length_ratio"
+_OF_SPECTRUM, _SPECTRUM_DRAWS = (
+    ".slope.",
+    5,
+)  # in 130 m of drift a slope has a s.d. of 0.43, 0.6 within its limit
 
 
 def is_measured(group: str, params: ValidationParams) -> bool:
@@ -39,17 +43,26 @@ def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any])
 def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dict[str, Limit]:
     """Return the limits on the groups of metrics that are measured and judged, by the mine's flat figures."""
     judged = () if why_rock_is_not_judged(params, figures) else _OF_ROCK
+    left_out = _left_out(params, figures)
     if is_volume(figures):
-        rock = _of_groups(params, judged if "texture.draws" in figures else ())
-        own = {name: limit for name, limit in rock.items() if not name.endswith(_TO_PLAN)}
-        return params.volume.applying(figures) | own
+        rock = _of_groups(params, judged if "texture.draws" in figures else (), left_out)
+        return params.volume.applying(figures) | rock
     groups = {name.partition(".")[0] for name in params.limits}
     groups -= set() if "survey.narrowed_m" in figures else {"survey"}  # of plans and maps there are no legs
-    return _of_groups(params, {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)})
+    measured = {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)}
+    return _of_groups(params, measured, left_out)
 
 
-def _of_groups(params: ValidationParams, groups: Collection[str]) -> dict[str, Limit]:
-    return {name: limit for name, limit in params.limits.items() if name.partition(".")[0] in groups}
+def _left_out(params: ValidationParams, figures: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return parts of the names of figures that this mine's rock is not judged by."""
+    drift_m = figures.get("topology.drift_m")
+    is_short = drift_m is not None and drift_m < _SPECTRUM_DRAWS * params.texture.draw_m
+    return (*([_OF_SPECTRUM] if is_short else []), *([_TO_PLAN] if is_volume(figures) else []))
+
+
+def _of_groups(params: ValidationParams, groups: Collection[str], left_out: Collection[str]) -> dict[str, Limit]:
+    own = {name: limit for name, limit in params.limits.items() if name.partition(".")[0] in groups}
+    return {name: limit for name, limit in own.items() if not any(part in name for part in left_out)}
 
 
 def is_volume(figures: Mapping[str, Any]) -> bool:

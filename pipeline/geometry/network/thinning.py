@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import shapely
 from scipy.sparse import coo_array
@@ -71,7 +72,10 @@ def _with_neighbour(pixels: np.ndarray, cells: Mask) -> np.ndarray:
 
 
 def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
-    """Mark as free the cells of rock cut off from their pillar: its sharp tip is not a second island."""
+    """Mark as free the cells of rock cut off from their pillar: its sharp tip is not a second island.
+
+    A tip is at most two cells thick. What is thicker hangs on a neck of rock that only finer cells show.
+    """
     rock = connected_runs(~cells)
     if rock.parts == len(free.interiors) + 1:
         return cells
@@ -82,8 +86,13 @@ def _without_tips(cells: Mask, free: Polygon, frame: Frame) -> Mask:
     pillar_of[part] = pillar + 1
     by_size, whole = np.argsort(rock.sizes, kind="stable"), np.full(len(free.interiors) + 1, -1)
     whole[pillar_of[by_size]] = by_size  # the largest piece of each stays
-    for run in np.flatnonzero(~np.isin(rock.part, whole)).tolist():
-        cells[rock.row[run], rock.start[run] : rock.stop[run]] = True
+    inner = cv2.erode((~cells).astype(np.uint8), np.ones((3, 3), np.uint8))
+    apart = np.flatnonzero(~np.isin(rock.part, whole))
+    runs = [(rock.row[run], slice(rock.start[run], rock.stop[run])) for run in apart.tolist()]
+    thick = rock.part[apart][[bool(inner[run].any()) for run in runs]]
+    for run, part in zip(runs, rock.part[apart].tolist(), strict=True):
+        if part not in thick:
+            cells[run] = True
     return cells
 
 

@@ -146,3 +146,14 @@ def test_workings_thinner_than_a_cell_are_refused():
 @pytest.mark.parametrize("turn_deg", [0, 30])
 def test_a_square_or_round_room_has_one_leg(room, turn_deg):
     assert len(network(rotate(room, turn_deg)).legs) == 1
+
+
+def test_a_pillar_on_a_neck_thinner_than_a_cell_stays_rock():
+    """Its cells were taken for a sharp tip and filled: the network led through the rock."""
+    neck = shapely.box(10.0, -1.0, 10.1, 4.0)
+    ring = shapely.box(0, 0, 20, 20) - shapely.box(3, 3, 17, 17) - neck
+    network = trace_network(ring, 0.25, 2.0, 3.0)
+    assert network.loops == 0
+    assert len(network.dead_ends) == 2
+    assert network.total_length_m == pytest.approx(4 * 17 - 2 * 1.5, abs=2)  # thinning stops half a width short of a face
+    assert min(half for leg in network.legs for half in leg.half_width_m[1:-1]) > 1.0
