@@ -48,7 +48,7 @@ from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan
-from pipeline.survey.stations.table import read_stations, section_of
+from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, vector_files
 from pipeline.types import (
@@ -291,7 +291,7 @@ def _heights_of_grades(path: Path, legs: list[SurveyLeg], rules: FloorRules) -> 
     """
     if legs[0].grades is None:
         return None
-    require_single(path, [section_of(leg) for leg in legs], rules)
+    require_single(path, legs, rules)
     places = [np.column_stack([leg.positions_m, floor_of(leg)]) for leg in legs]
     datum = float(np.floor(min(line[:, 2].min() for line in places)))
     lines = [[(float(x), float(y), float(z)) for x, y, z in line - (0, 0, datum)] for line in places]

@@ -12,13 +12,14 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
-from pipeline.survey.passages.ties import Tie
+from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.solved.lox import LOX, read_lox
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
 from pipeline.survey.solved.plan_view import node_of_stations, station_names
 from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.stations.table import read_station_survey
 from pipeline.survey.survex.cavern import require_cavern, require_version, solve
 from pipeline.survey.survex.project_copy import project_copy
@@ -38,11 +39,10 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
     Parameters
     ----------
     path : Path
-        `.3d`, `.lox`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is
-        solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's
-        form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table
-        with elevations.
-
+        `.3d`, `.lox`, `.plt`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it
+        includes) is solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are
+        brought to Survex's form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer;
+        `.csv` is our own table with elevations.
     declination_deg : float, optional
         In place of every declination that Survex computes.
 
@@ -72,6 +72,8 @@ def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
         return read_lox(path)
     if suffix == ".csv":
         return read_station_survey(path)
+    if suffix == ".plt":
+        return read_plt(path)
     if is_node_list(path):
         return read_node_links(path)
     if suffix not in _SUFFIXES and not is_project(path):
@@ -125,9 +127,13 @@ def names_of(survey: SolvedSurvey) -> dict[str, str]:
     return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
 
 
-def ties_of(survey: SolvedSurvey) -> list[Tie]:
-    """Return the legs that are flagged duplicate."""
+def ties_of(survey: SolvedSurvey) -> list[SurveyLeg]:
+    """Return the legs that are flagged duplicate: they tie passages together, and have no walls."""
     places, node = node_of_stations(survey)
     names = station_names(survey, node)
     pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
-    return [Tie((names[a], names[b]), places[[a, b]]) for a, b in pairs if a != b]
+    nobody = np.full((2, 2), np.nan)
+    return [
+        SurveyLeg("repeated", [names[a], names[b]], at[:, :2], nobody, np.column_stack([at[:, 2], nobody]))
+        for a, b, at in ((a, b, places[[a, b]]) for a, b in pairs if a != b)
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -30,12 +30,10 @@ from pipeline.survey.draw import draw_picture, draw_workings, frame_of
 from pipeline.survey.formats import is_solved
 from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import (
-    SurveyLeg,
-    require_no_crossing,
-)
+from pipeline.survey.passages.legs import SurveyLeg, legs_of, require_no_crossing
 from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
 from pipeline.survey.passages.workings import build_workings, level_legs
+from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights
@@ -47,12 +45,12 @@ from pipeline.survey.vector.level_fields import warn_of_overlaps
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import (
-    WholeSurvey,
     built_piece,
     footprint,
+    from_origin,
+    legs_of_piece,
     read_whole,
     seen_from_above,
-    whole_in_frame,
 )
 from pipeline.types import (
     METRIC,
@@ -184,18 +182,19 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
 
 def _read_passages(params: PassageSurveyParams) -> _Workings:
     path = Path(params.file)
-    whole = read_whole(path, params)
-    _require_short(path, whole.legs)
-    if whole.is_level:
-        built, driven = _level_workings(path, whole, params)
+    survey, legs = read_whole(path, params)
+    _require_short(path, legs)
+    crs = None if survey.crs is None else one_line(survey.crs, 200)
+    if not has_relief(legs, params):
+        built, driven = _level_workings(path, survey, legs, params)
         shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
-        place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        workings, legs = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
-        return _Workings(workings, place, shape=DrawnPlan(legs))
-    piece = built_piece(path, whole, params.piece)
-    _, georeference = locate(path, Shapes([footprint(path, piece.legs)], "m"), "m", params.origin)
-    surveyed = whole_in_frame(piece, georeference.origin)
-    place = Georeference("m", 1.0, georeference.origin, whole.crs)
+        place = Georeference("m", 1.0, georeference.origin, crs)
+        workings, drawn = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
+        return _Workings(workings, place, shape=DrawnPlan(drawn))
+    piece = built_piece(path, survey, legs, params.piece)
+    _, georeference = locate(path, Shapes([footprint(path, legs_of(piece))], "m"), "m", params.origin)
+    surveyed = from_origin(piece, georeference.origin)
+    place = Georeference("m", 1.0, georeference.origin, crs)
     return _Workings(seen_from_above(path, surveyed), place, shape=surveyed)
 
 
@@ -209,27 +208,25 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     )
     legs = plan_legs(path, survey, params.half_width_m)
     _require_short(path, legs)
-    whole = WholeSurvey(legs, not has_relief(legs, params), is_named=False)
-    if whole.is_level:
-        built, driven = _level_workings(path, whole, params)
+    if not has_relief(legs, params):
+        built, driven = _level_workings(path, survey, legs, params)
         return _Workings(as_polygons(built), georeference, shape=DrawnPlan(level_legs(driven, (0.0, 0.0))))
-    piece = built_piece(path, whole, params.piece)
-    surveyed = whole_in_frame(piece, (0.0, 0.0))
+    surveyed = built_piece(path, survey, legs, params.piece)
     return _Workings(seen_from_above(path, surveyed), georeference, shape=surveyed)
 
 
 def _level_workings(
-    path: Path, whole: WholeSurvey, params: PassageSurveyParams | CentrelineSurveyParams
+    path: Path, survey: SolvedSurvey, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
 ) -> tuple[BaseGeometry, list[SurveyLeg]]:
     """Return the workings of a piece of a survey whose floors are level, seen from above, and its legs but shafts."""
-    driven = [leg for leg in whole.legs if not leg.is_plumb]
-    warn_of_shafts(path, [leg for leg in whole.legs if leg.is_plumb])
+    driven = [leg for leg in legs if not leg.is_plumb]
+    warn_of_shafts(path, [leg for leg in legs if leg.is_plumb])
     if not driven:
         raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    require_no_crossing(path, driven, whole.doubt, params)
+    require_no_crossing(path, driven, survey.doubt, params)
     is_drawn = params.kind == "centrelines"  # pieces of lines are parted by their walls, not by names of stations
     if not is_drawn:
-        driven = built_piece(path, replace(whole, legs=driven), params.piece).legs
+        driven, _ = legs_of_piece(path, survey, driven, params.piece)
     if all(leg.heights_m is not None for leg in driven):
         warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]), params)
         warn_of_level_roofs(path, driven)

@@ -71,6 +71,8 @@ class SolvedSurvey:
         When the file was made, as it states it.
     doubt : str
         The worst misclosure, if a reading must be wrong.
+    is_named : bool
+        Whether the user knows the stations' names; those of lines do not stand in the file.
     """
 
     names: tuple[str, ...]
@@ -84,6 +86,7 @@ class SolvedSurvey:
     crs: str | None = None
     date: str = ""
     doubt: str = ""
+    is_named: bool = True
 
     def centreline(self) -> np.ndarray:
         """Return the indices of the legs along the passages: underground, neither duplicate nor splay."""

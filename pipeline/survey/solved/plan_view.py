@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
+from pipeline.survey.passages.legs import SurveyLeg, cut_at_shafts
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
@@ -87,7 +87,10 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
         for (nodes, _), known in zip(rows, sides, strict=True)
     ]
-    legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
+    legs = cut_at_shafts([plan.leg_of(*row, known) for row, known in zip(rows, sources, strict=True)])
+    if not legs:
+        raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
+    legs = [leg if leg.is_plumb else replace(leg, name=str(number)) for number, leg in enumerate(legs, start=1)]
     steps = {plan.names[node]: found for node, found in hits.splays.items()}
     legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
@@ -134,16 +137,14 @@ class _StationPlan:
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
-    def chain_of(self, nodes: Nodes, walls: np.ndarray, sources: np.ndarray) -> Chain:
-        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage.
+    def leg_of(self, nodes: Nodes, walls: np.ndarray, sources: np.ndarray) -> SurveyLeg:
+        """Return nodes with their distances left, right, up and down (n, 4) m as a leg.
 
         `sources` (n, 4) says how each distance is known.
         """
-        found = []
-        for node, (left, right, up, down), known in zip(nodes, walls.tolist(), sources.tolist(), strict=True):
-            x, y, z = self.places[node].tolist()
-            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), tuple(known)))
-        return found
+        places, names = self.places[nodes], [self.names[node] for node in nodes]
+        heights = np.column_stack([places[:, 2], walls[:, 2:]])
+        return SurveyLeg("", names, places[:, :2], walls[:, :2], heights, sources=sources.astype(np.uint8))
 
     def with_splays(self, nodes: Nodes, walls: np.ndarray, hits: SplayHits) -> np.ndarray:
         """Return the distances left, right, up and down (n, 4) m of a row of nodes, with those of splays where nan."""
