@@ -35,7 +35,7 @@ from pipeline.survey.vector.drawing_frames import require_no_boundary, require_w
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
-from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vector_files
+from pipeline.survey.vector_survey import VectorReading, read_vector_survey
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
@@ -120,7 +120,7 @@ def _detect_stations(path: Path, stated: StatedOptions, rules: FloorRules) -> De
     given = [name for name in _OF_TABLES if options[name] is not None]
     values |= {name: options[name] for name in given}
     remarks |= {name: _OF_TABLES[name] for name in given}
-    return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=read.has_heights)
+    return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
 def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
@@ -195,8 +195,7 @@ def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Dete
         "piece": "a place [x, y, z] in the piece of levels and ramps that is built; null: the largest",
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
-    files = [Path(file) for file in vector_files(_vector(path, unit, stated, rules))]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
+    return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
 def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
@@ -257,8 +256,7 @@ def _detect_centrelines(path: Path, stated: StatedOptions, rules: FloorRules) ->
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
     }
-    files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
+    return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
 def _projected(place: Georeference) -> str:

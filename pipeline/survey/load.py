@@ -22,12 +22,13 @@ from pipeline.params.survey import (
     StationSurveyParams,
     SurveyParams,
 )
+from pipeline.remarks import collect_remarks
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.mine_survey import MineSurvey, survey_arrays, survey_of_arrays
 from pipeline.store.registry import read_registry
 from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
-from pipeline.survey.drawing.georeference import placement_files, read_placement
+from pipeline.survey.drawing.georeference import find_placement, placement_files
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import (
     fill_walls,
@@ -50,7 +51,7 @@ from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan
 from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
-from pipeline.survey.vector_survey import read_vector_survey, vector_files
+from pipeline.survey.vector_survey import read_vector_survey, subject_of, vector_files
 from pipeline.types import (
     METRIC,
     DrawnPlan,
@@ -136,15 +137,14 @@ def _subject(params: SurveyParams) -> str:
             return params.image
         case "grid":
             return params.map
-        case "variant":
-            return params.workings
-        case "procedural":
-            return f"survey {params.name}"
-    return params.file
+        case "solid" | "cloud":
+            return params.file
+    return subject_of(params)
 
 
 def read_unlimited(params: SurveyParams) -> MineSurvey:
     """Read a survey in this process."""
+    files: list[str] = []
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
@@ -157,13 +157,13 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
         case _:
             found = read_vector_survey(params)
             scale = Scale(found.frame.px_per_m, "drawn")
-            place, heights = found.georeference, found.heights
+            place, heights, files = found.georeference, found.heights, found.files
             read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, heights, [], found.workings)
     stated = _stated_heights(params, read)
     if stated is not None and not isinstance(read.shape, DrawnPlan):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
-    registry, files = read_registry(), sources(params)
+    registry, files = read_registry(), _sources(params, files)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
     }
@@ -331,7 +331,9 @@ def read_plan(params: PlanSurveyParams) -> Reading:
 
 def _place_in_map(path: Path, plan: Image, params: PlanSurveyParams) -> tuple[Image, float, Georeference]:
     """Rotate a plan north up by its georeference. Return the plan, its scale in px/m, and its new georeference."""
-    place = read_placement(path)
+    place = find_placement(path)
+    if place is None:
+        raise InputError(f"{path}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
     size = place.size * params.reduction
     if params.crop_px is not None or params.turn_deg:
         raise InputError(f"{path}: survey.crop_px and survey.turn_deg cannot be used with scale.source=georeference")
@@ -382,11 +384,13 @@ def sources(params: SurveyParams) -> list[str]:
 
 
 def sources_here(params: dict[str, Any]) -> Payload:
-    """List the input files of a survey section in this process."""
-    return Payload(_sources(_section(params)))
+    """List the input files of a survey section in this process, without the remarks of its reading."""
+    with collect_remarks():
+        return Payload(_sources(_section(params)))
 
 
-def _sources(params: SurveyParams) -> list[str]:
+def _sources(params: SurveyParams, read: list[str] | None = None) -> list[str]:
+    """List the input files of a survey section; `read` are those that its reader has met."""
     match params.kind:
         case "stations":
             files = [params.stations]
@@ -402,7 +406,7 @@ def _sources(params: SurveyParams) -> list[str]:
         case "cloud":
             files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:
-            files = vector_files(params)
+            files = read or vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []
     return (
         files

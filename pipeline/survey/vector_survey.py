@@ -40,8 +40,8 @@ from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.layer_ways import refusal_of_layers
 from pipeline.survey.vector.level_fields import warn_of_overlaps
+from pipeline.survey.vector.plan_doubts import refusal_of_layers
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import (
@@ -82,6 +82,7 @@ class VectorReading:
     frame: Frame
     draw_plan: partial[Image]  # one of 6,000 px takes 2 s, and detection needs none
     shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
+    files: list[str] = field(default_factory=list)
 
     @property
     def width_m(self) -> float:
@@ -105,12 +106,13 @@ class VectorReading:
 
 @dataclass(frozen=True)
 class _Workings:
-    """Workings (m, mine frame) with their georeference, and heights if they have any."""
+    """Workings (m, mine frame) with their georeference, heights if they have any, and the files of a solved survey."""
 
     polygons: MultiPolygon
     georeference: Georeference
     heights: Heights | None = None
     shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
+    files: list[str] = field(default_factory=list)
 
 
 def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
@@ -123,13 +125,14 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     InputError
         If the file cannot be read or holds no workings.
     """
-    read, name = _read(params, content), _name(params)
+    read, name = _read(params, content), subject_of(params)
     if (workings := read.polygons).is_empty:
         raise InputError(f"{name}: the workings have no area")
     frame = frame_of(name, workings, params)
     if params.kind != "procedural" or not params.as_picture:
         draw = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, frame, draw, read.shape)
+        files = read.files or vector_files(params)
+        return VectorReading(workings, read.georeference, read.heights, frame, draw, read.shape, files)
     draw = partial(draw_picture, workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
     return VectorReading(None, read.georeference, None, frame, draw)
 
@@ -185,17 +188,18 @@ def _read_passages(params: PassageSurveyParams) -> _Workings:
     survey, legs = read_whole(path, params)
     _require_short(path, legs)
     crs = None if survey.crs is None else one_line(survey.crs, 200)
+    files = [file.as_posix() for file in survey.files]
     if not has_relief(legs, params):
         built, driven = _level_workings(path, survey, legs, params)
         shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
         place = Georeference("m", 1.0, georeference.origin, crs)
         workings, drawn = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
-        return _Workings(workings, place, shape=DrawnPlan(drawn))
+        return _Workings(workings, place, shape=DrawnPlan(drawn), files=files)
     piece = built_piece(path, survey, legs, params.piece)
     _, georeference = locate(path, Shapes([footprint(path, legs_of(piece))], "m"), "m", params.origin)
     surveyed = from_origin(piece, georeference.origin)
     place = Georeference("m", 1.0, georeference.origin, crs)
-    return _Workings(seen_from_above(path, surveyed), place, shape=surveyed)
+    return _Workings(seen_from_above(path, surveyed), place, shape=surveyed, files=files)
 
 
 def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
@@ -247,12 +251,18 @@ def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
             )
 
 
-def _name(params: VectorSurvey) -> str:
-    return vector_files(params)[0] if vector_files(params) else f"survey {params.name}"
+def subject_of(params: VectorSurvey) -> str:
+    """Return what messages name: a vector survey's file, or a generated mine's name."""
+    match params.kind:
+        case "procedural":
+            return f"survey {params.name}"
+        case "variant":
+            return params.workings
+    return params.file
 
 
 def vector_files(params: VectorSurvey) -> list[str]:
-    """List the input files of a vector survey."""
+    """List the input files of a vector survey without reading it whole."""
     match params.kind:
         case "procedural":
             return []

@@ -18,11 +18,18 @@ from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.detected_section import Detection
-from pipeline.survey.drawing.georeference import has_placement, placement_files, read_placement
+from pipeline.survey.drawing.georeference import find_placement, placement_files
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark
-from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
-from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
+from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_in
+from pipeline.survey.drawing.picture import (
+    USUAL_DPI,
+    fitting_dpi,
+    make_ready,
+    page_text,
+    read_page,
+    require_few_regions,
+)
 from pipeline.survey.drawing.reduction import Box, box_in, fitting_reduction
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
@@ -178,8 +185,8 @@ def _detect_scale(
     if stated.ratio:
         per_m = px_per_m_of(path, stated.ratio, dpi)
         return {**scale, "source": "stated", "px_per_m": per_m}, {"scale": f"1:{stated.ratio:g} as stated"}, []
-    if has_placement(path):
-        files, place = placement_files(path), read_placement(path)
+    if (place := find_placement(path)) is not None:
+        files = placement_files(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
         remark = f"{per_m:.3f} px/m from {files[0].name if files else 'the file itself'}"
         if place.unit in ("m", "metre") and abs(place.metres_per_unit - 1) > 1e-6:
@@ -188,7 +195,7 @@ def _detect_scale(
     box = _stated_box(path, picture, by, stated)
     if box is None and (found := find_bar(picture)) is not None:
         box = tuple(by * side for side in found)
-    ratio = ratio_of_page(path, of_page[0]) if box is None and of_page is not None else None
+    ratio = ratio_in(page_text(path, of_page[0])) if box is None and of_page is not None else None
     if ratio is not None:
         remark = f"1:{ratio:g} by the text of the page, if it is printed in its own size; else --scale 1:N"
         return {**scale, "source": "stated", "px_per_m": px_per_m_of(path, ratio, dpi)}, {"scale": remark}, []

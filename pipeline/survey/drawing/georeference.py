@@ -65,13 +65,13 @@ def world_file(image: Path) -> Path | None:
     return found
 
 
-def read_placement(image: Path) -> Placement:
-    """Read a picture's georeference from its world file, or from the GeoTIFF itself.
+def find_placement(image: Path) -> Placement | None:
+    """Read a picture's georeference from its world file, or from the GeoTIFF itself; None if it has none.
 
     Raises
     ------
     InputError
-        If it has no georeference, its pixels are not square or are mirrored, or its system is in degrees; if it is
+        If its pixels are not square or are mirrored, or its system is in degrees; if it is
         stored turned, because no format says whether its georeference is of the stored or of the turned picture.
 
     References
@@ -80,7 +80,7 @@ def read_placement(image: Path) -> Placement:
     """
     file, tags = world_file(image), _geotiff_tags(image)
     if file is None and tags is None:
-        raise InputError(f"{image}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
+        return None
     orientation = read_header(image).orientation
     if orientation != 1:
         raise InputError(
@@ -145,11 +145,6 @@ def _warn_of_unread(image: Path) -> None:
             f"`gdalsrsinfo -o wkt_esri {image.name} > {image.stem}.prj` writes it beside",
             of=image.name,
         )
-
-
-def has_placement(image: Path) -> bool:
-    """Return whether a picture has a georeference: a world file beside it, or GeoTIFF tags."""
-    return world_file(image) is not None or _geotiff_tags(image) is not None
 
 
 def _geotiff_tags(image: Path) -> tuple[Affine, CRS | None, int, int] | None:

@@ -60,7 +60,7 @@ def read_plt(path: Path) -> SolvedSurvey:
             widths = [_feet(path, number, text) for text in fields[start : start + 4]]
             if len(widths) < 4:
                 raise InputError(f"{path}:{number}: expected P left up down right, got {line[:60]!r}")
-            left, up, down, right = (_wall_m(width) for width in widths)
+            left, up, down, right = (width if 0 <= width < _UNKNOWN_FT * _FOOT_M else math.nan for width in widths)
             walls = [left, right, up, down]
         if fields[0] == "M" or not chains:
             chains.append([])
@@ -111,8 +111,3 @@ def _feet(path: Path, number: int, text: str) -> float:
     if not abs(value) <= _FARTHEST_M:
         raise InputError(f"{path}:{number}: {text[:40]!r} is not a finite number of feet below {_FARTHEST_M:g} m")
     return value
-
-
-def _wall_m(metres: float) -> float:
-    """Return a wall distance, m; nan if it was not measured."""
-    return metres if 0 <= metres < _UNKNOWN_FT * _FOOT_M else math.nan

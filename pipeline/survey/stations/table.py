@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.guard.csv_text import number_of
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
@@ -20,7 +21,7 @@ from pipeline.survey.passages.legs import SurveyLeg, check_network, cut_at_shaft
 from pipeline.survey.passages.stray_heights import stray_zero
 from pipeline.survey.solved.flatness import require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
-from pipeline.survey.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, number_of, read_rows
+from pipeline.survey.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, read_rows
 from pipeline.survey.vector.shapes import REACH_M
 
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
@@ -157,7 +158,7 @@ def _read_legs(
             later.add((row["leg"], row["station"]))
         leg.append((row["station"], (*values, *heights)))
         text = (row.get(GRADE) or "").strip()
-        grade = math.nan if text in _UNKNOWN else number_of(path, line, GRADE, text)
+        grade = math.nan if text in _UNKNOWN else number_of(path, line, GRADE, text, REACH_M)
         stated.setdefault(row["leg"], []).append(grade)
     if has_heights:
         _require_no_stray_zero(path, list(positions.values()))
@@ -218,9 +219,9 @@ def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:
 def _heights(path: Path, line: int, row: dict[str, str]) -> tuple[float, ...]:
     """Return elevation, up and down of a row, m; up and down are nan if they are empty."""
     elevation = number_of(path, line, "elevation_m", row["elevation_m"], _HIGHEST_M)
+    texts = {column: (row.get(column) or "").strip() for column in HEIGHTS[1:]}
     up, down = (
-        number_of(path, line, column, text) if (text := (row.get(column) or "").strip()) not in _UNKNOWN else math.nan
-        for column in HEIGHTS[1:]
+        math.nan if text in _UNKNOWN else number_of(path, line, column, text, REACH_M) for column, text in texts.items()
     )
     for column, value in zip(HEIGHTS[1:], (up, down), strict=True):
         if value < 0:

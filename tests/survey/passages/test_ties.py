@@ -9,7 +9,7 @@ from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.passages.legs import legs_of
 from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.survex.repeated import flagged_together
+from pipeline.survey.survex.survex_text import flagged_together
 from pipeline.survey.whole_survey import built_piece, footprint, read_whole
 from pipeline.types import lines_of
 from tests.project import ROOT
