@@ -28,7 +28,6 @@ from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import kind_of, solver_limits
-from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
@@ -87,13 +86,13 @@ def _detect(path: Path, stated: StatedOptions, rules: FloorRules = FLOOR_RULES) 
 def _detect_grid(path: Path, stated: StatedOptions, _rules: FloorRules) -> Detection:
     options = stated.model_dump(include={"narrowest_m", "thinnest_m", "entrance_m"}, exclude_none=True)
     params = section_for(GridSurveyParams, path, {"kind": "grid", **options}, "map")
-    read_free_space(params)
+    read = read_free_space(params)
     values = {"kind": "grid", "map": path.name, **params.model_dump(include={"narrowest_m", "thinnest_m"})}
     remarks = {
         "narrowest_m": "free places narrower than this are left out, m; 0: none",
         "thinnest_m": "thinner walls are made so thick, specks of half of it are left out, m; 0: neither",
     }
-    return Detection(values, remarks, [path, nav2_picture(path)])
+    return Detection(values, remarks, list(read.files))
 
 
 def _detect_drawing(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:

@@ -150,7 +150,7 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
             read = _read_scaled(params)
         case "grid":
             grid = read_grid(params)
-            scale = Scale(grid.frame.px_per_m, "map")
+            scale, files = Scale(grid.frame.px_per_m, "map"), grid.files
             read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, DrawnPlan(), workings=grid.workings)
         case "solid" | "cloud":
             read = _read_solid(params)
@@ -399,7 +399,7 @@ def _sources(params: SurveyParams, read: list[str] | None = None) -> list[str]:
             georeference = placement_files(Path(params.image)) if params.scale.source == "georeference" else []
             files += [file.as_posix() for file in georeference]
         case "grid":
-            files = [params.map, nav2_picture(Path(params.map)).as_posix()]
+            files = read or [params.map, nav2_picture(Path(params.map)).as_posix()]
         case "solid":
             beside = [strings_beside(Path(params.file)).as_posix()] if params.file.lower().endswith(DTM) else []
             files = [params.file, *beside]

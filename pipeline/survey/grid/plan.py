@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -30,12 +30,13 @@ _CORNER = np.sqrt(2.0) - 1.0  # of the radius of an opening: how far a right-ang
 
 @dataclass(frozen=True)
 class GridReading:
-    """The workings of a map (m, mine frame), the plan drawn of them with its frame, and the georeference."""
+    """The workings of a map (m, mine frame), the plan drawn of them with its frame, georeference, and files."""
 
     workings: MultiPolygon
     plan: Image
     frame: Frame
     georeference: Georeference
+    files: list[str]
 
 
 def read_grid(params: GridSurveyParams) -> GridReading:
@@ -58,7 +59,8 @@ def read_grid(params: GridSurveyParams) -> GridReading:
     workings = MultiPolygon([shapely.transform(outline, free.placement.to_mine)])
     frame = frame_of(params.map, workings, params, "resolution")
     plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
-    return GridReading(workings, plan, frame, free.placement.georeference)
+    files = [file.as_posix() for file in free.files]
+    return GridReading(workings, plan, frame, free.placement.georeference, files)
 
 
 def read_free_space(params: GridSurveyParams) -> FreeCells:
@@ -79,7 +81,8 @@ def read_free_space(params: GridSurveyParams) -> FreeCells:
     if not free.any():
         raise InputError(f"{path}: no free cells; free_thresh and negate in the file say which are free")
     widths = params.narrowest_m, params.thinnest_m
-    return choose_free_space(path, drivable_places(path, free, grid.cell_m, *widths), placement, params.entrance_m)
+    found = choose_free_space(path, drivable_places(path, free, grid.cell_m, *widths), placement, params.entrance_m)
+    return replace(found, files=(path, grid.picture))
 
 
 def drivable_places(path: Path, free: Mask, cell_m: float, narrowest_m: float, thinnest_m: float) -> Mask:
