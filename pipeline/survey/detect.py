@@ -26,6 +26,7 @@ from pipeline.survey.detection.cloud import detect_cloud, is_cloud
 from pipeline.survey.detection.detected_section import Detection, section_for
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
+from pipeline.survey.draw import MineReading
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import kind_of, solver_limits
 from pipeline.survey.grid.plan import read_free_space
@@ -34,7 +35,7 @@ from pipeline.survey.vector.drawing_frames import require_no_boundary, require_w
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
-from pipeline.survey.vector_survey import VectorReading, read_vector_survey
+from pipeline.survey.vector_survey import read_vector_survey
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
@@ -124,7 +125,7 @@ def _detect_stations(path: Path, stated: StatedOptions, rules: FloorRules) -> De
 
 def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
-    tried: dict[Unit | None, VectorReading] = {}
+    tried: dict[Unit | None, MineReading] = {}
     remarks_of: dict[Unit | None, list[Remark]] = {}
     content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
     units: list[Unit | None] = [stated.unit] if stated.unit or content.has_map_unit(path) else [None, *get_args(Unit)]
@@ -197,14 +198,14 @@ def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Dete
     return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
-def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
+def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, MineReading]) -> Unit | None:
     """Return the unit in which drifts have about the usual width; a metric drawing keeps to metric ones if it can."""
     metric = [unit for unit in tried if unit in _METRIC and WIDTHS_M[0] <= tried[unit].width_m <= WIDTHS_M[1]]
     units = metric if stated in _METRIC and metric else list(tried)
     return min(units, key=lambda unit: abs(np.log(tried[unit].width_m / LIKELY_M)))
 
 
-def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorReading], unit: Unit) -> None:
+def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, MineReading], unit: Unit) -> None:
     """Warn that a drawing is read in another unit than it states."""
     width = f"drifts would be {tried[None].width_m:.2g} m wide in it" if None in tried else "it gives no workings"
     warn_user(
@@ -215,7 +216,7 @@ def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorRea
     )
 
 
-def _require_walls(path: Path, content: Shapes, read: VectorReading, rules: FloorRules) -> None:
+def _require_walls(path: Path, content: Shapes, read: MineReading, rules: FloorRules) -> None:
     """Refuse lines with elevations most of which are no walls of the workings that were read.
 
     The axes of shafts are neither.

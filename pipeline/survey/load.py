@@ -148,17 +148,13 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
-        case "grid":
-            grid = read_grid(params)
-            scale, files = Scale(grid.frame.px_per_m, "map"), grid.files
-            read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, DrawnPlan(), workings=grid.workings)
         case "solid" | "cloud":
             read = _read_solid(params)
         case _:
-            found = read_vector_survey(params)
-            scale = Scale(found.frame.px_per_m, "drawn")
-            place, heights, files = found.georeference, found.heights, found.files
-            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, heights, [], found.workings)
+            found = read_grid(params) if params.kind == "grid" else read_vector_survey(params)
+            files, scale = found.files, Scale(found.frame.px_per_m, "map" if params.kind == "grid" else "drawn")
+            place = found.georeference
+            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, found.heights, [], found.workings)
     stated = _stated_heights(params, read)
     if stated is not None and not isinstance(read.shape, DrawnPlan):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,11 +16,11 @@ from pipeline.geometry.outline.binarize import disc
 from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import GridSurveyParams
-from pipeline.survey.draw import draw_workings, frame_of
+from pipeline.survey.draw import MineReading, reading_of
 from pipeline.survey.grid.free_space import FreeCells, choose_free_space
 from pipeline.survey.grid.nav2 import read_nav2_map
 from pipeline.survey.grid.placement import GridPlacement
-from pipeline.types import Frame, Georeference, Image, Mask
+from pipeline.types import Frame, Mask
 
 _CELLS_M = (0.002, 5.0)
 _SPECK = 0.5  # of the least thickness: what is smaller is a speck of the scan
@@ -28,18 +28,7 @@ _NAMED_M2 = 0.1
 _CORNER = np.sqrt(2.0) - 1.0  # of the radius of an opening: how far a right-angled corner lies outside of it
 
 
-@dataclass(frozen=True)
-class GridReading:
-    """The workings of a map (m, mine frame), the plan drawn of them with its frame, georeference, and files."""
-
-    workings: MultiPolygon
-    plan: Image
-    frame: Frame
-    georeference: Georeference
-    files: list[str]
-
-
-def read_grid(params: GridSurveyParams) -> GridReading:
+def read_grid(params: GridSurveyParams) -> MineReading:
     """Read a map as workings. No check is made that is about drawings: the map says itself what is free.
 
     The mine frame is the map's own frame, unless the map lies more than 10 km from its origin. The walls of a map with
@@ -57,10 +46,8 @@ def read_grid(params: GridSurveyParams) -> GridReading:
     except GeometryError as error:
         raise InputError(f"{params.map}: {error}") from error
     workings = MultiPolygon([shapely.transform(outline, free.placement.to_mine)])
-    frame = frame_of(params.map, workings, params, "resolution")
-    plan = draw_workings(workings, frame, params.labels_m, params.drawing_grey)
     files = [file.as_posix() for file in free.files]
-    return GridReading(workings, plan, frame, free.placement.georeference, files)
+    return reading_of(params.map, workings, params, free.placement.georeference, "resolution", files=files)
 
 
 def read_free_space(params: GridSurveyParams) -> FreeCells:

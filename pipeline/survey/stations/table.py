@@ -108,7 +108,9 @@ def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
     flags = np.full(len(places), StationFlag.UNDERGROUND, np.uint8)
     styles = np.full(len(pairs), LegStyle.CARTESIAN, np.uint8)
     plain = np.zeros(len(pairs), np.uint8)
-    return SolvedSurvey(tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem)
+    return SolvedSurvey(
+        tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem, files=(path,)
+    )
 
 
 def _read_legs(
