@@ -9,6 +9,7 @@ import manifold3d
 import numpy as np
 import shapely
 
+from pipeline.scans.meshes.uncrossed import arrays_of
 from pipeline.survey.solids.closing import LEAST_M3, ClosedPieces
 
 Place = tuple[float, float, float]
@@ -102,16 +103,13 @@ def _parted(free: manifold3d.Manifold, weld_m: float) -> tuple[manifold3d.Manifo
 
 
 def _turned_over(shell: manifold3d.Manifold) -> manifold3d.Manifold:
-    mesh = shell.to_mesh64()
-    return manifold3d.Manifold(
-        manifold3d.Mesh64(np.array(mesh.vert_properties), np.asarray(mesh.tri_verts)[:, ::-1].copy())
-    )
+    vertices, faces = arrays_of(shell)
+    return manifold3d.Manifold(manifold3d.Mesh64(vertices, faces[:, ::-1].astype(np.uint64)))
 
 
 def _about_facets(space: manifold3d.Manifold, low: np.ndarray, high: np.ndarray) -> manifold3d.Manifold:
     """Return what is beside the facets of a space whose boxes reach into a box (3,), (3,) m."""
-    mesh = space.to_mesh64()
-    corners = np.array(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts).astype(np.int64)]
+    corners = np.take(*arrays_of(space), axis=0)
     meets = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
     cube = PARTED_M * np.array(list(product((-1.0, 1.0), repeat=3)))
     return union_of([manifold3d.Manifold.hull_points((one[:, None] + cube).reshape(-1, 3)) for one in corners[meets]])
@@ -139,7 +137,7 @@ def overlapping(solids: list[manifold3d.Manifold], is_rock: np.ndarray, reach_m:
     """
     if len(solids) < 2:
         return solids
-    meshes = [_mesh(solid) for solid in solids]
+    meshes = [arrays_of(solid) for solid in solids]
     piece = np.repeat(np.arange(len(meshes)), [len(faces) for _, faces in meshes])
     first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
     vertices = np.concatenate([vertices for vertices, _ in meshes])
@@ -153,11 +151,6 @@ def overlapping(solids: list[manifold3d.Manifold], is_rock: np.ndarray, reach_m:
         _moved(solid, vertices[first[k] : first[k + 1]], meshes[k][1]) if k in changed else solid
         for k, solid in enumerate(solids)
     ]
-
-
-def _mesh(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
-    mesh = solid.to_mesh64()
-    return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
 def _moved(solid: manifold3d.Manifold, vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
