@@ -136,18 +136,6 @@ def cut_at_shafts(legs: list[SurveyLeg]) -> list[SurveyLeg]:
     return [piece for piece in pieces if len(piece.stations) > 1] + shafts
 
 
-def check_network(path: Path, legs: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> None:
-    """Check that all legs are connected and that legs cross only at stations.
-
-    Raises
-    ------
-    InputError
-        If not. The message names the file and the legs.
-    """
-    require_connected(path, legs)
-    require_no_crossing(path, legs, rules=rules)
-
-
 def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
     """Check that all legs are connected; `InputError` names the file, the legs and where they are nearest."""
     graph: nx.Graph = nx.Graph()

@@ -17,7 +17,7 @@ from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.passages.grades import with_grades
-from pipeline.survey.passages.legs import SurveyLeg, check_network, cut_at_shafts
+from pipeline.survey.passages.legs import SurveyLeg, cut_at_shafts, require_connected, require_no_crossing
 from pipeline.survey.passages.stray_heights import stray_zero
 from pipeline.survey.solved.flatness import require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
@@ -61,7 +61,8 @@ def read_stations(
     result = _read_legs(path, grades=grades, walls_needed=True, rules=rules)
     if result[0].heights_m is not None and result[0].grades is None:
         require_flat(path, result, rules)
-    check_network(path, result, rules)
+    require_connected(path, result)
+    require_no_crossing(path, result, rules=rules)
     return result
 
 
