@@ -1,6 +1,7 @@
 """The formats of surveys: file name suffix to what the file is and its reader.
 
-To add a format, write its reader in a new module and add one line here. `new` and stage 1 choose the reader by suffix.
+To add a format, write its reader in a new module and add one line here, of a station survey another one to
+`solved_surveys.py`. `new` and stage 1 choose the reader by suffix.
 """
 
 from __future__ import annotations
