@@ -20,7 +20,7 @@ from baselines.base.markdown import markdown_table
 from pipeline.params.compile3d import VolumeParams
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.whole_survey import built_piece, whole_in_frame, whole_of
+from pipeline.survey.whole_survey import built_piece, whole_legs
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import Volume
 from pipeline.volume.world.proof.surveyed.walls import splay_ends, splay_figures
@@ -34,8 +34,7 @@ _ENDS_M = 0.01  # coordinates of solved surveys are centimetres
 
 def build(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> tuple[Volume, np.ndarray, np.ndarray]:
     """Return the volume of a survey in its own frame, its stations (n, 3) m, and its splays (k, 2, 3) m."""
-    piece = built_piece(path, whole_of(path, survey, half_width_m), None)
-    found = whole_in_frame(piece, (0.0, 0.0))
+    found = built_piece(path, survey, whole_legs(path, survey, half_width_m), None)
     network, offset = mine_network(found, _HEIGHT_M, VolumeParams())
     up = offset + np.array([0, 0, found.datum_m])
     solved = solve_floors(network)

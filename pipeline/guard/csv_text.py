@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import codecs
+import math
 import re
 from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
+from pipeline.guard.plain_number import plain_number
 from pipeline.remarks import warn_user
 
 _LONE_CR = re.compile(r"\r(?!\n)")
@@ -68,3 +70,16 @@ def _encoding_of(data: bytes) -> str:
 def separator_of(text: str) -> str:
     """Return what parts the columns of a table, by its first line: a comma, a semicolon or a tab."""
     return max(_SEPARATORS, key=text.partition("\n")[0].count)
+
+
+def number_of(path: Path, line: int, column: str, text: str | None, reach: float) -> float:
+    """Return the number in a field; `InputError` names the line and the column if it is none or is out of reach."""
+    try:
+        value = plain_number(text or "")
+    except ValueError:
+        raise InputError(f"{path}:{line}: {column} = {text and text[:60]!r} is not a number") from None
+    if not math.isfinite(value):
+        raise InputError(f"{path}:{line}: {column} = {text} is not a finite number")
+    if abs(value) > reach:
+        raise InputError(f"{path}:{line}: {column} = {text} is not within +-{reach:g}; count it from a local origin")
+    return value

@@ -26,16 +26,16 @@ from pipeline.survey.detection.cloud import detect_cloud, is_cloud
 from pipeline.survey.detection.detected_section import Detection, section_for
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
+from pipeline.survey.draw import MineReading
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.formats import kind_of, solver_limits
-from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector.shapes import METRES, Shapes
 from pipeline.survey.vector_shapes import read_shapes
-from pipeline.survey.vector_survey import VectorReading, read_vector_survey, vector_files
+from pipeline.survey.vector_survey import read_vector_survey
 from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
@@ -87,13 +87,13 @@ def _detect(path: Path, stated: StatedOptions, rules: FloorRules = FLOOR_RULES) 
 def _detect_grid(path: Path, stated: StatedOptions, _rules: FloorRules) -> Detection:
     options = stated.model_dump(include={"narrowest_m", "thinnest_m", "entrance_m"}, exclude_none=True)
     params = section_for(GridSurveyParams, path, {"kind": "grid", **options}, "map")
-    read_free_space(params)
+    read = read_free_space(params)
     values = {"kind": "grid", "map": path.name, **params.model_dump(include={"narrowest_m", "thinnest_m"})}
     remarks = {
         "narrowest_m": "free places narrower than this are left out, m; 0: none",
         "thinnest_m": "thinner walls are made so thick, specks of half of it are left out, m; 0: neither",
     }
-    return Detection(values, remarks, [path, nav2_picture(path)])
+    return Detection(values, remarks, list(read.files))
 
 
 def _detect_drawing(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
@@ -120,12 +120,12 @@ def _detect_stations(path: Path, stated: StatedOptions, rules: FloorRules) -> De
     given = [name for name in _OF_TABLES if options[name] is not None]
     values |= {name: options[name] for name in given}
     remarks |= {name: _OF_TABLES[name] for name in given}
-    return Detection(values, remarks, [*map(Path, vector_files(params))], read.width_m, has_heights=read.has_heights)
+    return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
 def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Detection:
     """Use the unit that the file names, or the unit in which the drifts have a plausible width."""
-    tried: dict[Unit | None, VectorReading] = {}
+    tried: dict[Unit | None, MineReading] = {}
     remarks_of: dict[Unit | None, list[Remark]] = {}
     content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
     units: list[Unit | None] = [stated.unit] if stated.unit or content.has_map_unit(path) else [None, *get_args(Unit)]
@@ -195,18 +195,17 @@ def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Dete
         "piece": "a place [x, y, z] in the piece of levels and ramps that is built; null: the largest",
         "seeds_m": "[[x, y], ...] points inside the workings, if the walls enclose other areas too",
     }
-    files = [Path(file) for file in vector_files(_vector(path, unit, stated, rules))]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
+    return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
-def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, VectorReading]) -> Unit | None:
+def _likeliest_unit(stated: str | None, tried: Mapping[Unit | None, MineReading]) -> Unit | None:
     """Return the unit in which drifts have about the usual width; a metric drawing keeps to metric ones if it can."""
     metric = [unit for unit in tried if unit in _METRIC and WIDTHS_M[0] <= tried[unit].width_m <= WIDTHS_M[1]]
     units = metric if stated in _METRIC and metric else list(tried)
     return min(units, key=lambda unit: abs(np.log(tried[unit].width_m / LIKELY_M)))
 
 
-def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorReading], unit: Unit) -> None:
+def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, MineReading], unit: Unit) -> None:
     """Warn that a drawing is read in another unit than it states."""
     width = f"drifts would be {tried[None].width_m:.2g} m wide in it" if None in tried else "it gives no workings"
     warn_user(
@@ -217,7 +216,7 @@ def _warn_of_unit(path: Path, stated: str, tried: Mapping[Unit | None, VectorRea
     )
 
 
-def _require_walls(path: Path, content: Shapes, read: VectorReading, rules: FloorRules) -> None:
+def _require_walls(path: Path, content: Shapes, read: MineReading, rules: FloorRules) -> None:
     """Refuse lines with elevations most of which are no walls of the workings that were read.
 
     The axes of shafts are neither.
@@ -257,8 +256,7 @@ def _detect_centrelines(path: Path, stated: StatedOptions, rules: FloorRules) ->
         "unit": f"null: the file's unit ({place.unit}); or m, cm, mm, ft, in",
         "origin": "of the mine frame, in the file's coordinates",
     }
-    files = [Path(file) for file in vector_files(params)]
-    return Detection(values, remarks, files, read.width_m, has_heights=read.has_heights)
+    return Detection(values, remarks, [*map(Path, read.files)], read.width_m, has_heights=read.has_heights)
 
 
 def _projected(place: Georeference) -> str:

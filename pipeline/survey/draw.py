@@ -1,18 +1,22 @@
-"""Draw a survey like a published plan: grey workings, red labels, a black scale bar."""
+"""A mine in metres as its reader has it, and its plan like a published one: grey workings, red labels, a scale bar."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
+from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.survey.base import DrawnSurveyParams
 from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
-from pipeline.types import Frame, Image
+from pipeline.types import DrawnFloors, DrawnPlan, Frame, Georeference, Heights, Image, VolumeShape
 
 _OVERSAMPLE = 4
 _LETTER_HEIGHT_M = 12.0
@@ -61,6 +65,64 @@ def frame_of(name: str, workings: BaseGeometry, params: DrawnSurveyParams, size_
         )
     per_m = params.px_per_m or min(_FINEST_PX_PER_M, _WIDEST_PX / widest)
     return frame_around((west - m, south - m, east + m, north + m), per_m, _ORIGIN_AT)
+
+
+@dataclass(frozen=True)
+class MineReading:
+    """A mine in metres as its reader has it.
+
+    `workings` (m, mine frame) are the view from above of a shape that is no plan; None of a generated mine whose
+    picture stage 2 traces. `draw_plan` draws the plan, in `frame`. `files` are those that were read.
+    """
+
+    workings: MultiPolygon | None
+    georeference: Georeference
+    frame: Frame
+    draw_plan: partial[Image]  # one of 6,000 px takes 2 s, and detection needs none
+    heights: Heights | None = None
+    shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
+    files: list[str] = field(default_factory=list)
+
+    @property
+    def width_m(self) -> float:
+        """Return the typical width of the drifts: that of one long drift of the same area and length of walls."""
+        if isinstance(self.shape, DrawnFloors):
+            return self.shape.mesh.width_m
+        return 2 * self.workings.area / self.workings.length if self.workings else math.nan
+
+    @property
+    def has_heights(self) -> bool:
+        """Return whether the survey states where its floors are."""
+        return self.heights is not None or not isinstance(self.shape, DrawnPlan)
+
+    @property
+    def walls_m(self) -> float:
+        """Return the length of all walls seen from above, those over each other among them."""
+        if isinstance(self.shape, DrawnFloors):
+            return self.shape.mesh.walls_m
+        return float(self.workings.length) if self.workings else 0.0
+
+
+def reading_of(
+    name: str,
+    workings: MultiPolygon,
+    params: DrawnSurveyParams,
+    georeference: Georeference,
+    size_by: str = "survey.unit",
+    **more: Any,
+) -> MineReading:
+    """Return the reading of workings (m, mine frame) with the frame of their drawing; `more` are its other fields.
+
+    Raises
+    ------
+    InputError
+        If the workings have no area, or as of `frame_of`.
+    """
+    if workings.is_empty:
+        raise InputError(f"{name}: the workings have no area")
+    frame = frame_of(name, workings, params, size_by)
+    draw = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
+    return MineReading(workings, georeference, frame, draw, **more)
 
 
 def draw_workings(

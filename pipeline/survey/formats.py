@@ -1,6 +1,7 @@
 """The formats of surveys: file name suffix to what the file is and its reader.
 
-To add a format, write its reader in a new module and add one line here. `new` and stage 1 choose the reader by suffix.
+To add a format, write its reader in a new module and add one line here, of a station survey another one to
+`solved_surveys.py`. `new` and stage 1 choose the reader by suffix.
 """
 
 from __future__ import annotations
@@ -13,10 +14,7 @@ from typing import Any
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import FileKind
-from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.converters import CONVERTED
-from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.therion.project import PROJECT, is_project
 from pipeline.survey.vector.earth.gpx import read_gpx
 from pipeline.survey.vector.earth.kml import read_kml
@@ -27,13 +25,11 @@ from pipeline.survey.vector.surpac import read_surpac
 
 # (file, layers or None for all, and of formats with fields the property that is the layer) -> polygons and lines
 ShapeReader = Callable[..., Shapes]
-# (file, parameters with its half width and the rules of the floor) -> (legs, coordinate system or None)
-PassageReader = Callable[[Path, PassageSurveyParams], tuple[list[SurveyLeg], str | None]]
 
 
 @dataclass(frozen=True)
 class Format:
-    """What files of one suffix are, and the reader of a vector file (`shapes`) or of a station survey (`legs`).
+    """What files of one suffix are, and the reader of a vector file (`shapes`).
 
     A survey that is `solved` may name other files, and Survex needs temporary files to read it. The shapes of a vector
     file that `has_fields` have properties.
@@ -41,7 +37,6 @@ class Format:
 
     kind: FileKind
     shapes: ShapeReader | None = None
-    legs: PassageReader | None = None
     solved: bool = False
     has_fields: bool = False
 
@@ -69,9 +64,8 @@ FORMATS: dict[str, Format] = {
         Format(FileKind.CLOUD),
     ),
     ".csv": Format(FileKind.STATIONS),
-    ".plt": Format(FileKind.STATIONS, legs=lambda path, params: (read_plt(path, params.half_width_m, params), None)),
     **dict.fromkeys(
-        (".svx", ".3d", ".th", PROJECT, ".lox", ".dat", ".mak", ".clp", ".wpj", ".srv"),
+        (".plt", ".svx", ".3d", ".th", PROJECT, ".lox", ".dat", ".mak", ".clp", ".wpj", ".srv"),
         Format(FileKind.STATIONS, solved=True),
     ),
 }
@@ -105,7 +99,7 @@ def suffixes_of(kind: FileKind) -> tuple[str, ...]:
 
 
 def is_solved(path: Path) -> bool:
-    """Return whether a file is a survey that Survex solves, or names other files."""
+    """Return whether a file is a survey in three dimensions, which Survex may solve or which names other files."""
     found = FORMATS.get(suffix_of(path))
     return found is not None and found.solved
 
@@ -128,17 +122,3 @@ def solver_limits(path: Path) -> dict[str, Any]:
     """Return what `run_limited` grants a file that Survex solves: more time, and temporary files of a size."""
     limits = reader_limits()
     return {"extra_s": limits.solver_s, "scratch_bytes": limits.scratch_bytes} if is_solved(path) else {}
-
-
-def leg_reader(path: Path) -> PassageReader:
-    """Return the reader of a station survey.
-
-    Raises
-    ------
-    InputError
-        If the file is none.
-    """
-    found = FORMATS.get(suffix_of(path))
-    if found is None or found.legs is None:
-        raise InputError(f"{path}: not a supported passage survey ({', '.join(suffixes_of(FileKind.STATIONS))})")
-    return found.legs

@@ -22,12 +22,13 @@ from pipeline.params.survey import (
     StationSurveyParams,
     SurveyParams,
 )
+from pipeline.remarks import collect_remarks
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.mine_survey import MineSurvey, survey_arrays, survey_of_arrays
 from pipeline.store.registry import read_registry
 from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
-from pipeline.survey.drawing.georeference import placement_files, read_placement
+from pipeline.survey.drawing.georeference import find_placement, placement_files
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import (
     fill_walls,
@@ -48,9 +49,9 @@ from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.start import start_in_plan
-from pipeline.survey.stations.table import read_stations, section_of
+from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
-from pipeline.survey.vector_survey import read_vector_survey, vector_files
+from pipeline.survey.vector_survey import read_vector_survey, subject_of, vector_files
 from pipeline.types import (
     METRIC,
     DrawnPlan,
@@ -136,34 +137,29 @@ def _subject(params: SurveyParams) -> str:
             return params.image
         case "grid":
             return params.map
-        case "variant":
-            return params.workings
-        case "procedural":
-            return f"survey {params.name}"
-    return params.file
+        case "solid" | "cloud":
+            return params.file
+    return subject_of(params)
 
 
 def read_unlimited(params: SurveyParams) -> MineSurvey:
     """Read a survey in this process."""
+    files: list[str] = []
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
-        case "grid":
-            grid = read_grid(params)
-            scale = Scale(grid.frame.px_per_m, "map")
-            read = _Drawn(grid.plan, grid.frame, scale, grid.georeference, DrawnPlan(), workings=grid.workings)
         case "solid" | "cloud":
             read = _read_solid(params)
         case _:
-            found = read_vector_survey(params)
-            scale = Scale(found.frame.px_per_m, "drawn")
-            place, heights = found.georeference, found.heights
-            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, heights, [], found.workings)
+            found = read_grid(params) if params.kind == "grid" else read_vector_survey(params)
+            files, scale = found.files, Scale(found.frame.px_per_m, "map" if params.kind == "grid" else "drawn")
+            place = found.georeference
+            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, found.heights, [], found.workings)
     stated = _stated_heights(params, read)
     if stated is not None and not isinstance(read.shape, DrawnPlan):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
-    registry, files = read_registry(), sources(params)
+    registry, files = read_registry(), _sources(params, files)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
     }
@@ -291,7 +287,7 @@ def _heights_of_grades(path: Path, legs: list[SurveyLeg], rules: FloorRules) -> 
     """
     if legs[0].grades is None:
         return None
-    require_single(path, [section_of(leg) for leg in legs], rules)
+    require_single(path, legs, rules)
     places = [np.column_stack([leg.positions_m, floor_of(leg)]) for leg in legs]
     datum = float(np.floor(min(line[:, 2].min() for line in places)))
     lines = [[(float(x), float(y), float(z)) for x, y, z in line - (0, 0, datum)] for line in places]
@@ -331,7 +327,9 @@ def read_plan(params: PlanSurveyParams) -> Reading:
 
 def _place_in_map(path: Path, plan: Image, params: PlanSurveyParams) -> tuple[Image, float, Georeference]:
     """Rotate a plan north up by its georeference. Return the plan, its scale in px/m, and its new georeference."""
-    place = read_placement(path)
+    place = find_placement(path)
+    if place is None:
+        raise InputError(f"{path}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
     size = place.size * params.reduction
     if params.crop_px is not None or params.turn_deg:
         raise InputError(f"{path}: survey.crop_px and survey.turn_deg cannot be used with scale.source=georeference")
@@ -382,11 +380,13 @@ def sources(params: SurveyParams) -> list[str]:
 
 
 def sources_here(params: dict[str, Any]) -> Payload:
-    """List the input files of a survey section in this process."""
-    return Payload(_sources(_section(params)))
+    """List the input files of a survey section in this process, without the remarks of its reading."""
+    with collect_remarks():
+        return Payload(_sources(_section(params)))
 
 
-def _sources(params: SurveyParams) -> list[str]:
+def _sources(params: SurveyParams, read: list[str] | None = None) -> list[str]:
+    """List the input files of a survey section; `read` are those that its reader has met."""
     match params.kind:
         case "stations":
             files = [params.stations]
@@ -395,14 +395,14 @@ def _sources(params: SurveyParams) -> list[str]:
             georeference = placement_files(Path(params.image)) if params.scale.source == "georeference" else []
             files += [file.as_posix() for file in georeference]
         case "grid":
-            files = [params.map, nav2_picture(Path(params.map)).as_posix()]
+            files = read or [params.map, nav2_picture(Path(params.map)).as_posix()]
         case "solid":
             beside = [strings_beside(Path(params.file)).as_posix()] if params.file.lower().endswith(DTM) else []
             files = [params.file, *beside]
         case "cloud":
             files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:
-            files = vector_files(params)
+            files = read or vector_files(params)
     bar = [params.scale.bar_image] if params.kind in ("stations", "plan") and params.scale.bar_image else []
     return (
         files

@@ -5,31 +5,41 @@ Docs: docs/adr/0013-survex.md says which way is taken when.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.survey.compass.convert import compass_files
 from pipeline.survey.compass.convert import to_survex as compass_to_survex
-from pipeline.survey.passages.ties import Tie
+from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.solved.lox import LOX, read_lox
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey, StationFlag
 from pipeline.survey.solved.node_links import is_node_list, links_of, read_node_links
-from pipeline.survey.solved.plan_view import node_of_stations, station_names
-from pipeline.survey.solved.project_files import project_files
 from pipeline.survey.solved.survex_3d import read_3d
+from pipeline.survey.stations.compass import read_plt
 from pipeline.survey.stations.table import read_station_survey
 from pipeline.survey.survex.cavern import require_cavern, require_version, solve
-from pipeline.survey.survex.project_copy import project_copy
+from pipeline.survey.survex.survex_text import Written, project_copy
 from pipeline.survey.therion.convert import to_survex as therion_to_survex
-from pipeline.survey.therion.project import is_project, project_lines
-from pipeline.survey.walls.project import copy_of
+from pipeline.survey.therion.project import is_project
+from pipeline.survey.walls.project import WallsCopy, copy_of
 from pipeline.survey.walls.sections import with_sections
 
-_COMPASS = (".mak", ".dat", ".clp")
 _WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
-_SUFFIXES = (".3d", ".svx", ".th", *_COMPASS, *_WALLS)
+_READERS: dict[str, Callable[[Path], SolvedSurvey]] = {
+    ".3d": read_3d,
+    LOX: read_lox,
+    ".plt": read_plt,
+    ".csv": read_station_survey,
+}
+_WRITERS: dict[str, Callable[[Path], Written]] = {  # of what Survex solves
+    ".svx": project_copy,
+    ".th": therion_to_survex,
+    **dict.fromkeys((".mak", ".dat", ".clp"), compass_to_survex),
+    **dict.fromkeys(_WALLS, copy_of),
+}
 
 
 def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey:
@@ -38,11 +48,10 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
     Parameters
     ----------
     path : Path
-        `.3d`, `.lox`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it includes) is
-        solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are brought to Survex's
-        form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer; `.csv` is our own table
-        with elevations.
-
+        `.3d`, `.lox`, `.plt`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it
+        includes) is solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are
+        brought to Survex's form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer;
+        `.csv` is our own table with elevations.
     declination_deg : float, optional
         In place of every declination that Survex computes.
 
@@ -57,59 +66,44 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
         If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
         installed. The message names the file, the line and the value.
     """
-    survey = _solved(path, declination_deg)
+    suffix = path.suffix.lower()
+    if is_node_list(path):
+        survey = read_node_links(path)
+    elif suffix in _READERS:
+        survey = _READERS[suffix](path)
+    else:
+        if suffix not in _WRITERS and not is_project(path):
+            raise InputError(f"{path}: not a survey that Survex solves (.3d, {', '.join(_WRITERS)})")
+        require_cavern(path)
+        if suffix in _WALLS:
+            require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
+        written = _written(path)
+        survey = replace(solve(path, written, declination_deg), files=tuple(dict.fromkeys(written.files)))
+        if isinstance(written, WallsCopy):
+            survey = with_sections(survey, list(zip(written.surveys, written.options, strict=True)))
     odd = next((name for name in survey.names if not name.isprintable()), None)
     if odd is not None:
         raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
-    return survey
+    return survey if survey.files else replace(survey, files=(path,))
 
 
-def _solved(path: Path, declination_deg: float | None) -> SolvedSurvey:
-    suffix = path.suffix.lower()
-    if suffix == ".3d":
-        return read_3d(path)
-    if suffix == LOX:
-        return read_lox(path)
-    if suffix == ".csv":
-        return read_station_survey(path)
-    if is_node_list(path):
-        return read_node_links(path)
-    if suffix not in _SUFFIXES and not is_project(path):
-        raise InputError(f"{path}: not a survey that Survex solves ({', '.join(_SUFFIXES)})")
-    require_cavern(path)
-    if suffix == ".th" or is_project(path):
-        return solve(path, therion_to_survex(path), declination_deg)
-    if suffix in _COMPASS:
-        return solve(path, compass_to_survex(path), declination_deg)
-    if suffix in _WALLS:
-        require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
-        copy = copy_of(path)
-        survey = solve(path, copy, declination_deg)
-        return with_sections(survey, list(zip(copy.surveys, copy.options, strict=True)))
-    return solve(path, project_copy(path), declination_deg)
+def _written(path: Path) -> Written:
+    """Return what Survex is given to solve a survey."""
+    return (therion_to_survex if is_project(path) else _WRITERS[path.suffix.lower()])(path)
 
 
 def survey_files(path: Path) -> list[Path]:
-    """Return a survey's files: the file and all files that it names.
+    """Return a survey's files without reading it whole: the file and all files that it names.
 
     Raises
     ------
     InputError
         If a named file is missing or lies outside the folder of the first.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".th" or is_project(path):
-        files: list[Path] = []
-        for _ in project_lines(path, files):
-            pass
-        return list(dict.fromkeys(files))
     if is_node_list(path):
         return [path, links_of(path)]
-    if suffix == ".svx":
-        return project_files(path)
-    if suffix in _WALLS:
-        return list(dict.fromkeys([path, *copy_of(path).surveys]))
-    return compass_files(path) if suffix in _COMPASS else [path]
+    is_solved = path.suffix.lower() in _WRITERS or is_project(path)
+    return list(dict.fromkeys(_written(path).files)) if is_solved else [path]
 
 
 def entrances_of(survey: SolvedSurvey) -> list[str]:
@@ -120,14 +114,16 @@ def entrances_of(survey: SolvedSurvey) -> list[str]:
 
 def names_of(survey: SolvedSurvey) -> dict[str, str]:
     """Return the station of the legs that each name stands for."""
-    _, node = node_of_stations(survey)
-    names = station_names(survey, node)
+    _, node, names = survey.nodes()
     return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
 
 
-def ties_of(survey: SolvedSurvey) -> list[Tie]:
-    """Return the legs that are flagged duplicate."""
-    places, node = node_of_stations(survey)
-    names = station_names(survey, node)
+def ties_of(survey: SolvedSurvey) -> list[SurveyLeg]:
+    """Return the legs that are flagged duplicate: they tie passages together, and have no walls."""
+    places, node, names = survey.nodes()
     pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
-    return [Tie((names[a], names[b]), places[[a, b]]) for a, b in pairs if a != b]
+    nobody = np.full((2, 2), np.nan)
+    return [
+        SurveyLeg("repeated", [names[a], names[b]], at[:, :2], nobody, np.column_stack([at[:, 2], nobody]))
+        for a, b, at in ((a, b, places[[a, b]]) for a, b in pairs if a != b)
+    ]

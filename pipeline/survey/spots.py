@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.guard.csv_text import read_csv_text, separator_of
+from pipeline.guard.csv_text import number_of, read_csv_text, separator_of
 from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.plain_number import plain_number
 from pipeline.survey.vector.shapes import REACH_M
 from pipeline.types import Georeference, Heights
 
@@ -47,7 +46,7 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
                 raise InputError(f"{path}:{reader.line_num}: more fields than columns")
             if separator != ",":  # where a comma does not part columns it may begin the decimals
                 row = {column: (row[column] or "").replace(",", ".") for column in _COLUMNS}
-            rows.append([_number(path, reader.line_num, column, row[column]) for column in _COLUMNS])
+            rows.append([number_of(path, reader.line_num, name, row[name], _REACH[name]) for name in _COLUMNS])
             require_at_most(path, len(rows), "stations", "spots or more")
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num}: not CSV: a field is too long; is a quote not closed?") from error
@@ -62,13 +61,3 @@ def read_spots(path: Path, georeference: Georeference) -> Heights:
     spots[:, :2] = (spots[:, :2] - georeference.origin) * georeference.metres_per_unit
     spots[:, 2] -= datum
     return Heights(spots=[(float(x), float(y), float(z)) for x, y, z in spots], datum_m=datum)
-
-
-def _number(path: Path, line: int, column: str, text: str | None) -> float:
-    try:
-        value = plain_number(text or "")
-    except ValueError:
-        raise InputError(f"{path}:{line}: {column} = {(text or '')[:60]!r} is not a number") from None
-    if not abs(value) <= _REACH[column]:
-        raise InputError(f"{path}:{line}: {column} = {(text or '')[:60]} is not within +-{_REACH[column]:g}")
-    return value

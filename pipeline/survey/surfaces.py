@@ -247,8 +247,12 @@ def _read_drawing(path: Path, step: float) -> tuple[HeightPoints, bool]:
 
     The last value is whether there are lines.
     """
-    suffix = path.suffix.lower()
-    content = shape_reader(path)(path, None)
+    if path.suffix.lower() == ".dxf":
+        from pipeline.survey.vector.dxf import read_dxf  # see pipeline/survey/formats.py
+
+        content = read_dxf(path, None, with_heights=True)
+    else:
+        content = shape_reader(path)(path, None)
     require_at_most(path, len(content.shapes), "shapes", "shapes")
     parts = [part for shape in content.shapes for part in shapely.get_parts(shape) if part.has_z]
     lines = [part for part in parts if shapely.get_dimensions(part) == 1]
@@ -256,10 +260,6 @@ def _read_drawing(path: Path, step: float) -> tuple[HeightPoints, bool]:
     require_size(path, int(min(length / step, 1e12)))
     found = [shapely.get_coordinates(shapely.segmentize(lines, step), include_z=True)] if lines else []
     found += [shapely.get_coordinates([p for p in parts if shapely.get_dimensions(p) == 0], include_z=True)]
-    if suffix == ".dxf":
-        from pipeline.survey.vector.dxf import read_dxf_labels  # see pipeline/survey/formats.py
-
-        found.append(read_dxf_labels(path))
     points = np.concatenate([np.zeros((0, 3)), *(f for f in found if len(f))])
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):

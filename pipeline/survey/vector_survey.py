@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from itertools import compress
 from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.errors import NAMED, InputError
@@ -26,43 +24,36 @@ from pipeline.params.survey import (
     VariantSurveyParams,
     VectorSurveyParams,
 )
-from pipeline.survey.draw import draw_picture, draw_workings, frame_of
+from pipeline.survey.draw import MineReading, draw_picture, reading_of
 from pipeline.survey.formats import is_solved
 from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import (
-    SurveyLeg,
-    require_no_crossing,
-)
+from pipeline.survey.passages.legs import SurveyLeg, legs_of, require_no_crossing
 from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
 from pipeline.survey.passages.workings import build_workings, level_legs
+from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.geodata import companions
 from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.layer_ways import refusal_of_layers
 from pipeline.survey.vector.level_fields import warn_of_overlaps
+from pipeline.survey.vector.plan_doubts import refusal_of_layers
 from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
 from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import (
-    WholeSurvey,
     built_piece,
     footprint,
+    from_origin,
+    legs_of_piece,
     read_whole,
     seen_from_above,
-    whole_in_frame,
 )
 from pipeline.types import (
     METRIC,
-    DrawnFloors,
     DrawnPlan,
-    Frame,
     Georeference,
-    Heights,
-    Image,
-    VolumeShape,
 )
 
 VectorSurvey = (
@@ -70,52 +61,7 @@ VectorSurvey = (
 )
 
 
-@dataclass(frozen=True)
-class VectorReading:
-    """A survey's workings (m, mine frame), their georeference and heights, and what draws their plan, with its frame.
-
-    Of a shape that is no plan the workings are the view from above. A procedural mine with `as_picture` has none: stage
-    2 traces them from the plan.
-    """
-
-    workings: MultiPolygon | None
-    georeference: Georeference
-    heights: Heights | None
-    frame: Frame
-    draw_plan: partial[Image]  # one of 6,000 px takes 2 s, and detection needs none
-    shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
-
-    @property
-    def width_m(self) -> float:
-        """Return the typical width of the drifts: that of one long drift of the same area and length of walls."""
-        if isinstance(self.shape, DrawnFloors):
-            return self.shape.mesh.width_m
-        return 2 * self.workings.area / self.workings.length if self.workings else math.nan
-
-    @property
-    def has_heights(self) -> bool:
-        """Return whether the survey states where its floors are."""
-        return self.heights is not None or not isinstance(self.shape, DrawnPlan)
-
-    @property
-    def walls_m(self) -> float:
-        """Return the length of all walls seen from above, those over each other among them."""
-        if isinstance(self.shape, DrawnFloors):
-            return self.shape.mesh.walls_m
-        return float(self.workings.length) if self.workings else 0.0
-
-
-@dataclass(frozen=True)
-class _Workings:
-    """Workings (m, mine frame) with their georeference, and heights if they have any."""
-
-    polygons: MultiPolygon
-    georeference: Georeference
-    heights: Heights | None = None
-    shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
-
-
-def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> VectorReading:
+def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> MineReading:
     """Read a survey that is in metres.
 
     `content` is what `read_shapes` returned for a vector file; None reads the file.
@@ -125,41 +71,47 @@ def read_vector_survey(params: VectorSurvey, content: Shapes | None = None) -> V
     InputError
         If the file cannot be read or holds no workings.
     """
-    read, name = _read(params, content), _name(params)
-    if (workings := read.polygons).is_empty:
-        raise InputError(f"{name}: the workings have no area")
-    frame = frame_of(name, workings, params)
-    if params.kind != "procedural" or not params.as_picture:
-        draw = partial(draw_workings, workings, frame, params.labels_m, params.drawing_grey)
-        return VectorReading(workings, read.georeference, read.heights, frame, draw, read.shape)
-    draw = partial(draw_picture, workings, frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality)
-    return VectorReading(None, read.georeference, None, frame, draw)
-
-
-def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     match params.kind:
         case "procedural":
-            rng = np.random.default_rng(params.seed)
-            workings = generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump())
-            rough = params.rough_walls
-            return _Workings(roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings, METRIC)
+            return _read_procedural(params)
         case "variant":
-            path = Path(params.workings)
-            shapes, georeference = locate(path, require_simple(path, read_geojson(path, None)), None, None)
-            workings, rng = workings_of(path, shapes, 0.0, []), np.random.default_rng(params.seed)
-            perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
-            return _Workings(perturbed, georeference)
+            read = _read_variant(params)
         case "passages":
             return _read_passages(params)
         case "centrelines":
-            return _read_centrelines(params, content)
+            read = _read_centrelines(params, content)
+        case "vector":
+            read = _read_walls(params, content)
+    return replace(read, files=vector_files(params))
+
+
+def _read_procedural(params: ProceduralSurveyParams) -> MineReading:
+    rng, rough = np.random.default_rng(params.seed), params.rough_walls
+    workings = generate_workings(rib_noise_m=params.rib_noise_m, rng=rng, **params.mine.model_dump())
+    workings = roughen_walls(workings, rng=rng, **rough.model_dump()) if rough else workings
+    read = reading_of(subject_of(params), workings, params, METRIC)
+    if not params.as_picture:
+        return read
+    drawn = workings, read.frame, params.drawing_grey, params.anti_aliased, params.jpeg_quality
+    return replace(read, workings=None, draw_plan=partial(draw_picture, *drawn))
+
+
+def _read_variant(params: VariantSurveyParams) -> MineReading:
+    path, rng = Path(params.workings), np.random.default_rng(params.seed)
+    shapes, georeference = locate(path, require_simple(path, read_geojson(path, None)), None, None)
+    workings = workings_of(path, shapes, 0.0, [])
+    perturbed = perturb_workings(workings, params.station_sd_m, params.width_sd_m, params.reach_m, rng)
+    return reading_of(params.workings, perturbed, params, georeference)
+
+
+def _read_walls(params: VectorSurveyParams, content: Shapes | None) -> MineReading:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     content = with_heights(path, content, params.unit)
     shapes, georeference = locate(path, content, params.unit, params.origin)
     found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
     if found.levels is not None:
-        return _Workings(found.levels.polygons, georeference, shape=found.levels.shape)
+        return reading_of(params.file, found.levels.polygons, params, georeference, shape=found.levels.shape)
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
@@ -179,27 +131,29 @@ def _read(params: VectorSurvey, content: Shapes | None) -> _Workings:
     except InputError as error:
         raise refusal_of_layers(path, content, shapes, params.snap_m, error) from error
     warn_of_overlaps(path, content, shapes, workings)
-    return _Workings(workings, georeference, heights)
+    return reading_of(params.file, workings, params, georeference, heights=heights)
 
 
-def _read_passages(params: PassageSurveyParams) -> _Workings:
+def _read_passages(params: PassageSurveyParams) -> MineReading:
     path = Path(params.file)
-    whole = read_whole(path, params)
-    _require_short(path, whole.legs)
-    if whole.is_level:
-        built, driven = _level_workings(path, whole, params)
+    survey, legs = read_whole(path, params)
+    _require_short(path, legs)
+    crs = None if survey.crs is None else one_line(survey.crs, 200)
+    files = [file.as_posix() for file in survey.files]
+    if not has_relief(legs, params):
+        built, driven = _level_workings(path, survey, legs, params)
         shapes, georeference = locate(path, Shapes([built], "m"), "m", params.origin)
-        place = Georeference("m", 1.0, georeference.origin, whole.crs)
-        workings, legs = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
-        return _Workings(workings, place, shape=DrawnPlan(legs))
-    piece = built_piece(path, whole, params.piece)
-    _, georeference = locate(path, Shapes([footprint(path, piece.legs)], "m"), "m", params.origin)
-    surveyed = whole_in_frame(piece, georeference.origin)
-    place = Georeference("m", 1.0, georeference.origin, whole.crs)
-    return _Workings(seen_from_above(path, surveyed), place, shape=surveyed)
+        place = Georeference("m", 1.0, georeference.origin, crs)
+        workings, drawn = as_polygons(shapely.union_all(shapes)), level_legs(driven, georeference.origin)
+        return reading_of(params.file, workings, params, place, shape=DrawnPlan(drawn), files=files)
+    piece = built_piece(path, survey, legs, params.piece)
+    _, georeference = locate(path, Shapes([footprint(path, legs_of(piece))], "m"), "m", params.origin)
+    surveyed = from_origin(piece, georeference.origin)
+    place = Georeference("m", 1.0, georeference.origin, crs)
+    return reading_of(params.file, seen_from_above(path, surveyed), params, place, shape=surveyed, files=files)
 
 
-def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> _Workings:
+def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) -> MineReading:
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     content = with_heights(path, content, params.unit)
@@ -209,27 +163,26 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     )
     legs = plan_legs(path, survey, params.half_width_m)
     _require_short(path, legs)
-    whole = WholeSurvey(legs, not has_relief(legs, params), is_named=False)
-    if whole.is_level:
-        built, driven = _level_workings(path, whole, params)
-        return _Workings(as_polygons(built), georeference, shape=DrawnPlan(level_legs(driven, (0.0, 0.0))))
-    piece = built_piece(path, whole, params.piece)
-    surveyed = whole_in_frame(piece, (0.0, 0.0))
-    return _Workings(seen_from_above(path, surveyed), georeference, shape=surveyed)
+    if not has_relief(legs, params):
+        built, driven = _level_workings(path, survey, legs, params)
+        shape = DrawnPlan(level_legs(driven, (0.0, 0.0)))
+        return reading_of(params.file, as_polygons(built), params, georeference, shape=shape)
+    surveyed = built_piece(path, survey, legs, params.piece)
+    return reading_of(params.file, seen_from_above(path, surveyed), params, georeference, shape=surveyed)
 
 
 def _level_workings(
-    path: Path, whole: WholeSurvey, params: PassageSurveyParams | CentrelineSurveyParams
+    path: Path, survey: SolvedSurvey, legs: list[SurveyLeg], params: PassageSurveyParams | CentrelineSurveyParams
 ) -> tuple[BaseGeometry, list[SurveyLeg]]:
     """Return the workings of a piece of a survey whose floors are level, seen from above, and its legs but shafts."""
-    driven = [leg for leg in whole.legs if not leg.is_plumb]
-    warn_of_shafts(path, [leg for leg in whole.legs if leg.is_plumb])
+    driven = [leg for leg in legs if not leg.is_plumb]
+    warn_of_shafts(path, [leg for leg in legs if leg.is_plumb])
     if not driven:
         raise InputError(f"{path}: every leg is plumb; nothing to drive on")
-    require_no_crossing(path, driven, whole.doubt, params)
+    require_no_crossing(path, driven, survey.doubt, params)
     is_drawn = params.kind == "centrelines"  # pieces of lines are parted by their walls, not by names of stations
     if not is_drawn:
-        driven = built_piece(path, replace(whole, legs=driven), params.piece).legs
+        driven, _ = legs_of_piece(path, survey, driven, params.piece)
     if all(leg.heights_m is not None for leg in driven):
         warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]), params)
         warn_of_level_roofs(path, driven)
@@ -250,12 +203,18 @@ def _require_short(path: Path, legs: list[SurveyLeg]) -> None:
             )
 
 
-def _name(params: VectorSurvey) -> str:
-    return vector_files(params)[0] if vector_files(params) else f"survey {params.name}"
+def subject_of(params: VectorSurvey) -> str:
+    """Return what messages name: a vector survey's file, or a generated mine's name."""
+    match params.kind:
+        case "procedural":
+            return f"survey {params.name}"
+        case "variant":
+            return params.workings
+    return params.file
 
 
 def vector_files(params: VectorSurvey) -> list[str]:
-    """List the input files of a vector survey."""
+    """List the input files of a vector survey without reading it whole."""
     match params.kind:
         case "procedural":
             return []

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import replace
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
@@ -15,10 +16,8 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import InputError, first_few
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import one_line, warn_user
-from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.survey.formats import is_solved, leg_reader
-from pipeline.survey.passages.legs import SurveyLeg, legs_of, shots_of
+from pipeline.survey.passages.legs import SurveyLeg, legs_of, pack_legs, shots_of
 from pipeline.survey.passages.pieces import require_near
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.ties import passages_of_ties
@@ -34,52 +33,29 @@ _HALF_WIDTH_M = 1.0  # in the plan, of a shaft that nobody measured
 _NO_LENGTH_M = 1e-3
 
 
-@dataclass(frozen=True)
-class WholeSurvey:
-    """All legs of a survey in its own frame, the names of its entrances, and its coordinate system.
+def read_whole(path: Path, params: PassageSurveyParams) -> tuple[SolvedSurvey, list[SurveyLeg]]:
+    """Read a station survey, with elevations or without, and its legs; `InputError` if it cannot be read.
 
-    A survey that `is_level` is built as a plan. The stations of lines, which are not `is_named`, have names that the
-    user does not know. `ties` are pairs of stations that a repeated leg joins, which is no passage of its own. `names`
-    has the station that each name of a solved survey stands for: equated stations have several. `doubt` says which loop
-    has a wrong reading. Of a piece that is built, `others` has a station and the length, m, of each other piece, and
-    `surveyed_m` is the length of all.
+    Legs of a table without relief, which is built as a plan, are those of the table.
     """
-
-    legs: list[SurveyLeg]
-    is_level: bool
-    entrances: tuple[str, ...] = ()
-    crs: str | None = None
-    is_named: bool = True
-    ties: tuple[tuple[str, str], ...] = ()
-    names: dict[str, str] = field(default_factory=dict)
-    doubt: str = ""
-    others: tuple[tuple[str, float], ...] = ()
-    surveyed_m: float = 0.0
-
-
-def read_whole(path: Path, params: PassageSurveyParams) -> WholeSurvey:
-    """Read a station survey, with elevations or without; `InputError` if it cannot be read."""
-    if path.suffix.lower() == ".csv":
-        legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None, params.columns, params)
-        if not has_relief(legs, params):
-            return WholeSurvey(_with_walls(path, legs, params.half_width_m), is_level=True)
-        return WholeSurvey(plan_legs(path, survey_of_legs(path, legs), params.half_width_m), is_level=False)
-    if is_solved(path):
-        return whole_of(path, solve_file(path, params.declination_deg), params.half_width_m, params)
-    legs, crs = leg_reader(path)(path, params)
-    return WholeSurvey(legs, not has_relief(legs, params), (), crs)
+    if path.suffix.lower() != ".csv":
+        survey = solve_file(path, params.declination_deg)
+        return survey, whole_legs(path, survey, params.half_width_m)
+    legs = read_station_legs(path, params.grade if isinstance(params.grade, dict) else None, params.columns, params)
+    survey, has_grades = survey_of_legs(path, legs), any(leg.grades is not None for leg in legs)
+    if not has_relief(legs, params):
+        return survey, _with_walls(path, legs, params.half_width_m)
+    legs = plan_legs(path, survey, params.half_width_m)
+    ungraded = [np.full(len(leg.stations) - 1, np.nan) if has_grades else None for leg in legs]
+    return survey, [replace(leg, grades=grades) for leg, grades in zip(legs, ungraded, strict=True)]
 
 
-def whole_of(
-    path: Path, survey: SolvedSurvey, half_width_m: float | None, rules: FloorRules = FLOOR_RULES
-) -> WholeSurvey:
-    """Return a solved survey as `read_whole`; `InputError` if it has no widths."""
+def whole_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> list[SurveyLeg]:
+    """Return the legs of a solved survey, with repeated ones that alone join pieces; `InputError` without widths."""
     legs = plan_legs(path, survey, half_width_m)
-    if all(leg.heights_m is not None and np.isnan(leg.heights_m[:, 2]).all() for leg in legs):
+    if all(np.isnan(leg.lrud_m[:, 3]).all() for leg in legs):
         warn_user("no station has a distance down to the floor; floors are at the stations", of=path.name)
-    crs = None if survey.crs is None else one_line(survey.crs, 200)
-    ties = ties_of(survey)
-    lone = passages_of_ties(legs, ties)
+    lone = passages_of_ties(legs, ties_of(survey))
     if lone:
         listed = [f"{leg.stations[0]} to {leg.stations[-1]}" for leg in lone]
         warn_user(
@@ -87,17 +63,7 @@ def whole_of(
             of=path.name,
             count=len(lone),
         )
-    legs, names = legs + lone, names_of(survey)
-    entrances = tuple(sorted({names[name] for name in entrances_of(survey)}))
-    return WholeSurvey(
-        legs,
-        not has_relief(legs, rules),
-        entrances,
-        crs,
-        ties=tuple(tie.stations for tie in ties),
-        names=names,
-        doubt=survey.doubt,
-    )
+    return legs + lone
 
 
 def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -> list[SurveyLeg]:
@@ -115,15 +81,34 @@ def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -
     return walled + [leg for leg in legs if leg.is_plumb]
 
 
-def built_piece(path: Path, survey: WholeSurvey, piece: Piece | None) -> WholeSurvey:
-    """Return the longest piece of a survey, or the one that the user names; others are listed in a warning."""
-    legs, others = _pieces(path, survey, piece)
-    if not survey.is_level:
-        _warn_of_roofs(path, legs)
-    stations = {name for leg in legs for name in leg.stations}
-    entrances = tuple(name for name in survey.entrances if name in stations)
-    surveyed_m = sum(map(_length_m, survey.legs))
-    return replace(survey, legs=legs, others=tuple(others), entrances=entrances, surveyed_m=surveyed_m)
+def built_piece(path: Path, survey: SolvedSurvey, legs: list[SurveyLeg], piece: Piece | None) -> SurveyedLegs:
+    """Return the longest piece of a survey, or the one that the user names; others are listed in a warning.
+
+    It is in the survey's frame, with its lowest floor, rounded down to metres, at height 0.
+    """
+    built, others = legs_of_piece(path, survey, legs, piece)
+    _warn_of_roofs(path, built)
+    stations, names = {name for leg in built for name in leg.stations}, names_of(survey)
+    floors = np.concatenate([leg.places_m[:, 2] - np.nan_to_num(leg.lrud_m[:, 3]) for leg in built])
+    datum = float(np.floor(floors.min()))
+    return pack_legs(
+        built,
+        (0.0, 0.0, datum),
+        surveyed_m=sum(map(_length_m, legs)),
+        datum_m=datum,
+        entrances=text_array(sorted({names[name] for name in entrances_of(survey)} & stations)),
+        pieces=text_array([name for name, _ in others]),
+        pieces_m=np.array([length for _, length in others]),
+        sources=np.concatenate([leg.known for leg in built]).astype(np.uint8),
+        between=np.concatenate([~leg.surveyed for leg in built]).astype(np.uint8),
+        splays_m=splays_from(built) - np.array([0.0, 0.0, datum]),
+    )
+
+
+def from_origin(surveyed: SurveyedLegs, origin: tuple[float, float]) -> SurveyedLegs:
+    """Return legs in the mine frame, whose origin (east, north) m is stated in theirs."""
+    moved = np.array([*origin, 0.0])
+    return replace(surveyed, positions_m=surveyed.positions_m - moved, splays_m=surveyed.splays_m - moved)
 
 
 def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
@@ -150,28 +135,6 @@ def _warn_of_roofs(path: Path, legs: list[SurveyLeg]) -> None:
             of=path.name,
             count=f"{len(between)} of {len(roofs)}",
         )
-
-
-def whole_in_frame(piece: WholeSurvey, origin: tuple[float, float]) -> SurveyedLegs:
-    """Return the legs in the mine frame, whose height 0 is their lowest floor, rounded down to metres."""
-    places = [_places(leg) for leg in piece.legs]
-    lrud = np.concatenate([np.column_stack([leg.walls_m, _heights(leg)[:, 1:]]) for leg in piece.legs])
-    floors = np.concatenate(places)[:, 2] - np.nan_to_num(lrud[:, 3])
-    datum = float(np.floor(floors.min()))
-    return SurveyedLegs(
-        positions_m=np.concatenate(places) - np.array([*origin, datum]),
-        lrud_m=lrud,
-        first=np.concatenate([[0], np.cumsum([len(leg.stations) for leg in piece.legs])]).astype(np.int32),
-        names=text_array([name for leg in piece.legs for name in leg.stations]),
-        surveyed_m=piece.surveyed_m,
-        datum_m=datum,
-        entrances=text_array(piece.entrances),
-        pieces=text_array([name for name, _ in piece.others]),
-        pieces_m=np.array([length for _, length in piece.others]),
-        sources=np.concatenate([leg.known for leg in piece.legs]).astype(np.uint8),
-        between=np.concatenate([~leg.surveyed for leg in piece.legs]).astype(np.uint8),
-        splays_m=splays_from(piece.legs) - np.array([*origin, datum]),
-    )
 
 
 def splays_from(legs: list[SurveyLeg]) -> np.ndarray:
@@ -203,47 +166,38 @@ def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
     return built
 
 
-def _heights(leg: SurveyLeg) -> np.ndarray:
-    assert leg.heights_m is not None
-    return leg.heights_m
-
-
-def _places(leg: SurveyLeg) -> np.ndarray:
-    """Return the stations' places (n, 3) m; those without elevations are at 0."""
-    heights = np.zeros(len(leg.stations)) if leg.heights_m is None else leg.heights_m[:, 0]
-    return np.column_stack([leg.positions_m, heights])
-
-
 def _length_m(leg: SurveyLeg) -> float:
     """Return the length of a leg, m, from its first station to its last: a face beyond them is not surveyed."""
-    return float(np.linalg.norm(np.diff(_places(leg)[leg.surveyed], axis=0), axis=1).sum())
+    return float(np.linalg.norm(np.diff(leg.places_m[leg.surveyed], axis=0), axis=1).sum())
 
 
-def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[SurveyLeg], list[tuple[str, float]]]:
+def legs_of_piece(
+    path: Path, survey: SolvedSurvey, legs: list[SurveyLeg], piece: Piece | None
+) -> tuple[list[SurveyLeg], list[tuple[str, float]]]:
     """Return the legs of the chosen piece, and a station and the length of each other one, with a warning of them."""
-    legs = survey.legs
     graph: nx.Graph = nx.Graph()
-    graph.add_edges_from(survey.ties, length=0.0)
+    for tie in ties_of(survey):
+        graph.add_edge(*tie.stations, length=0.0)
     for leg in legs:
         for (a, b), step in zip(
-            pairwise(leg.stations), np.linalg.norm(np.diff(_places(leg), axis=0), axis=1).tolist(), strict=True
+            pairwise(leg.stations), np.linalg.norm(np.diff(leg.places_m, axis=0), axis=1).tolist(), strict=True
         ):
             graph.add_edge(a, b, length=step)
     built = {name for leg in legs for name in leg.stations}
-    found = [
-        (float(graph.subgraph(nodes).size(weight="length")), min(nodes & built), nodes)
+    found = [  # exact sums, as the order of the nodes changes from run to run
+        (math.fsum(nx.get_edge_attributes(graph.subgraph(nodes), "length").values()), min(nodes & built), nodes)
         for nodes in nx.connected_components(graph)
         if nodes & built
     ]
     found.sort(key=lambda one: (-one[0], one[1]))
-    station = None if piece is None else _station(path, survey, piece)
+    station = None if piece is None else _station(path, survey, legs, piece)
     length, about, nodes = found[0] if station is None else next(one for one in found if station in one[2])
     if not length > _NO_LENGTH_M:
         raise InputError(f"{path}: the legs about station {about} have no length; nothing to build")
     others = [(name, metres) for metres, name, stations in found if stations is not nodes]
     if others:
-        about = _about(survey, about)
-        lengths = [f"{metres:.0f} m about {_about(survey, name)}" for name, metres in others]
+        about = _about(survey, legs, about)
+        lengths = [f"{metres:.0f} m about {_about(survey, legs, name)}" for name, metres in others]
         warn_user(
             f"pieces share no station; built is the one of {length:.0f} m about {about}",
             of=path.name,
@@ -254,15 +208,15 @@ def _pieces(path: Path, survey: WholeSurvey, piece: Piece | None) -> tuple[list[
     return [leg for leg in legs if leg.stations[0] in nodes], others
 
 
-def _about(survey: WholeSurvey, station: str) -> str:
+def _about(survey: SolvedSurvey, legs: list[SurveyLeg], station: str) -> str:
     """Return what names a station to the user, as --piece takes it: its name, or its place."""
     if survey.is_named and not station.startswith("unnamed "):
         return one_line(station, _NAME_CHARS)
-    leg = next(leg for leg in survey.legs if station in leg.stations)
-    return ",".join(f"{value:.1f}" for value in _places(leg)[leg.stations.index(station)])
+    leg = next(leg for leg in legs if station in leg.stations)
+    return ",".join(f"{value:.1f}" for value in leg.places_m[leg.stations.index(station)])
 
 
-def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
+def _station(path: Path, survey: SolvedSurvey, legs: list[SurveyLeg], piece: Piece) -> str:
     """Return the station that a name or a place (easting, northing, elevation) stands for.
 
     Raises
@@ -270,10 +224,9 @@ def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
     InputError
         If there is none, with names like it, or the nearest one is more than 10 m away.
     """
-    legs = survey.legs
     names = list(dict.fromkeys(name for leg in legs for name in leg.stations))
     if isinstance(piece, str):
-        named = survey.names.get(piece, piece)
+        named = names_of(survey).get(piece, piece)
         if named in names:
             return named
         near = ", ".join(one_line(name, _NAME_CHARS) for name in get_close_matches(piece, names, n=3, cutoff=0.0))
@@ -281,7 +234,7 @@ def _station(path: Path, survey: WholeSurvey, piece: Piece) -> str:
             f"{path}: survey.piece = {one_line(piece, _NAME_CHARS)!r}: no station has this name; names like it are "
             f"{near}"
         )
-    places = np.concatenate([_places(leg) for leg in legs])
+    places = np.concatenate([leg.places_m for leg in legs])
     far = np.linalg.norm(places - piece, axis=1)
     station = [name for leg in legs for name in leg.stations][int(far.argmin())]
     require_near(path, piece, float(far.min()), f"the nearest station, {one_line(station, _NAME_CHARS)},")

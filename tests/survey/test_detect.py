@@ -76,7 +76,7 @@ def test_detection_draws_no_plan_in_any_of_the_units_that_it_tries(tmp_path, mon
     made = ezdxf.new(units=0)
     made.modelspace().add_lwpolyline(np.array(TEE.exterior.coords)[:-1] * 1000, close=True)
     made.saveas(tmp_path / "mine.dxf")
-    monkeypatch.setattr("pipeline.survey.vector_survey.draw_workings", refuse)
+    monkeypatch.setattr("pipeline.survey.draw.draw_workings", refuse)
     assert detect_here(str(tmp_path / "mine.dxf"), {}).values["values"]["unit"] == "mm"
 
 

@@ -14,7 +14,7 @@ HEAD = "easting_m,northing_m,elevation_m\n"
     [
         (f"{HEAD}0,0,1e308\n60,10,-1e308\n", r":2: elevation_m = 1e308 is not within \+-10000"),
         (f"{HEAD}0,0,0\n1e300,0,1\n", r":3: easting_m = 1e300 is not within \+-1e\+12"),
-        (f"{HEAD}0,0,nan\n", r":2: elevation_m = nan is not within"),
+        (f"{HEAD}0,0,nan\n", r":2: elevation_m = nan is not a finite number"),
         (f"{HEAD}0,0,\x1b[31m\n", r":2: elevation_m = '\\x1b\[31m' is not a number"),
         (f"{HEAD}0,0,{'x' * 5000}\n", r":2: elevation_m = 'x{60}' is not a number"),
         (f"{HEAD}4_0,0,1\n", r":2: easting_m = '4_0' is not a number"),

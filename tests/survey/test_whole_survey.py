@@ -156,7 +156,7 @@ def test_a_survey_in_three_dimensions_is_read_whole(tmp_path):
     params = PassageSurveyParams(kind="passages", name="a", file="data/x", heights=None).model_copy(
         update={"file": path.as_posix()}
     )
-    assert len(read_whole(path, params).legs) >= 3
+    assert len(read_whole(path, params)[1]) >= 3
 
 
 WINZE = (
@@ -171,7 +171,7 @@ WINZE = (
 def test_a_drift_keeps_its_floor_where_a_shaft_or_a_side_drift_begins(order, tmp_path, capsys):
     path = tmp_path / "winze.csv"
     path.write_text(HEADER + "".join(WINZE[k] for k in order))
-    legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/winze.csv")).legs
+    _, legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/winze.csv"))
     found = {(a, b): leg.heights_m[:, 1:].tolist() for leg in legs for a, b in [(leg.stations[0], leg.stations[-1])]}
     assert found["1", "3"] == [[3, 0], [3, 0], [3, 0]]
     assert found["5", "6"] == [[3, 0], [3, 0]]
@@ -185,6 +185,6 @@ def test_each_passage_keeps_its_own_roof_where_a_crawl_leads_into_a_chamber(tmp_
     path = tmp_path / "chamber.csv"
     crawl = "A,1,0,0,0,1,1,0.4,0.3\nA,2,20,0,0,1,1,0.4,0.3\nA,3,40,0,0,1,1,0.4,0.3\n"
     path.write_text(HEADER + crawl + "B,2,20,0,0,5,5,15,0.3\nB,4,20,20,2,5,5,15,0.3\n")
-    legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/chamber.csv")).legs
+    _, legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/chamber.csv"))
     found = {(leg.stations[0], leg.stations[-1]): leg.heights_m[:, 1].tolist() for leg in legs}
     assert found == {("1", "3"): [0.4, 0.4, 0.4], ("2", "4"): [15, 15]}

@@ -16,7 +16,6 @@ from pipeline.survey.survex.survex_text import NAME_CHARACTERS, SurvexText, writ
 _FOOT_M = 0.3048
 _EXCLUDED, _NO_PASSAGE = "X", {"P", "S"}
 _FLAGS = {"L": "duplicate", "P": "surface", "S": "splay"}
-_PASSAGE = "*data passage station left right up down"
 # Shots with C stay as they were measured: errors of loops go to other shots.
 _FAST = ("*sd position 0.0005 metres", "*sd length 0.0005 metres", "*sd compass clino 0.001 degrees")
 
@@ -73,7 +72,7 @@ def to_survex(path: Path) -> SurvexText:
     """
     line = ProjectLine(path, 1)
     files = read_project(path) if path.suffix.lower() == ".mak" else [ProjectFile(line, path)]
-    made, begin = SurvexText(), ""
+    made, begin = SurvexText([path, *(file.path for file in files)]), ""
     if not any(file.fixed for file in files):
         files, begin = _without_places(path, files)
     for text in ("*case preserve", f"*set names {NAME_CHARACTERS}", "*infer plumbs on", "*infer equates on"):
@@ -96,17 +95,6 @@ def to_survex(path: Path) -> SurvexText:
             _add_survey(made, survey, [shot for shot in shots if _EXCLUDED not in shot.flags], bool(base))
     users.warn(path)
     return made
-
-
-def compass_files(path: Path) -> list[Path]:
-    """Return the files of a project: itself and the data files that it names.
-
-    Raises
-    ------
-    InputError
-        As `read_project`.
-    """
-    return [path] if path.suffix.lower() != ".mak" else [path, *(file.path for file in read_project(path))]
 
 
 def _without_places(path: Path, files: list[ProjectFile]) -> tuple[list[ProjectFile], str]:
@@ -170,8 +158,7 @@ def _add_survey(made: SurvexText, survey: CompassSurvey, shots: list[CompassShot
             continue  # it states a cross-section
         letters = "".join(letter for letter in _FLAGS if letter in shot.flags)
         if letters != flags:
-            words = [f"{'' if letter in letters else 'not '}{name}" for letter, name in _FLAGS.items()]
-            made.add(shot, f"*flags {' '.join(words)}")
+            made.add_flags(shot, [_FLAGS[letter] for letter in letters])
             flags = letters
         readings = _shot_words(shot, survey)
         for text in ("*begin", *_FAST, readings, "*end") if "C" in shot.flags else (readings,):
@@ -209,6 +196,4 @@ def _add_passages(made: SurvexText, survey: CompassSurvey, shots: list[CompassSh
 def _add_passage(made: SurvexText, chain: list[tuple[CompassShot, str, tuple[float, ...]]]) -> None:
     if len(chain) < 2 or all(math.isnan(wall) for _, _, walls in chain for wall in walls):
         return
-    made.add(chain[0][0], _PASSAGE)
-    for shot, name, walls in chain:
-        made.add(shot, " ".join([written_name(name), *("-" if math.isnan(w) else f"{w:.4f}" for w in walls)]))
+    made.add_passage([(shot, written_name(name), walls) for shot, name, walls in chain])

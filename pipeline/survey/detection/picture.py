@@ -18,11 +18,11 @@ from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import FileKind, StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.detected_section import Detection
-from pipeline.survey.drawing.georeference import has_placement, placement_files, read_placement
+from pipeline.survey.drawing.georeference import find_placement, placement_files
 from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark
-from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_of_page
-from pipeline.survey.drawing.picture import USUAL_DPI, fitting_dpi, make_ready, read_page, require_few_regions
+from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_in
+from pipeline.survey.drawing.picture import USUAL_DPI, OpenPage, make_ready, open_page, require_few_regions
 from pipeline.survey.drawing.reduction import Box, box_in, fitting_reduction
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
@@ -42,13 +42,18 @@ def detect_picture(path: Path, stated: StatedOptions) -> Detection:
         If the file cannot be read, has no scale, or a stated value is refused; of workings that are not found beyond
         doubt a `DoubtError`.
     """
-    is_pdf = kind_of(path) is FileKind.PDF
-    page, most = int(stated.page or 1), reader_limits().megapixels
-    dpi = stated.dpi or (_fitting_dpi(path, page, stated) if is_pdf else 0.0)
-    picture, evened, section = _ready_picture(path, stated, read_page(path, page, dpi, most) if is_pdf else None)
+    is_pdf, most = kind_of(path) is FileKind.PDF, reader_limits().megapixels
+    page, dpi, text = int(stated.page or 1), 0.0, ""
+    if is_pdf:
+        with open_page(path, page) as opened:
+            dpi = stated.dpi or _fitting_dpi(opened, stated)
+            image, text = opened.render(dpi, most), opened.text()
+    else:
+        image = read_image(path, most)
+    picture, evened, section = _ready_picture(path, stated, image)
     by = section["reduction"]
     require_few_regions(path, picture)
-    scale, remarks, files = _detect_scale(path, picture, by, stated, (page, dpi) if is_pdf else None)
+    scale, remarks, files = _detect_scale(path, picture, by, stated, (text, dpi) if is_pdf else None)
     box = None if scale["bar_box_px"] is None else box_in(scale["bar_box_px"], by)
     dark = _workings_mask(picture, box)
     per_m = (scale["px_per_m"] or 0.0) / by
@@ -105,12 +110,11 @@ def _advice_on_light(evened: bool) -> Iterator[None]:
         raise DoubtError(f"{doubt}{BETTER_LIGHT}", doubt.picture) from doubt
 
 
-def _ready_picture(path: Path, stated: StatedOptions, page: Image | None) -> tuple[Image, bool, dict[str, Any]]:
+def _ready_picture(path: Path, stated: StatedOptions, picture: Image) -> tuple[Image, bool, dict[str, Any]]:
     """Return a picture, or a page, dark on light and of a size that can be searched.
 
     Also return whether its light was evened out, and the section of what was done.
     """
-    picture = read_image(path, reader_limits().megapixels) if page is None else page
     left, top, right, bottom = stated.crop_px or (0, 0, picture.shape[1], picture.shape[0])
     section = {
         "crop_px": stated.crop_px,
@@ -121,12 +125,12 @@ def _ready_picture(path: Path, stated: StatedOptions, page: Image | None) -> tup
     return *make_ready(path, picture, _picture_section(section)), section
 
 
-def _fitting_dpi(path: Path, page: int, stated: StatedOptions) -> float:
+def _fitting_dpi(page: OpenPage, stated: StatedOptions) -> float:
     """Return the resolution of a page for which none is stated; values in pixels need the usual one."""
-    dpi = fitting_dpi(path, page)
+    dpi = page.fitting_dpi()
     in_px = [option(name).flags[0] for name in _IN_PX if getattr(stated, name) is not None]
     if dpi != USUAL_DPI and in_px:
-        raise InputError(f"{path}: {in_px[0]} depends on the resolution; state --dpi too, {dpi:g} or less fits")
+        raise InputError(f"{page.path}: {in_px[0]} depends on the resolution; state --dpi too, {dpi:g} or less fits")
     return dpi
 
 
@@ -159,11 +163,11 @@ def _read_bar(
 
 
 def _detect_scale(
-    path: Path, picture: Image, by: int, stated: StatedOptions, of_page: tuple[int, float] | None
+    path: Path, picture: Image, by: int, stated: StatedOptions, of_page: tuple[str, float] | None
 ) -> tuple[dict[str, Any], dict[str, str], list[Path]]:
     """Return the scale of the whole of a picture, which is reduced by `by`, remarks on the scale, and its files.
 
-    `of_page` is the number and the resolution of a PDF's page.
+    `of_page` is the text and the resolution of a PDF's page.
     """
     scale: dict[str, Any] = {
         "source": "bar",
@@ -178,8 +182,8 @@ def _detect_scale(
     if stated.ratio:
         per_m = px_per_m_of(path, stated.ratio, dpi)
         return {**scale, "source": "stated", "px_per_m": per_m}, {"scale": f"1:{stated.ratio:g} as stated"}, []
-    if has_placement(path):
-        files, place = placement_files(path), read_placement(path)
+    if (place := find_placement(path)) is not None:
+        files = placement_files(path)
         per_m = 1.0 / (place.size * place.metres_per_unit)
         remark = f"{per_m:.3f} px/m from {files[0].name if files else 'the file itself'}"
         if place.unit in ("m", "metre") and abs(place.metres_per_unit - 1) > 1e-6:
@@ -188,7 +192,7 @@ def _detect_scale(
     box = _stated_box(path, picture, by, stated)
     if box is None and (found := find_bar(picture)) is not None:
         box = tuple(by * side for side in found)
-    ratio = ratio_of_page(path, of_page[0]) if box is None and of_page is not None else None
+    ratio = ratio_in(of_page[0]) if box is None and of_page is not None else None
     if ratio is not None:
         remark = f"1:{ratio:g} by the text of the page, if it is printed in its own size; else --scale 1:N"
         return {**scale, "source": "stated", "px_per_m": px_per_m_of(path, ratio, dpi)}, {"scale": remark}, []

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import rasterio
-from rasterio.crs import CRS
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
-from rasterio.transform import Affine
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
@@ -31,6 +30,8 @@ _SUFFIXES = {
     ".tif": [".tfw", ".tifw"],
     ".tiff": [".tfw", ".tiffw"],
 }
+# The file that states a place, its six numbers as in a world file, and its system with its name if there is one.
+_Stated = tuple[Path, tuple[float, ...], tuple[pyproj.CRS, str] | None]
 
 
 @dataclass(frozen=True)
@@ -65,46 +66,45 @@ def world_file(image: Path) -> Path | None:
     return found
 
 
-def read_placement(image: Path) -> Placement:
-    """Read a picture's georeference from its world file, or from the GeoTIFF itself.
+def find_placement(image: Path) -> Placement | None:
+    """Read a picture's georeference from its world file, or from the GeoTIFF itself; None if it has none.
 
     Raises
     ------
     InputError
-        If it has no georeference, its pixels are not square or are mirrored, or its system is in degrees; if it is
+        If its pixels are not square or are mirrored, or its system is in degrees; if it is
         stored turned, because no format says whether its georeference is of the stored or of the turned picture.
 
     References
     ----------
     Esri, "World files for raster datasets"; OGC GeoTIFF 1.1.
     """
-    file, tags = world_file(image), _geotiff_tags(image)
-    if file is None and tags is None:
-        raise InputError(f"{image}: has no world file and is not a GeoTIFF; survey.scale.source=georeference needs one")
-    orientation = read_header(image).orientation
-    if orientation != 1:
+    found = _by_world_file(image) or _by_geotiff(image)
+    if found is None:
+        return None
+    header = read_header(image)
+    if header.orientation != 1:
         raise InputError(
-            f"{image}: it is stored turned (orientation {orientation}); save it upright to use a georeference"
+            f"{image}: it is stored turned (orientation {header.orientation}); save it upright to use a georeference"
         )
-    if file is not None:
-        return _by_world_file(image, file)
-    assert tags is not None
-    t, crs, cols, rows = tags
-    if crs is not None and crs.is_geographic:
+    file, six, stated = found
+    if stated is None:
+        return _placement(file, six, 1.0, "m", None)
+    system, name = stated
+    if system.is_geographic:
         raise InputError(
-            f"{image}: its pixels are in degrees ({crs}); warp it to a metric system first, or state --px-per-m"
+            f"{image}: its pixels are in degrees ({system.name}); warp it to a metric system first, or state --px-per-m"
         )
-    six: tuple[float, ...] = (t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2)
-    if crs is not None:
-        axes = axes_of(coordinate_system(image, crs.to_wkt()))
-        six = tuple(axes.plan_of(np.array(six).reshape(3, 2)).ravel().tolist())
-        warn_of_turn(image, axes)
-    unit, metres = crs.linear_units_factor if crs is not None and crs.is_projected else ("m", 1.0)
-    placement = _placement(image, six, float(metres), str(unit), crs.to_string() if crs is not None else None)
-    if crs is None or not crs.is_projected:
+    axes = axes_of(system)
+    warn_of_turn(image, axes)
+    turned = axes.plan_of(np.array(six).reshape(3, 2)).ravel().tolist()
+    placement = _placement(file, turned, axes.metres, axes.unit, name)
+    if not system.is_projected:
         return placement
-    along = _ground_scale(image, crs.to_wkt(), *(t @ (cols / 2, rows / 2)))
-    return replace(placement, metres_per_unit=float(metres) / along)
+    a, d, b, e, c, f = six
+    across, along = (header.width - 1) / 2, (header.height - 1) / 2
+    middle = c + a * across + b * along, f + d * across + e * along
+    return replace(placement, metres_per_unit=axes.metres / _ground_scale(image, system, *middle))
 
 
 def placement_files(image: Path) -> list[Path]:
@@ -114,26 +114,18 @@ def placement_files(image: Path) -> list[Path]:
     return [found for found in (file, *beside) if found is not None and found.is_file()]
 
 
-def _by_world_file(image: Path, file: Path) -> Placement:
-    """Return the georeference of a world file, in metres unless a `.prj` file beside it names a system."""
-    six, systems = _six_numbers(file), placement_files(image)[1:]
-    if not systems:
+def _by_world_file(image: Path) -> _Stated | None:
+    """Return what a world file states, with the system of a `.prj` file beside it; None if there is none."""
+    files = placement_files(image)
+    if not files:
+        return None
+    six = _six_numbers(files[0])
+    if len(files) == 1:
         _warn_of_unread(image)
-        return _placement(file, six, 1.0, "m", None)
-    system = coordinate_system(systems[0], read_text_bytes(systems[0], "yaml_bytes").decode("latin-1"))
-    if system.is_geographic:
-        raise InputError(
-            f"{image}: its pixels are in degrees ({system.name}); warp it to a metric system first, or state --px-per-m"
-        )
-    axes, header = axes_of(system), read_header(image)
-    warn_of_turn(image, axes)
-    a, d, b, e, c, f = axes.plan_of(np.array(six).reshape(3, 2)).ravel().tolist()
+        return files[0], six, None
+    system = coordinate_system(files[1], read_text_bytes(files[1], "yaml_bytes").decode("latin-1"))
     code = system.to_authority()
-    placement = _placement(file, (a, d, b, e, c, f), axes.metres, axes.unit, ":".join(code) if code else system.name)
-    if not system.is_projected:
-        return placement
-    middle = (c + a * header.width / 2 + b * header.height / 2, f + d * header.width / 2 + e * header.height / 2)
-    return replace(placement, metres_per_unit=axes.metres / _ground_scale(image, system.to_wkt(), *middle))
+    return files[0], six, (system, ":".join(code) if code else system.name)
 
 
 def _warn_of_unread(image: Path) -> None:
@@ -147,13 +139,8 @@ def _warn_of_unread(image: Path) -> None:
         )
 
 
-def has_placement(image: Path) -> bool:
-    """Return whether a picture has a georeference: a world file beside it, or GeoTIFF tags."""
-    return world_file(image) is not None or _geotiff_tags(image) is not None
-
-
-def _geotiff_tags(image: Path) -> tuple[Affine, CRS | None, int, int] | None:
-    """Return a GeoTIFF's transform from pixels to the map, its system and size; None for another file."""
+def _by_geotiff(image: Path) -> _Stated | None:
+    """Return what a GeoTIFF states; None of another file."""
     if image.suffix.lower() not in (".tif", ".tiff"):
         return None
     try:
@@ -163,13 +150,16 @@ def _geotiff_tags(image: Path) -> tuple[Affine, CRS | None, int, int] | None:
                 rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"),  # files beside it are not read
                 rasterio.open(image, driver="GTiff") as picture,
             ):
-                found = picture.transform, picture.crs, picture.width, picture.height
+                t, crs = picture.transform, picture.crs
     except (RasterioError, ValueError, TypeError):
         return None
-    return None if found[0].is_identity else found
+    if t.is_identity:
+        return None
+    six = t.a, t.d, t.b, t.e, t.c + (t.a + t.b) / 2, t.f + (t.d + t.e) / 2
+    return image, six, None if crs is None else (coordinate_system(image, crs.to_wkt()), crs.to_string())
 
 
-def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
+def _ground_scale(image: Path, system: pyproj.CRS, east: float, north: float) -> float:
     """Return how much longer lengths are in the map than on the ground; 1 within 0.3 %.
 
     Raises
@@ -178,7 +168,7 @@ def _ground_scale(image: Path, system: str, east: float, north: float) -> float:
         If the middle of the picture is outside the system, or lengths differ between the axes.
     """
     try:
-        along = ground_scale(coordinate_system(image, system), east, north)
+        along = ground_scale(system, east, north)
     except pyproj.exceptions.ProjError as error:
         raise InputError(
             f"{image}: its middle is outside its coordinate system; --px-per-m states the scale instead"
@@ -204,7 +194,7 @@ def _six_numbers(path: Path) -> tuple[float, ...]:
     return numbers
 
 
-def _placement(path: Path, six: tuple[float, ...], metres: float, unit: str, crs: str | None) -> Placement:
+def _placement(path: Path, six: Sequence[float], metres: float, unit: str, crs: str | None) -> Placement:
     a, d, b, e, c, f = six  # one column right is (a, d), one row down is (b, e); (c, f) is the centre of pixel (0, 0)
     size, down = math.hypot(a, d), math.hypot(b, e)
     if not (1e-6 < size < 1e6) or abs(size - down) > 0.005 * size or a * e - b * d >= 0:

@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.survey.drawing.picture import page_text
 from pipeline.survey.drawing.picture_header import read_header
 
 _INCH_M = 0.0254
@@ -20,11 +19,6 @@ def ratio_in(text: str) -> float | None:
     found = {float(re.sub(r"\D", "", number)) for number in _RATIO.findall(text)}
     found = {number for number in found if _LEAST <= number <= _MOST}
     return found.pop() if len(found) == 1 else None
-
-
-def ratio_of_page(path: Path, page: int) -> float | None:
-    """Return N of the one scale 1:N that the text of a PDF's page states; None if it states none or several."""
-    return ratio_in(page_text(path, page))
 
 
 def px_per_m_of(path: Path, ratio: float, dpi: float | None) -> float:

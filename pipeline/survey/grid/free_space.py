@@ -24,10 +24,11 @@ _FREE, _SOLID = 255, 60  # grey values of the picture of a question
 
 @dataclass(frozen=True)
 class FreeCells:
-    """The free cells that are built (rows, cols; row 0 in the south), all connected, and where they lie."""
+    """The free cells that are built (rows, cols; row 0 in the south), all connected, their place and files."""
 
     cells: Mask
     placement: GridPlacement
+    files: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,8 @@ class _MapFile(BaseModel):
 class Nav2Map:
     """An occupancy grid: `free` and `occupied` (rows, cols), row 0 in the south. All other cells are unknown.
 
-    `origin_m` is the south-west corner of cell [0, 0], `yaw_rad` the rotation about it, `cell_m` the edge of a cell.
+    `origin_m` is the south-west corner of cell [0, 0], `yaw_rad` the rotation about it, `cell_m` the edge of a cell. It
+    was read from its `picture`.
     """
 
     free: Mask
@@ -63,6 +64,7 @@ class Nav2Map:
     origin_m: tuple[float, float]
     yaw_rad: float
     cell_m: float
+    picture: Path
 
 
 def read_nav2_map(path: Path) -> Nav2Map:
@@ -86,7 +88,7 @@ def read_nav2_map(path: Path) -> Nav2Map:
     _warn_of_unknown(path, header, pixels, cells)
     x, y, yaw = header.origin
     is_occupied = cells > 0 if header.mode == "raw" else cells == _OCCUPIED
-    return Nav2Map((cells == 0)[::-1], is_occupied[::-1], (x, y), yaw, header.resolution)
+    return Nav2Map((cells == 0)[::-1], is_occupied[::-1], (x, y), yaw, header.resolution, picture)
 
 
 def _of_whole_numbers(pixels: np.ndarray) -> np.ndarray:

@@ -47,8 +47,6 @@ def read_levels(
     moved : list of shapely geometry, m, mine frame
         The same shapes in plan, as `locate` returns them.
     georeference : Georeference
-    elevations : dict of str to float, or None
-        Of each layer that is a level, m.
     params : VectorSurveyParams
     elevations : dict of str to float, or None
         Of the floors of layers, as `elevations_of` returns them.

@@ -19,8 +19,7 @@ from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.levels.axes import shaft_legs
-from pipeline.survey.levels.heights import even_floors
-from pipeline.survey.levels.joins import area_at, meetings_of, snap_together, warn_of_near_areas
+from pipeline.survey.levels.joins import area_at, even_floors, meetings_of, snap_together, warn_of_near_areas
 from pipeline.survey.levels.walls import Wall
 from pipeline.types import DrawnFloors, FloorMesh, Place
 

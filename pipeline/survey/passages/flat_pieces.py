@@ -8,10 +8,10 @@ import shapely
 from shapely import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, first_few
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.guard.reading_process import warn_user
-from pipeline.survey.passages.pieces import list_others, require_near
+from pipeline.survey.passages.pieces import require_near
 from pipeline.types import Piece
 
 
@@ -50,7 +50,8 @@ def choose_flat_piece(path: Path, built: BaseGeometry, piece: Piece | None) -> B
         of=path.name,
         option="--snap",
     )
-    list_others(path, [(f"{part.area:.0f} m2", _about(part)) for part in others])
+    listed = first_few([f"{part.area:.0f} m2 about {_about(part)}" for part in others])
+    warn_user(f"--piece (survey.piece) builds another piece: {listed}", of=path.name, option="--piece, survey.piece")
     return MultiPolygon([kept])
 
 

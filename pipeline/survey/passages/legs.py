@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -13,8 +14,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.types import Points2, Source, SurveyedLegs, lines_of
+from pipeline.types import Points2, Source, SurveyedLegs, lines_of, text_array
 
 _BLOCK = 256
 _SHAFT_M = 1e-6  # in plan
@@ -44,10 +44,21 @@ class SurveyLeg:
     splays_m: np.ndarray | None = None
 
     @property
+    def places_m(self) -> np.ndarray:
+        """Return the stations' places (n, 3) m; those without elevations are at 0."""
+        heights = np.zeros(len(self.stations)) if self.heights_m is None else self.heights_m[:, 0]
+        return np.column_stack([self.positions_m, heights])
+
+    @property
+    def lrud_m(self) -> np.ndarray:
+        """Return the distances left, right, up and down (n, 4) m, nan where none is known."""
+        heights = self.walls_m * np.nan if self.heights_m is None else self.heights_m[:, 1:]
+        return np.column_stack([self.walls_m, heights])
+
+    @property
     def known(self) -> np.ndarray:
         """Return the `Source` (n, 4) of the distances left, right, up and down; ones that are nan are assumed."""
-        heights = self.walls_m * np.nan if self.heights_m is None else self.heights_m[:, 1:]
-        stated = np.isfinite(np.column_stack([self.walls_m, heights])) * int(Source.MEASURED)
+        stated = np.isfinite(self.lrud_m) * int(Source.MEASURED)
         return stated if self.sources is None else np.minimum(stated, self.sources)
 
     @property
@@ -88,12 +99,15 @@ def along_stations(distances: np.ndarray, else_m: float) -> np.ndarray:
     return np.interp(np.arange(len(distances)), known, distances[known])
 
 
-def without_shots(leg: SurveyLeg, shots: set[int]) -> list[SurveyLeg]:
-    """Return the pieces of a leg without some shots, each given by the number of the station at which it begins."""
-    if not shots:
-        return [leg]
-    pieces = np.split(np.arange(len(leg.stations)), sorted(shot + 1 for shot in shots))
-    return [_piece(leg, piece) for piece in pieces if len(piece) > 1]
+def pack_legs(legs: list[SurveyLeg], origin_m: tuple[float, float, float], **more: Any) -> SurveyedLegs:
+    """Return legs as an artifact holds them, m, from an origin in their frame; `more` are its other fields."""
+    return SurveyedLegs(
+        positions_m=np.concatenate([leg.places_m for leg in legs]) - np.array(origin_m),
+        lrud_m=np.concatenate([leg.lrud_m for leg in legs]),
+        first=np.cumsum([0, *(len(leg.stations) for leg in legs)]).astype(np.int32),
+        names=text_array([name for leg in legs for name in leg.stations]),
+        **more,
+    )
 
 
 def shots_of(leg: SurveyLeg) -> list[SurveyLeg]:
@@ -107,106 +121,19 @@ def _piece(leg: SurveyLeg, at: np.ndarray) -> SurveyLeg:
     return SurveyLeg(leg.name, names, places, walls, heights, False, None, *known)
 
 
-@dataclass(frozen=True)
-class ChainStation:
-    """A station of a passage, m: its place in plan, and its distances to the left and right wall (nan: not measured).
+def cut_at_shafts(legs: list[SurveyLeg]) -> list[SurveyLeg]:
+    """Return legs with their shafts, shots without a length in plan, as legs of their own at the end.
 
-    `heights_m` holds its elevation and the distances up and down; None in a level survey. `sources` says of the
-    distances left, right, up and down whether they were measured (`Source`).
+    Each end of a shaft keeps its station. Legs of one station are left out. A leg without elevations has no shafts.
     """
-
-    name: str
-    place_m: tuple[float, float]
-    sides_m: tuple[float, float]
-    heights_m: tuple[float, float, float] | None = None
-    sources: tuple[int, int, int, int] = (Source.MEASURED,) * 4
-
-
-Chain = list[ChainStation]
-
-
-def legs_of_chains(path: Path, chains: list[Chain]) -> list[SurveyLeg]:
-    """Make legs from sequences of stations, and interpolate wall distances that were not measured.
-
-    Legs need not be connected: a piece of them may be built.
-
-    A station at the same position as the one before it, as in a shaft, is omitted. Legs of one station are omitted.
-    Where stations have heights, shafts are legs of their own, at the end.
-
-    Raises
-    ------
-    InputError
-        If no leg remains, or a leg has no wall distance at all.
-    """
-    legs, count, most = [], sum(map(len, chains)), reader_limits().stations
-    if count > most:
-        raise InputError(f"{path}: {count} stations, the limit is {most} (stations in {FILE})")
-    farthest = reader_limits().farthest_wall_m
-    for station in (station for chain in chains for station in chain):
-        for distance in station.sides_m:
-            if distance > farthest:
-                raise InputError(
-                    f"{path}: a wall {distance:g} m beside station {station.name}, at most {farthest:g} "
-                    f"(farthest_wall_m in {FILE})"
-                )
-    shafts: list[SurveyLeg] = []
-    if any(station.heights_m for chain in chains for station in chain):
-        chains, shafts = _without_shafts(chains)
-    for number, chain in enumerate(chains, start=1):
-        kept = chain[:1] + [b for a, b in pairwise(chain) if not _is_plumb(a, b)]
-        if len(kept) < 2:
-            continue
-        leg = _leg_of(str(number), kept)
-        for side, column in zip(("left", "right"), leg.walls_m.T, strict=True):
-            measured = np.flatnonzero(np.isfinite(column))
-            if not len(measured):
-                raise InputError(f"{path}: no distance to the {side} wall from {kept[0].name} to {kept[-1].name}")
-            column[:] = np.interp(np.arange(len(column)), measured, column[measured])
-        legs.append(leg)
-    if not legs and not shafts:
-        raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
-    return legs + shafts
-
-
-def _is_plumb(one: ChainStation, other: ChainStation) -> bool:
-    return bool(np.hypot(*np.subtract(one.place_m, other.place_m)) <= _SHAFT_M)
-
-
-def _leg_of(name: str, stations: Chain, is_plumb: bool = False) -> SurveyLeg:
-    places = np.array([station.place_m for station in stations])
-    sides = np.array([station.sides_m for station in stations], dtype=float)
-    heights = [station.heights_m for station in stations if station.heights_m]
-    known = np.array(heights, dtype=float) if heights else None
-    sources = np.array([station.sources for station in stations], np.uint8)
-    sources[:, :2][np.isnan(sides)] = Source.INTERPOLATED
-    return SurveyLeg(name, [station.name for station in stations], places, sides, known, is_plumb, sources=sources)
-
-
-def _without_shafts(chains: list[Chain]) -> tuple[list[Chain], list[SurveyLeg]]:
-    """Cut chains at legs without a length in plan, which are returned beside them: each end keeps its station."""
-    found, legs = [], []
-    for chain in chains:
-        part: Chain = []
-        for station in chain:
-            if part and _is_plumb(part[-1], station):
-                legs.append(_leg_of("plumb", [part[-1], station], is_plumb=True))
-                found.append(part)
-                part = []
-            part.append(station)
-        found.append(part)
-    return found, legs
-
-
-def check_network(path: Path, legs: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> None:
-    """Check that all legs are connected and that legs cross only at stations.
-
-    Raises
-    ------
-    InputError
-        If not. The message names the file and the legs.
-    """
-    require_connected(path, legs)
-    require_no_crossing(path, legs, rules=rules)
+    pieces, shafts = [], []
+    for leg in legs:
+        run = np.hypot(*np.diff(leg.positions_m, axis=0).T)
+        plumb = np.flatnonzero(run <= _SHAFT_M) if leg.heights_m is not None else np.zeros(0, int)
+        parts = np.split(np.arange(len(leg.stations)), plumb + 1)
+        pieces += [_piece(leg, part) for part in parts] if len(plumb) else [leg]
+        shafts += [replace(_piece(leg, np.array([k, k + 1])), name="plumb", is_plumb=True) for k in plumb]
+    return [piece for piece in pieces if len(piece.stations) > 1] + shafts
 
 
 def require_connected(path: Path, legs: list[SurveyLeg]) -> None:

@@ -1,11 +1,11 @@
-"""Pieces of workings that are not built, and the option that builds one."""
+"""The piece of workings at a stated place."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.errors import InputError, first_few
-from pipeline.guard.reading_process import one_line, warn_user
+from pipeline.errors import InputError
+from pipeline.guard.reading_process import one_line
 from pipeline.types import Piece
 
 _NEAR_M = 10.0  # from a stated place to the station or area that it names
@@ -16,16 +16,6 @@ def require_near(path: Path, piece: Piece, far_m: float, what: str) -> None:
     """Refuse a stated place that is too far from the nearest station or area; `InputError` says how far."""
     if not far_m <= _NEAR_M:
         raise InputError(f"{path}: survey.piece = {_text(piece)}: {what} is {far_m:.1f} m away, at most {_NEAR_M:g} m")
-
-
-def list_others(path: Path, others: list[tuple[str, str]]) -> None:
-    """List the pieces that are left out, each by its size and what names it, and the option that builds one."""
-    pieces = [f"{size} about {about}" for size, about in others]
-    warn_user(
-        f"--piece (survey.piece) builds another piece: {first_few(pieces)}",
-        of=path.name,
-        option="--piece, survey.piece",
-    )
 
 
 def _text(piece: Piece) -> str:

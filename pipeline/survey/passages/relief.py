@@ -1,4 +1,4 @@
-"""The heights of a survey's legs: whether they rise or fall, and how high their roofs are over the floor."""
+"""How a survey's distances are known, whether its legs rise or fall, and how high roofs are over the floor."""
 
 from __future__ import annotations
 
@@ -112,3 +112,14 @@ def warn_of_shafts(path: Path, shafts: list[SurveyLeg]) -> None:
         of=path.name,
         count=len(shafts),
     )
+
+
+def known_of(leg: SurveyLeg) -> np.ndarray:
+    """Return how the distances left, right, up and down (n, 4) of the places of a leg are known (`Source`).
+
+    Roofs that nobody measured are interpolated where half of the leg's stations or more have one.
+    """
+    known = leg.known.astype(np.uint8)
+    roofs = known[:, 2] == Source.MEASURED
+    known[~roofs, 2] = Source.INTERPOLATED if 2 * roofs[leg.surveyed].mean() >= 1 else Source.ASSUMED
+    return known

@@ -9,6 +9,7 @@ from pipeline.types import Points2
 KEPT = 0.96  # of the survey's width: a section that two legs share leaves this to both; figures ask for 0.95
 _LEAST_M = 0.05  # of a width that is compared
 _NO_LENGTH_M = 1e-12
+LEAST_M = 0.05  # of a width or height: a section of no area makes no solid
 
 
 def sections_of(
@@ -99,3 +100,14 @@ def _left_of(heading: np.ndarray) -> np.ndarray:
     """Return the unit vectors (n, 2) to the left of headings (n, 2)."""
     heading = heading / np.maximum(np.linalg.norm(heading, axis=1, keepdims=True), _NO_LENGTH_M)
     return np.column_stack([-heading[:, 1], heading[:, 0]])
+
+
+def narrow_sections(stations: list[str], lrud: np.ndarray) -> list[str]:
+    """Return a line for each section that has no area or is turned inside out."""
+    sizes = np.column_stack([lrud[:, :2].sum(axis=1), lrud[:, 2:].sum(axis=1)])
+    return [
+        f"{station}: its {what} are {size:.2f} m apart, {LEAST_M:g} m are taken"
+        for station, both in zip(stations, sizes.tolist(), strict=True)
+        for what, size in zip(("walls", "roof and floor"), both, strict=True)
+        if size < LEAST_M
+    ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import networkx as nx
@@ -14,15 +13,7 @@ from pipeline.survey.passages.legs import SurveyLeg, shots_of
 from pipeline.survey.passages.workings import build_workings
 
 
-@dataclass(frozen=True)
-class Tie:
-    """A repeated leg: the names of its stations, and their places (2, 3) m."""
-
-    stations: tuple[str, str]
-    places_m: np.ndarray
-
-
-def passages_of_ties(legs: list[SurveyLeg], ties: list[Tie]) -> list[SurveyLeg]:
+def passages_of_ties(legs: list[SurveyLeg], ties: list[SurveyLeg]) -> list[SurveyLeg]:
     """Return as passages the repeated legs without which pieces of a survey would lie apart, seen from above.
 
     A leg that was surveyed twice runs beside its first survey, whose walls hold its stations. Where they do not,
@@ -70,15 +61,14 @@ def _workings(legs: list[SurveyLeg]) -> BaseGeometry:
     return shapely.union_all([build_workings(driven), *places])
 
 
-def _passage(legs: list[SurveyLeg], names: list[str], ties: list[Tie]) -> SurveyLeg:
+def _passage(legs: list[SurveyLeg], names: list[str], ties: list[SurveyLeg]) -> SurveyLeg:
     """Return the leg along a row of stations."""
     places = {name: place for tie in ties for name, place in zip(tie.stations, tie.places_m, strict=True)}
     known = {}
     for leg in legs:
-        heights = np.full((len(leg.stations), 3), np.nan) if leg.heights_m is None else leg.heights_m
-        for name, walls, (_, up, down) in zip(leg.stations, leg.walls_m, heights, strict=True):
-            if name in names and np.isfinite(walls).all():
-                known[name] = (*walls, up, down)
+        for name, sides in zip(leg.stations, leg.lrud_m, strict=True):
+            if name in names and np.isfinite(sides[:2]).all():
+                known[name] = sides
     at = [k for k, name in enumerate(names) if name in known] or [0]
     nearest = [names[min(at, key=lambda other: abs(other - k))] for k in range(len(names))]
     lrud = np.array([known.get(name, (1.0, 1.0, np.nan, np.nan)) for name in nearest])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,9 +11,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline.survey.passages.bends import LegEnd, outer_sectors
-from pipeline.survey.passages.legs import SurveyLeg
+from pipeline.survey.passages.legs import SurveyLeg, pack_legs
 from pipeline.survey.passages.sections import sections_of
-from pipeline.types import SurveyedLegs, text_array
+from pipeline.types import SurveyedLegs
 
 _STEP_RAD = 0.1  # an arc is 1 mm off at 1 m
 _OVERLAP_RAD = 1e-6
@@ -58,15 +59,8 @@ def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
 
 def level_legs(legs: list[SurveyLeg], origin: tuple[float, float]) -> SurveyedLegs:
     """Return legs that are built as a plan, m, mine frame, from their own frame, in which it has an origin."""
-    places = np.concatenate([leg.positions_m for leg in legs]) - np.array(origin)
-    walls = np.concatenate([leg.walls_m for leg in legs])
-    return SurveyedLegs(
-        positions_m=np.column_stack([places, np.zeros(len(places))]),
-        lrud_m=np.column_stack([walls, np.full((len(walls), 2), np.nan)]),
-        first=np.cumsum([0, *(len(leg.stations) for leg in legs)]).astype(np.int32),
-        names=text_array([name for leg in legs for name in leg.stations]),
-        surveyed_m=float(sum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1).sum() for leg in legs)),
-    )
+    length = float(sum(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1).sum() for leg in legs))
+    return pack_legs([replace(leg, heights_m=None) for leg in legs], (*origin, 0.0), surveyed_m=length)
 
 
 def _without_slits(workings: BaseGeometry) -> BaseGeometry:

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.geometry.nearest_facets import NearestFacets
+from pipeline.scans.meshes.uncrossed import arrays_of
 
 # Of 100 vertices so many move by no more than so many tolerances. The rest are those of edges, which noise rounds.
 _WITHIN = ((0.8, 1.0), (0.99, 3.0))
@@ -50,7 +51,7 @@ def decimated(
     for _ in range(_TRIES):
         found = _closed(*fast_simplification.simplify(about, faces.astype(np.int32), target_count=wanted))
         if found is not None:
-            off = distances(about, *_mesh_of(found))
+            off = distances(about, *arrays_of(found))
             if best is not None and any(np.quantile(off, share) > most * tolerance_m for share, most in within):
                 break
             best, moved_m = found, float(np.quantile(off, within[0][0]))
@@ -61,7 +62,7 @@ def decimated(
             break
     if best is None:
         raise InputError("its surface cannot be simplified to a closed mesh; --voxel states a larger size")
-    found_vertices, found_faces = _mesh_of(best)
+    found_vertices, found_faces = arrays_of(best)
     return found_vertices + middle, found_faces, moved_m
 
 
@@ -70,11 +71,6 @@ def _closed(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold | No
     mesh = manifold3d.Mesh64(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint64))
     solid = manifold3d.Manifold(mesh)
     return solid if solid.status() == manifold3d.Error.NoError and solid.volume() > 0 else None
-
-
-def _mesh_of(solid: manifold3d.Manifold) -> tuple[np.ndarray, np.ndarray]:
-    mesh = solid.to_mesh64()
-    return np.array(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
 
 
 def distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
+from pipeline.survey.passages.legs import SurveyLeg
 
 _BLOCK = 256
 # A station may be on the floor, a wall or the roof: a smaller rise between neighbours need not be the floor's.
@@ -18,17 +19,8 @@ _WALL_M = 0.5  # where none was measured
 
 
 @dataclass(frozen=True)
-class Section:
-    """A row of stations: names, positions (n, 3) m, and distances left, right, up and down (n, 4) m, nan if unknown."""
-
-    names: list[str]
-    positions_m: np.ndarray
-    lrud_m: np.ndarray
-
-
-@dataclass(frozen=True)
-class _Legs:
-    """All legs of all rows: names and numbers of their ends, positions (m, 2, 3) m, half widths (m,) m."""
+class _Shots:
+    """All shots of all legs: names and numbers of their ends, positions (m, 2, 3) m, half widths (m,) m."""
 
     names: list[tuple[str, str]]
     ends: np.ndarray
@@ -36,7 +28,7 @@ class _Legs:
     half_m: np.ndarray
 
 
-def require_flat(path: Path, sections: list[Section], rules: FloorRules = FLOOR_RULES) -> None:
+def require_flat(path: Path, legs: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> None:
     """Refuse workings that a flat world cannot show: steep legs, and passages over each other.
 
     Raises
@@ -45,36 +37,29 @@ def require_flat(path: Path, sections: list[Section], rules: FloorRules = FLOOR_
         If a leg is steeper than `flat_grade`, or workings that overlap in plan differ by more than `flat_step_m` in
         height. The message names the stations and the place.
     """
-    if not any(len(section.names) > 1 for section in sections):
-        return
-    _require_level(path, _legs(sections), rules)
-    require_single(path, sections, rules)
+    _require_level(path, _shots(legs), rules)
+    require_single(path, legs, rules)
 
 
-def require_single(path: Path, sections: list[Section], rules: FloorRules = FLOOR_RULES) -> None:
-    """Refuse passages over each other: `InputError` if workings that overlap in plan differ by over `flat_step_m`."""
-    _require_single(path, _legs(sections), rules)
-
-
-def _legs(sections: list[Section]) -> _Legs:
-    """Return all legs. A leg's height is the floor's where the distances down are known at both ends."""
+def _shots(legs: list[SurveyLeg]) -> _Shots:
+    """Return all shots. A shot's height is the floor's where the distances down are known at both ends."""
     names, places, widths = [], [], []
-    for section in sections:
-        down = section.lrud_m[:, 3]
-        half = np.nanmax(np.column_stack([section.lrud_m[:, :2], np.full(len(down), _WALL_M)]), axis=1)
-        for i in range(len(section.names) - 1):
-            ends = section.positions_m[[i, i + 1]].copy()
+    for leg in legs:
+        at, down = leg.places_m, leg.lrud_m[:, 3]
+        half = np.nanmax(np.column_stack([leg.walls_m, np.full(len(down), _WALL_M)]), axis=1)
+        for i in range(len(leg.stations) - 1):
+            ends = at[[i, i + 1]]
             if np.isfinite(down[[i, i + 1]]).all():
                 ends[:, 2] -= down[[i, i + 1]]
-            names.append((section.names[i], section.names[i + 1]))
+            names.append((leg.stations[i], leg.stations[i + 1]))
             places.append(ends)
             widths.append(max(half[i], half[i + 1]))
     number = {name: i for i, name in enumerate(dict.fromkeys(name for pair in names for name in pair))}
     ends = np.array([[number[a], number[b]] for a, b in names])
-    return _Legs(names, ends, np.array(places), np.array(widths))
+    return _Shots(names, ends, np.array(places), np.array(widths))
 
 
-def _require_level(path: Path, legs: _Legs, rules: FloorRules) -> None:
+def _require_level(path: Path, legs: _Shots, rules: FloorRules) -> None:
     step = np.diff(legs.positions_m, axis=1)[:, 0]
     run, rise = np.hypot(step[:, 0], step[:, 1]), np.abs(step[:, 2])
     most = rules.flat_grade
@@ -90,7 +75,9 @@ def _require_level(path: Path, legs: _Legs, rules: FloorRules) -> None:
     )
 
 
-def _require_single(path: Path, legs: _Legs, rules: FloorRules) -> None:
+def require_single(path: Path, every: list[SurveyLeg], rules: FloorRules = FLOOR_RULES) -> None:
+    """Refuse passages over each other: `InputError` if workings that overlap in plan differ by over `flat_step_m`."""
+    legs = _shots(every)
     lines = shapely.linestrings(legs.positions_m[:, :, :2])
     shapes = shapely.buffer(lines, legs.half_m, quad_segs=2, cap_style="flat")
     low, high = legs.positions_m[:, :, 2].min(axis=1), legs.positions_m[:, :, 2].max(axis=1)
@@ -104,7 +91,7 @@ def _require_single(path: Path, legs: _Legs, rules: FloorRules) -> None:
             _require_same_height(path, legs, shapes, int(a), int(b), most)
 
 
-def _require_same_height(path: Path, legs: _Legs, shapes: np.ndarray, a: int, b: int, most: float) -> None:
+def _require_same_height(path: Path, legs: _Shots, shapes: np.ndarray, a: int, b: int, most: float) -> None:
     common = shapely.intersection(shapes[a], shapes[b])
     if common.area < 0.01:
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from pathlib import Path
 
 import numpy as np
 
@@ -71,6 +72,10 @@ class SolvedSurvey:
         When the file was made, as it states it.
     doubt : str
         The worst misclosure, if a reading must be wrong.
+    is_named : bool
+        Whether the user knows the stations' names; those of lines do not stand in the file.
+    files : tuple of Path
+        What was read: the file, and those that it names.
     """
 
     names: tuple[str, ...]
@@ -84,7 +89,21 @@ class SolvedSurvey:
     crs: str | None = None
     date: str = ""
     doubt: str = ""
+    is_named: bool = True
+    files: tuple[Path, ...] = ()
 
     def centreline(self) -> np.ndarray:
         """Return the indices of the legs along the passages: underground, neither duplicate nor splay."""
         return np.flatnonzero(self.leg_flags == 0)
+
+    def nodes(self) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Return the places (k, 3) m of the stations, each once, which each station (n,) has, and the places' names.
+
+        A place has the first of its stations' names: equated stations have one.
+        """
+        places, node = np.unique(self.positions_m, axis=0, return_inverse=True)
+        node = node.reshape(-1)
+        names = dict.fromkeys(range(int(node.max(initial=-1)) + 1), "")
+        for number, name in zip(node.tolist(), self.names, strict=True):
+            names[number] = names[number] or name
+        return places, node, [name or f"unnamed {number}" for number, name in names.items()]

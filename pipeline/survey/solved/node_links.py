@@ -57,6 +57,7 @@ def read_node_links(path: Path) -> SolvedSurvey:
         np.zeros(len(pairs), np.uint8),
         np.full(len(pairs), LegStyle.CARTESIAN, np.uint8),
         title=path.name[: -len(_NODES)],
+        files=(path, beside),
     )
 
 

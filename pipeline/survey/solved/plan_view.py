@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +14,7 @@ from pipeline.errors import InputError
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.reading_process import warn_user
 from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.passages.legs import Chain, ChainStation, SurveyLeg, legs_of_chains
+from pipeline.survey.passages.legs import SurveyLeg, cut_at_shafts
 from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
@@ -26,7 +27,6 @@ from pipeline.survey.solved.splay_walls import (
     splays_by_node,
     usual_half_width_m,
 )
-from pipeline.survey.solved.unmeasured import warn_of_floors, warn_of_strays
 from pipeline.survey.solved.wall_sections import with_hits
 from pipeline.types import Source
 
@@ -87,7 +87,10 @@ def plan_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None = Non
         np.column_stack([known, np.full(len(nodes), Source.MEASURED), [floors[node] for node in nodes]])
         for (nodes, _), known in zip(rows, sides, strict=True)
     ]
-    legs = legs_of_chains(path, [plan.chain_of(*row, known) for row, known in zip(rows, sources, strict=True)])
+    legs = cut_at_shafts([plan.leg_of(*row, known) for row, known in zip(rows, sources, strict=True)])
+    if not legs:
+        raise InputError(f"{path}: no legs with passages; widths left and right of the stations are needed")
+    legs = [leg if leg.is_plumb else replace(leg, name=str(number)) for number, leg in enumerate(legs, start=1)]
     steps = {plan.names[node]: found for node, found in hits.splays.items()}
     legs = with_hits(legs, hits, plan.names)
     return [replace(leg, splays_m=_splays_of(leg, steps)) for leg in legs]
@@ -105,27 +108,12 @@ def _splays_of(leg: SurveyLeg, steps: dict[str, np.ndarray]) -> np.ndarray:
     return np.concatenate([np.zeros((0, 2, 3)), *found])
 
 
-def node_of_stations(survey: SolvedSurvey) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places (k, 3) m of a survey's stations, each once, and which of them (n,) each station has."""
-    places, node = np.unique(survey.positions_m, axis=0, return_inverse=True)
-    return places, node.reshape(-1)
-
-
-def station_names(survey: SolvedSurvey, node: np.ndarray) -> list[str]:
-    """Return the name of each node: the first of its stations' names. Equated stations have one."""
-    names = dict.fromkeys(range(int(node.max(initial=-1)) + 1), "")
-    for number, name in zip(node.tolist(), survey.names, strict=True):
-        names[number] = names[number] or name
-    return [name or f"unnamed {number}" for number, name in names.items()]
-
-
 class _StationPlan:
     """A survey's stations without duplicates: equated stations are one node."""
 
     def __init__(self, survey: SolvedSurvey) -> None:
         self.survey = survey
-        self.places, self.node = node_of_stations(survey)
-        self.names = station_names(survey, self.node)
+        self.places, self.node, self.names = survey.nodes()
         self.edges = self._edges(survey.centreline())
         self.all_edges = self._edges(np.flatnonzero((survey.leg_flags | LegFlag.DUPLICATE) == LegFlag.DUPLICATE))
 
@@ -134,16 +122,14 @@ class _StationPlan:
         ends = self.node[self.survey.legs[legs]] if len(legs) else np.zeros((0, 2), np.int64)
         return np.unique(np.sort(ends[ends[:, 0] != ends[:, 1]], axis=1), axis=0)
 
-    def chain_of(self, nodes: Nodes, walls: np.ndarray, sources: np.ndarray) -> Chain:
-        """Return nodes with their distances left, right, up and down (n, 4) m as stations of a passage.
+    def leg_of(self, nodes: Nodes, walls: np.ndarray, sources: np.ndarray) -> SurveyLeg:
+        """Return nodes with their distances left, right, up and down (n, 4) m as a leg.
 
         `sources` (n, 4) says how each distance is known.
         """
-        found = []
-        for node, (left, right, up, down), known in zip(nodes, walls.tolist(), sources.tolist(), strict=True):
-            x, y, z = self.places[node].tolist()
-            found.append(ChainStation(self.names[node], (x, y), (left, right), (z, up, down), tuple(known)))
-        return found
+        places, names = self.places[nodes], [self.names[node] for node in nodes]
+        heights = np.column_stack([places[:, 2], walls[:, 2:]])
+        return SurveyLeg("", names, places[:, :2], walls[:, :2], heights, sources=sources.astype(np.uint8))
 
     def with_splays(self, nodes: Nodes, walls: np.ndarray, hits: SplayHits) -> np.ndarray:
         """Return the distances left, right, up and down (n, 4) m of a row of nodes, with those of splays where nan."""
@@ -284,3 +270,27 @@ def _walk(graph: nx.Graph, start: int, follower: int, left: set[frozenset[int]],
         left.discard(frozenset((nodes[-1], following[0])))
         nodes.append(following[0])
     return nodes
+
+
+def warn_of_strays(path: Path, count: int) -> None:
+    """Warn of splays that end in a passage that is not near along the survey."""
+    if count:
+        warn_user(
+            "splays go through windows into passages that are not near along the survey; they measure no "
+            "wall of their own passage",
+            of=path.name,
+            count=count,
+        )
+
+
+def warn_of_floors(path: Path, rows: Sequence[tuple[list[int], np.ndarray]]) -> None:
+    """Warn of stations whose distance down is interpolated along the survey, as others have one."""
+    nodes = {node for row, _ in rows for node in row}
+    known = {node for row, walls in rows for node, down in zip(row, walls[:, 3], strict=True) if np.isfinite(down)}
+    if known and len(known) < len(nodes):
+        warn_user(
+            "stations have no measured distance down to the floor; it is interpolated along the legs "
+            "between those that have one, and is their median beyond them",
+            of=path.name,
+            count=f"{len(nodes) - len(known)} of {len(nodes)}",
+        )

@@ -11,11 +11,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
 from pipeline.guard.plain_number import plain_number
-from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.survey.passages.legs import ChainStation, SurveyLeg, legs_of_chains
-from pipeline.survey.passages.relief import warn_of_level
 from pipeline.survey.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey, StationFlag
-from pipeline.survey.solved.plan_view import plan_legs
 
 _FOOT_M = 0.3048
 _FARTHEST_M = 1e8
@@ -27,17 +23,13 @@ _Place = tuple[float, float, float]
 _Station = tuple[str, _Place, list[float]]
 
 
-def read_plt(path: Path, half_width_m: float | None = None, rules: FloorRules = FLOOR_RULES) -> list[SurveyLeg]:
+def read_plt(path: Path) -> SolvedSurvey:
     """Read the legs of a plot file. A move (`M`) begins a new leg.
-
-    `half_width_m` is the distance to a wall that nobody measured, in a file whose stations differ in height by more
-    than `flat_step_m` (`plan_legs`).
 
     Returns
     -------
-    list of SurveyLeg
-        Metres in the file's own frame, x east, y north. Of a level file they have no heights, and vertical legs are
-        omitted.
+    SolvedSurvey
+        Metres in the file's own frame, x east, y north.
 
     Raises
     ------
@@ -68,7 +60,7 @@ def read_plt(path: Path, half_width_m: float | None = None, rules: FloorRules = 
             widths = [_feet(path, number, text) for text in fields[start : start + 4]]
             if len(widths) < 4:
                 raise InputError(f"{path}:{number}: expected P left up down right, got {line[:60]!r}")
-            left, up, down, right = (_wall_m(width) for width in widths)
+            left, up, down, right = (width if 0 <= width < _UNKNOWN_FT * _FOOT_M else math.nan for width in widths)
             walls = [left, right, up, down]
         if fields[0] == "M" or not chains:
             chains.append([])
@@ -79,12 +71,9 @@ def read_plt(path: Path, half_width_m: float | None = None, rules: FloorRules = 
         count += 1
         require_at_most(path, count, "stations", "stations or more")
     chains = [chain for chain in chains if chain]
-    levels = [place[2] for chain in chains for _, place, _ in chain]
-    if splays or (levels and max(levels) - min(levels) >= rules.flat_step_m):
-        return plan_legs(path, _survey_of(path, chains, splays), half_width_m)
-    warn_of_level(path, np.array(levels), rules)
-    level = [[ChainStation(name, place[:2], (w[0], w[1])) for name, place, w in chain] for chain in chains]
-    return legs_of_chains(path, level)
+    if not any(len(chain) > 1 for chain in chains):
+        raise InputError(f"{path}: no legs: no line D with a station follows another line M or D with one")
+    return _survey_of(path, chains, splays)
 
 
 def _survey_of(path: Path, chains: list[list[_Station]], splays: list[tuple[_Place, _Place]]) -> SolvedSurvey:
@@ -122,8 +111,3 @@ def _feet(path: Path, number: int, text: str) -> float:
     if not abs(value) <= _FARTHEST_M:
         raise InputError(f"{path}:{number}: {text[:40]!r} is not a finite number of feet below {_FARTHEST_M:g} m")
     return value
-
-
-def _wall_m(metres: float) -> float:
-    """Return a wall distance, m; nan if it was not measured."""
-    return metres if 0 <= metres < _UNKNOWN_FT * _FOOT_M else math.nan

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,9 +13,7 @@ from pipeline.guard.csv_text import read_csv_text, separator_of
 from pipeline.guard.plain_file import require_at_most
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
-from pipeline.survey.stations.column_names import columns_of, has_names
-from pipeline.survey.stations.shot_tables import require_no_readings
-from pipeline.survey.vector.shapes import REACH_M
+from pipeline.survey.stations.column_names import columns_of, has_names, require_no_readings
 
 COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]
 WALLS = COLUMNS[4:]
@@ -115,18 +112,3 @@ def _require_name(path: Path, line: int, column: str, name: str | None) -> None:
     """Refuse a name that is empty or holds control characters or invisible ones."""
     if not (name and name.strip() and name.isprintable()):
         raise InputError(f"{path}:{line}: {column} = {name!r:.60}: want a name of printable characters")
-
-
-def number_of(path: Path, line: int, column: str, text: str | None, reach_m: float = REACH_M) -> float:
-    """Return the number in a field; `InputError` names the line and the column if it is none or is out of reach."""
-    try:
-        value = plain_number(text or "")
-    except ValueError:
-        raise InputError(f"{path}:{line}: {column} = {text!r} is not a number") from None
-    if not math.isfinite(value):
-        raise InputError(f"{path}:{line}: {column} = {text} is not a finite number")
-    if abs(value) > reach_m:
-        raise InputError(
-            f"{path}:{line}: {column} = {text} is not within +-{reach_m:g} m; use coordinates from a local origin"
-        )
-    return value

@@ -11,20 +11,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.guard.csv_text import number_of
 from pipeline.guard.plain_number import plain_number
 from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.survey.passages.grades import with_grades
-from pipeline.survey.passages.legs import (
-    SurveyLeg,
-    check_network,
-    without_shots,
-)
+from pipeline.survey.passages.legs import SurveyLeg, cut_at_shafts, require_connected, require_no_crossing
 from pipeline.survey.passages.stray_heights import stray_zero
-from pipeline.survey.solved.flatness import Section, require_flat
+from pipeline.survey.solved.flatness import require_flat
 from pipeline.survey.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
-from pipeline.survey.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, number_of, read_rows
+from pipeline.survey.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, read_rows
 from pipeline.survey.vector.shapes import REACH_M
 
 _FARTHEST_M, _HIGHEST_M = 1e8, 1e5  # of national and mine grids; workings and floors are counted from an origin
@@ -63,8 +60,9 @@ def read_stations(
     """
     result = _read_legs(path, grades=grades, walls_needed=True, rules=rules)
     if result[0].heights_m is not None and result[0].grades is None:
-        require_flat(path, [section_of(leg) for leg in result], rules)
-    check_network(path, result, rules)
+        require_flat(path, result, rules)
+    require_connected(path, result)
+    require_no_crossing(path, result, rules=rules)
     return result
 
 
@@ -80,28 +78,7 @@ def read_station_legs(
     one position in plan are the ends of a shaft, which is a leg of its own, after the others. `columns` names the
     table's columns that are ours (`columns_of`).
     """
-    legs = _read_legs(path, _FARTHEST_M, grades, columns=columns, rules=rules)
-    shafts = [_shaft(leg, k) for leg in legs for k in _plumb(leg)]
-    return [piece for leg in legs for piece in without_shots(leg, set(_plumb(leg)))] + shafts
-
-
-def _plumb(leg: SurveyLeg) -> list[int]:
-    """Return the stations of a leg below or above which the next one lies."""
-    return np.flatnonzero(np.linalg.norm(np.diff(leg.positions_m, axis=0), axis=1) == 0).tolist()
-
-
-def _shaft(leg: SurveyLeg, k: int) -> SurveyLeg:
-    assert leg.heights_m is not None
-    at = [k, k + 1]
-    names = [leg.stations[i] for i in at]
-    return SurveyLeg("plumb", names, leg.positions_m[at], leg.walls_m[at], leg.heights_m[at], True)
-
-
-def section_of(leg: SurveyLeg) -> Section:
-    """Return a leg with elevations as a section of stations in three dimensions."""
-    assert leg.heights_m is not None
-    places = np.column_stack([leg.positions_m, leg.heights_m[:, 0]])
-    return Section(leg.stations, places, np.column_stack([leg.walls_m, leg.heights_m[:, 1:]]))
+    return cut_at_shafts(_read_legs(path, _FARTHEST_M, grades, columns=columns, rules=rules))
 
 
 def read_station_survey(path: Path) -> SolvedSurvey:
@@ -112,26 +89,29 @@ def read_station_survey(path: Path) -> SolvedSurvey:
     InputError
         If the table has no elevations or is not valid; it may be steep and pass over itself.
     """
-    return survey_of_legs(path, _read_legs(path, _FARTHEST_M))
+    legs = _read_legs(path, _FARTHEST_M)
+    if legs[0].heights_m is None:
+        raise InputError(f"{path}: no column elevation_m; a survey in three dimensions needs it")
+    return survey_of_legs(path, legs)
 
 
 def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
-    """Return the legs of a station table as a survey in three dimensions; `InputError` if they have no elevations."""
-    if legs[0].heights_m is None:
-        raise InputError(f"{path}: no column elevation_m; a survey in three dimensions needs it")
+    """Return the legs of a station table as a survey in three dimensions; stations without elevations are at 0."""
     number: dict[str, int] = {}
     places: list[np.ndarray] = []
-    for section in map(section_of, legs):
-        for name, place in zip(section.names, section.positions_m, strict=True):
+    for leg in legs:
+        for name, place in zip(leg.stations, leg.places_m, strict=True):
             if number.setdefault(name, len(number)) == len(places):
                 places.append(place)
     rows = [np.array([number[name] for name in leg.stations]) for leg in legs]
     pairs = np.concatenate([np.column_stack([row[:-1], row[1:]]) for row in rows])
-    passages = tuple(Passage(row, section_of(leg).lrud_m) for row, leg in zip(rows, legs, strict=True))
+    passages = tuple(Passage(row, leg.lrud_m) for row, leg in zip(rows, legs, strict=True))
     flags = np.full(len(places), StationFlag.UNDERGROUND, np.uint8)
     styles = np.full(len(pairs), LegStyle.CARTESIAN, np.uint8)
     plain = np.zeros(len(pairs), np.uint8)
-    return SolvedSurvey(tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem)
+    return SolvedSurvey(
+        tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem, files=(path,)
+    )
 
 
 def _read_legs(
@@ -181,7 +161,7 @@ def _read_legs(
             later.add((row["leg"], row["station"]))
         leg.append((row["station"], (*values, *heights)))
         text = (row.get(GRADE) or "").strip()
-        grade = math.nan if text in _UNKNOWN else number_of(path, line, GRADE, text)
+        grade = math.nan if text in _UNKNOWN else number_of(path, line, GRADE, text, REACH_M)
         stated.setdefault(row["leg"], []).append(grade)
     if has_heights:
         _require_no_stray_zero(path, list(positions.values()))
@@ -242,9 +222,9 @@ def _has_heights(path: Path, rows: list[tuple[int, dict[str, str]]]) -> bool:
 def _heights(path: Path, line: int, row: dict[str, str]) -> tuple[float, ...]:
     """Return elevation, up and down of a row, m; up and down are nan if they are empty."""
     elevation = number_of(path, line, "elevation_m", row["elevation_m"], _HIGHEST_M)
+    texts = {column: (row.get(column) or "").strip() for column in HEIGHTS[1:]}
     up, down = (
-        number_of(path, line, column, text) if (text := (row.get(column) or "").strip()) not in _UNKNOWN else math.nan
-        for column in HEIGHTS[1:]
+        math.nan if text in _UNKNOWN else number_of(path, line, column, text, REACH_M) for column, text in texts.items()
     )
     for column, value in zip(HEIGHTS[1:], (up, down), strict=True):
         if value < 0:

@@ -1,4 +1,4 @@
-"""What `cavern` says of its adjustment: misclosures from its `.err` file, and the length that it prints."""
+"""What `cavern` says of its adjustment: misclosures, the length that it prints, and declinations that it computed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyproj
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes
 from pipeline.guard.reading_process import one_line
 from pipeline.remarks import warn_user
 from pipeline.survey.solved.model import LegStyle, SolvedSurvey
+from pipeline.survey.survex.convergence import convergence_deg
 
 _FIGURES = re.compile(r"Original length\s+([\d.]+)m \(.*?\), moved\s+([\d.]+)m \(.*?\)\. Error\s+([\d.]+)%")
 _FIXED = "<fixed point>"  # the stated place of a fix with deviations
@@ -24,6 +26,12 @@ _GROSS = 3.0  # times what the deviations of the readings allow, of three coordi
 _LISTED, _ENDS = 3, 4  # traverses, and stations at the beginning of a long one
 # A leg's ends are whole centimetres in a `.3d` file: its length is off by 4 mm (root mean square). Ten times that.
 _ROUNDING_M, _A_LEG_M = 0.02, 0.04
+_COMPUTED = re.compile(r"^.*?:\d+(?::\d+(?:-\d+)?)?: info: Declination: (-?[\d.]+)° @ (\d{4}-\d\d-\d\d)", re.MULTILINE)
+# The first version of Survex with each model of the earth's field, its name, and the last year of its forecast.
+_MODELS = (((1, 4, 13), "IGRF-14", 2030), ((1, 4, 0), "IGRF-13", 2025), ((1, 2, 25), "IGRF-12", 2020))
+_OPTION = "--declination"
+_AUTO = re.compile(rb"[ \t,]*\*[ \t,]*declination[ \t,]+auto\b", re.IGNORECASE)
+_LINE_END = re.compile(rb"(\r\n|\n\r|\n|\r)")
 
 
 @dataclass(frozen=True)
@@ -103,3 +111,55 @@ def require_printed_length(path: Path, output: str, survey: SolvedSurvey) -> Non
             f"{path}: Survex prints {printed:.2f} m of legs, and its result has {ours:.2f} m; state fixes "
             "without deviations"
         )
+
+
+@dataclass(frozen=True)
+class Computed:
+    """A declination that Survex computed, deg, and its date."""
+
+    degrees: float
+    date: str
+
+
+def computed_declinations(output: str) -> list[Computed]:
+    """Return the declinations that `cavern` prints."""
+    return [Computed(float(degrees), date) for degrees, date in _COMPUTED.findall(output)]
+
+
+def warn_of_computed(path: Path, version: tuple[int, ...], found: list[Computed]) -> None:
+    """List the model, the dates and the values of computed declinations, and dates after the model's last year."""
+    if not found:
+        return
+    known = next(((name, year) for first, name, year in _MODELS if version >= first), None)
+    model, last = known or ("IGRF", None)
+    ordered = sorted(found, key=lambda one: one.date)
+    values = [f"{one.degrees:.1f} deg on {one.date}" for one in (ordered[0], ordered[-1])]
+    text = " to ".join(dict.fromkeys(values))
+    by = f"Survex {'.'.join(map(str, version))}"
+    warn_user(f"declinations are computed by {model} of {by}: {text}", of=path.name, option=_OPTION)
+    beyond = {one.date for one in ordered if last is not None and int(one.date[:4]) >= last}
+    if beyond:
+        off = "in 2026 IGRF-13 is 0.2 deg off in central Europe, 4 m a km"
+        warn_user(
+            f"dates are after the last year of {model}, {last}; {off}",
+            of=path.name,
+            count=len(beyond),
+            option=_OPTION,
+        )
+
+
+def state_declination(declination_deg: float, survey: SolvedSurvey, files: list[Path]) -> None:
+    """Write a declination in place of computed ones into files, all of which lie there for Survex alone.
+
+    It is less the convergence of the meridians in the middle of the survey, which Survex counts for computed ones only.
+    """
+    east, north = survey.positions_m[:, :2].mean(axis=0).tolist()
+    degrees = declination_deg - convergence_deg(pyproj.CRS.from_user_input(survey.crs), east, north)
+    for file in files:
+        if file.suffix in (".3d", ".err"):
+            continue
+        parts = _LINE_END.split(file.read_bytes())  # lines, and what ends each
+        for number, line in enumerate(parts[::2]):
+            if _AUTO.match(line):
+                parts[2 * number] = f"*declination {degrees:.6f} degrees".encode()
+        file.write_bytes(b"".join(parts))

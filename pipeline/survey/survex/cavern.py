@@ -18,8 +18,14 @@ from pipeline.params.reader_limits import FILE
 from pipeline.remarks import warn_user
 from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.survex.adjustment import read_traverses, require_printed_length, warn_of_misclosures
-from pipeline.survey.survex.computed import computed_declinations, state_declination, warn_of_computed
+from pipeline.survey.survex.adjustment import (
+    computed_declinations,
+    read_traverses,
+    require_printed_length,
+    state_declination,
+    warn_of_computed,
+    warn_of_misclosures,
+)
 from pipeline.survey.survex.large_network import fix_junctions
 from pipeline.survey.survex.survex_text import Written
 

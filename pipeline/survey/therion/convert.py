@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
 from pipeline.survey.survex.survex_text import NAME_CHARACTERS, SurvexText, written_survey
-from pipeline.survey.therion.dates import CENTRELINES, Dates, dates_of
-from pipeline.survey.therion.declinations import Declination, declination_of
+from pipeline.survey.therion.dates import CENTRELINES, Dates, Declination, dates_of, declination_of
 from pipeline.survey.therion.fixes import Fixes
-from pipeline.survey.therion.grades import Grades, grades_of
 from pipeline.survey.therion.imported import Imports, add_imported, declared_surveys
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.place import Place, System, cs_for_survex, place_of
 from pipeline.survey.therion.project import project_lines
-from pipeline.survey.therion.quantities import Quantities, deviations
+from pipeline.survey.therion.quantities import Grades, Quantities, deviations, grades_of
 from pipeline.survey.therion.shots import ReadingOrder, Shots
-from pipeline.survey.therion.words import SKIPPED_BLOCKS, require_name
+from pipeline.survey.therion.words import SKIPPED_BLOCKS, changed_flags, require_name
 
 _IGNORED_IN_CENTRELINE = {
     "team", "date", "explo-date", "explo-team", "instrument", "instruments", "copyright", "title", "mark", "walls",
@@ -64,7 +62,7 @@ def to_survex(path: Path) -> SurvexText:
     Therion 6.1.6 is the witness of what the book leaves open.
     """
     made = SurvexText()
-    lines = list(project_lines(path, []))
+    lines = list(project_lines(path, made.files))
     dates = dates_of(lines)
     place = place_of(lines, dates)
     imports = Imports(made, path.parent.resolve(), place is not None, declared_surveys(lines))
@@ -100,7 +98,10 @@ class _Converter:
         self.made.add(start, "*case preserve")
         self.made.add(start, f"*set names {NAME_CHARACTERS}")
         self.commands: dict[str, Callable[[Shots, TherionLine], None]] = {
-            "data": Shots.order, "units": self._units, "calibrate": self._calibrate, "sd": self._sd,
+            "data": Shots.order,
+            "units": lambda shots, line: self._add(line, shots.quantities.state_units(line.where, line.words[1:])),
+            "calibrate": lambda shots, line: self._add(line, shots.quantities.calibrate(line.where, line.words[1:])),
+            "sd": lambda _, line: self._add(line, deviations(line.where, line.words[1:])),
             "declination": self._declination, "fix": self._fix, "equate": self._equate,
             "cs": self._cs, "infer": self._infer, "group": self._group, "endgroup": self._endgroup,
             "grid-angle": self._grid_angle, "grade": self._grade, "station-names": self._station_names,
@@ -163,7 +164,7 @@ class _Converter:
         elif word == "station":  # it may stand among the shots of a passage, which goes on
             self._station(shots, line)
         elif word == "flags":  # two readings of one shot may have different ones
-            shots.change_flags(line.where, line.words[1:])
+            shots.how = replace(shots.how, flags=changed_flags(line.where, shots.how.flags, line.words[1:]))
         elif word in self.commands:
             shots.flush()
             self.commands[word](shots, line)
@@ -196,15 +197,6 @@ class _Converter:
         survey = self.surveys.pop()
         self.made.add(line, f"*end {written_survey(survey.name)}" if survey.is_named else "*end")
 
-    def _units(self, shots: Shots, line: TherionLine) -> None:
-        self._add(line, shots.quantities.state_units(line.where, line.words[1:]))
-
-    def _calibrate(self, shots: Shots, line: TherionLine) -> None:
-        self._add(line, shots.quantities.calibrate(line.where, line.words[1:]))
-
-    def _sd(self, _: Shots, line: TherionLine) -> None:
-        self._add(line, deviations(line.where, line.words[1:]))
-
     def _grade(self, _: Shots, line: TherionLine) -> None:
         for name in " ".join(word.strip("[]") for word in line.words[1:]).split():
             if name not in self.grades:
@@ -229,15 +221,13 @@ class _Converter:
             warn_user(
                 f"a centreline without a date takes {degrees:.2f} deg, the mean of its declinations", of=line.path.name
             )
-        self.made.add(line, f"*declination {degrees - self._convergence():.6f} degrees")
+        convergence_deg = 0.0 if self.place is None else self.place.convergence_deg
+        self.made.add(line, f"*declination {degrees - convergence_deg:.6f} degrees")
 
     def _computed_declination(self) -> str:
         if self.place is None:
             return "*declination 0 degrees"
         return "*declination auto {:.8f} {:.8f} {:.3f}".format(*self.place.middle)
-
-    def _convergence(self) -> float:
-        return 0.0 if self.place is None else self.place.convergence_deg
 
     def _fix(self, shots: Shots, line: TherionLine) -> None:
         if len(line.words) < 5:
@@ -254,7 +244,8 @@ class _Converter:
     def _station_names(self, shots: Shots, line: TherionLine) -> None:
         if len(line.words) != 3:
             raise InputError(f"{line.where}: expected station-names before after")
-        shots.name_stations(*(word.strip("[]") for word in line.words[1:]))
+        before, after = (word.strip("[]") for word in line.words[1:])
+        shots.how = replace(shots.how, around=(before, after))
 
     def _equate(self, shots: Shots, line: TherionLine) -> None:
         names = [shots.station(line.where, word) for word in line.words[1:]]

@@ -99,7 +99,10 @@ def add_imported(imports: Imports, line: TherionLine, prefix: str) -> None:
                 line, f"*fix {name} {east:.2f} {north:.2f} {up:.2f}" if first == name else f"*equate {first} {name}"
             )
     _add_legs(made, line, survey, names)
-    _add_passages(made, line, survey, names)
+    for passage in survey.passages:
+        rows = [(line, names[k], lrud) for k, lrud in zip(passage.stations, passage.lrud_m.tolist(), strict=True)]
+        if all(name for _, name, _ in rows):
+            made.add_passage(rows)
     made.add(line, "*end")
 
 
@@ -156,18 +159,7 @@ def _add_legs(made: SurvexText, line: TherionLine, survey: SolvedSurvey, names: 
         if not names[start] or start == end:
             continue
         if flags != before:
-            words = [f"{'' if flags & bit else 'not '}{word}" for bit, word in _FLAGS.items()]
-            made.add(line, f"*flags {' '.join(words)}")
+            made.add_flags(line, [word for bit, word in _FLAGS.items() if flags & bit])
             before = flags
         names[end] = names[end] or made.unnamed_station()
         made.add(line, f"{names[start]} {names[end]} {x:.2f} {y:.2f} {z:.2f}")
-
-
-def _add_passages(made: SurvexText, line: TherionLine, survey: SolvedSurvey, names: list[str]) -> None:
-    for passage in survey.passages:
-        rows = [(names[k], lrud) for k, lrud in zip(passage.stations.tolist(), passage.lrud_m.tolist(), strict=True)]
-        if not all(name for name, _ in rows):
-            continue
-        made.add(line, "*data passage station left right up down")
-        for name, lrud in rows:
-            made.add(line, " ".join([name, *("-" if np.isnan(wall) else f"{wall:.2f}" for wall in lrud)]))

@@ -1,15 +1,29 @@
-"""Units, corrections and deviations of the quantities in a centreline, as Survex's commands."""
+"""Units, corrections and deviations of the quantities in a centreline, also by grade, as Survex's commands."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
 from pipeline.errors import InputError
+from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.words import QUANTITIES, SMALL, UNITS, number_for_survex
 
 _METRES = {"metres": 1.0, "feet": 0.3048, "yards": 0.9144}
 _AXES = ("x", "y", "z")
 _SILENT = {*_AXES, "declination"}  # Survex has none of these: places are converted here, declinations have a unit
+# Metres, degrees of the compass, and degrees of the clino, as Therion 6.1.6 hands its own grades to Survex.
+_KNOWN = {
+    "BCRA3": (0.25, 1.25, 1.25),
+    "BCRA5": (0.05, 0.5, 0.5),
+    "UISv1_3": (0.25, 2.5, 15.0),
+    "UISv1_4": (0.05, 1.0, 1.0),
+    "UISv1_5": (0.025, 0.5, 0.5),
+    "UISv1_6": (0.01, 0.125, 0.125),
+}
+_WITHOUT = ("UISv1_-1", "UISv1_0", "UISv1_1", "UISv1_2", "UISv1_X")
+_DEFAULT = "*sd default"
+Grades = dict[str, list[str]]
+"""Survex's commands for the deviations of each grade, by its name."""
 
 
 @dataclass(frozen=True)
@@ -109,3 +123,36 @@ def _unit(where: str, what: str, words: tuple[str, ...], rest: list[str]) -> tup
     if len(rest) not in (1, 2) or unit not in {**UNITS, **SMALL}:
         raise InputError(f"{where}: {what} {' '.join(words)[:60]!r} are not supported")
     return (UNITS[unit], 1.0) if unit in UNITS else ("metres", SMALL[unit])
+
+
+def grades_of(lines: list[TherionLine]) -> Grades:
+    """Return Therion's own grades and those that a project defines: between `grade NAME` and `endgrade`.
+
+    Raises
+    ------
+    InputError
+        If a line of a definition is none of a quantity, a number and a unit.
+    """
+    found: Grades = {name: [] for name in _WITHOUT}
+    for name, (length, compass, clino) in _KNOWN.items():
+        found[name] = [
+            _DEFAULT,
+            f"*sd length {length} metres",
+            f"*sd compass {compass} degrees",
+            f"*sd clino {clino} degrees",
+        ]
+    current: list[str] | None = None
+    is_centreline = False
+    for line in lines:
+        word = line.words[0]
+        if word in ("centreline", "centerline", "endcentreline", "endcenterline"):
+            is_centreline = not word.startswith("end")
+        elif word == "endgrade":
+            current = None
+        elif current is not None:
+            current += deviations(line.where, line.words)
+        elif word == "grade" and not is_centreline:
+            if len(line.words) < 2:
+                raise InputError(f"{line.where}: a grade without a name")
+            current = found[line.words[1]] = [_DEFAULT]
+    return found

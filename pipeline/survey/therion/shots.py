@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, replace
 
 from pipeline.errors import InputError
-from pipeline.survey.survex.survex_text import SurvexText
+from pipeline.survey.survex.survex_text import PASSAGE, SurvexText
 from pipeline.survey.therion.lines import TherionLine
 from pipeline.survey.therion.quantities import Quantities
-from pipeline.survey.therion.words import FLAGS, changed_flags, number_for_survex, station_for_survex
+from pipeline.survey.therion.words import number_for_survex, station_for_survex
 
 _NAMES = {
     "tape": "length", "bearing": "compass", "gradient": "clino", "backbearing": "backcompass",
@@ -17,7 +17,6 @@ _NAMES = {
     "backtape": "backlength", "fromcounter": "fromcount", "tocounter": "tocount", "counter": "count",
 }  # fmt: skip
 _STYLES = {"normal", "cartesian", "diving", "cylpolar", "nosurvey", "dimensions", "passage", "topofil"}
-_PASSAGE = "*data passage station left right up down"
 _LRUD = ("left", "right", "up", "down")
 _ANGLES = ("compass", "backcompass")
 _NO_NUMBERS = ("from", "to", "ignore", "ignoreall", "direction")
@@ -77,14 +76,6 @@ class Shots:
         """Return the readings of a line, in order."""
         return self.how.readings
 
-    def change_flags(self, where: str, words: tuple[str, ...]) -> None:
-        """Read the words of `flags`."""
-        self.how = replace(self.how, flags=changed_flags(where, self.how.flags, words))
-
-    def name_stations(self, before: str, after: str) -> None:
-        """Read what stands before and after the names of the centreline's own stations."""
-        self.how = replace(self.how, around=(before, after))
-
     def station(self, where: str, name: str) -> str:
         """Return a station's name for Survex."""
         before, after = self.how.around
@@ -114,7 +105,7 @@ class Shots:
         if self.style in ("dimensions", "passage"):
             if "station" not in self.readings:
                 raise InputError(f"{line.where}: dimensions without a station")
-            self.add(line, _PASSAGE)
+            self.add(line, PASSAGE)
         else:
             self.add(line, self._order())
 
@@ -202,7 +193,9 @@ class Shots:
         if self.style == "normal" or not is_splay:
             self.add(line, " ".join(words))
             return
-        self._write_splay(line, [self.made.unnamed_station() if word in (".", "..") else word for word in words])
+        words = [self.made.unnamed_station() if word in (".", "..") else word for word in words]
+        for text in ("*begin", "*flags splay", " ".join(words), "*end"):
+            self.add(line, text)
 
     def _write_vector(self, line: TherionLine, ends: dict[str, str], means: dict[str, str]) -> None:
         """Write a vector as its length and bearing in plan, m and deg, and its rise, whatever the units of these."""
@@ -215,15 +208,10 @@ class Shots:
         for text in (*texts, f"{' '.join(names)} {math.hypot(east, north):.6f} {bearing:.8f} {rise:.6f}", "*end"):
             self.add(line, text)
 
-    def _write_splay(self, line: TherionLine, words: list[str]) -> None:
-        for text in ("*begin", "*flags splay", " ".join(words), "*end"):
-            self.add(line, text)
-
     def _put_flags(self, line: TherionLine, flags: frozenset[str]) -> None:
         """State flags to Survex, if they are other ones than before."""
         if flags != self.written:
-            words = [flag if flag in flags else f"not {flag}" for flag in FLAGS]
-            self.add(line, f"*flags {' '.join(words)}")
+            self.made.add_flags(line, flags)
             self.written = flags
 
     def _keep_section(self, line: TherionLine, values: dict[str, str]) -> None:
@@ -243,7 +231,7 @@ class Shots:
             self.tail = ""
             return
         if values["from"] != self.tail:
-            self.sections += [(line, _PASSAGE), (line, self._section_words(line, values["from"], at_from))]
+            self.sections += [(line, PASSAGE), (line, self._section_words(line, values["from"], at_from))]
         self.sections.append((line, self._section_words(line, values["to"], at_to)))
         self.tail = values["to"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from pipeline.errors import InputError
-from pipeline.survey.survex.survex_text import written_name, written_survey
+from pipeline.survey.survex.survex_text import FLAGS, written_name, written_survey
 
 _DOT = "~"  # stands for the point of a station's name, which parts surveys in Survex
 SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area", "revise", "scan"}
@@ -35,7 +35,6 @@ SMALL = {
 }  # fmt: skip
 # mils are grads: findings/therion-mils-are-grads.sh
 DEGREES = {"degrees": 1.0, "grads": 0.9, "minutes": 1 / 60, "mils": 0.9}
-FLAGS = ("surface", "duplicate", "splay")
 
 
 def require_name(where: str, name: str) -> str:

@@ -85,6 +85,7 @@ def read_centrelines(
         leg_flags,
         np.full(len(pairs), LegStyle.CARTESIAN, np.uint8),
         title=path.stem,
+        is_named=False,
     ), georeference
 
 

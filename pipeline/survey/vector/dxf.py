@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
 import shapely
 from ezdxf import disassemble
 from ezdxf.document import Drawing
@@ -23,7 +22,7 @@ from ezdxf.lldxf.const import DXFError
 from ezdxf.math import Vec3
 from ezdxf.path import Path as DrawnPath
 from ezdxf.path import make_path
-from shapely import LineString
+from shapely import LineString, Point
 
 from pipeline.errors import InputError
 from pipeline.guard.plain_file import read_text_bytes, require_at_most
@@ -58,8 +57,10 @@ READING_ERRORS = (
 )
 
 
-def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
+def read_dxf(path: Path, layers: list[str] | None, with_heights: bool = False) -> Shapes:
     """Read the lines of the given layers; None reads all that are shown, neither off nor frozen.
+
+    `with_heights` adds the points of all layers, and a point at each text that is a decimal number, its height.
 
     Returns
     -------
@@ -81,6 +82,7 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
         _require_block_size(path, drawing)
         existing = {layer.dxf.name for layer in drawing.layers} | {e.dxf.layer for e in drawing.modelspace()}
         found = _lines(path, drawing, layers)
+        heights = _heights(path, drawing) if with_heights else []
     except InputError:
         raise
     except OSError as error:
@@ -94,41 +96,26 @@ def read_dxf(path: Path, layers: list[str] | None) -> Shapes:
     points = shapely.get_coordinates([line for line, _ in lines])
     cure = "erase what lies there, or choose layers by --layer NAME"
     require_together(path, points, REACH_M / METRES[unit or _SMALLEST], "points", cure)
-    return Shapes([line for line, _ in lines], unit, layer_of=[layer for _, layer in lines], others=found.others)
+    layer_of = [layer for _, layer in lines] + [""] * len(heights)
+    return Shapes([*(line for line, _ in lines), *heights], unit, layer_of=layer_of, others=found.others)
 
 
-def read_dxf_labels(path: Path) -> np.ndarray:
-    """Return the points of a drawing that `read_dxf` has read, and its texts that are decimal numbers, as (k, 3).
+def _heights(path: Path, drawing: Drawing) -> list[Point]:
+    """Return the points of a drawing, and its texts that are decimal numbers: each the height at its insertion point.
 
-    A text is the height at its insertion point; a decimal comma counts as a point.
-
-    Raises
-    ------
-    InputError
-        If a coordinate is absurd.
+    A decimal comma counts as a point. `InputError` if a coordinate is absurd.
     """
-    found: list[tuple[float, ...]] = []
-    data = read_text_bytes(path)
-    try:
-        drawing = readfile(path)
-        mend_blocks(path, drawing)
-        entities = disassemble.recursive_decompose(drawing.modelspace())
-        for entity in islice(entities, reader_limits().dxf_entities):
-            if entity.dxftype() not in ("POINT", "TEXT", "MTEXT"):
-                continue
-            _require_plain_numbers(path, entity)
-            if entity.dxftype() == "POINT":
-                found.append(tuple(entity.dxf.location))
-            elif isinstance(entity, Text | MText):
-                number = _HEIGHT.fullmatch(str(entity.plain_text()))
-                if number:
-                    x, y = entity.dxf.insert.vec2
-                    found.append((x, y, plain_number(number[1].replace(",", "."))))
-    except InputError:
-        raise
-    except READING_ERRORS as error:
-        raise InputError(f"{path}: {_unreadable(data)}") from error
-    return np.array(found, dtype=float).reshape(-1, 3)
+    found: list[Point] = []
+    for entity in islice(disassemble.recursive_decompose(drawing.modelspace()), reader_limits().dxf_entities):
+        if entity.dxftype() not in ("POINT", "TEXT", "MTEXT"):
+            continue
+        _require_plain_numbers(path, entity)
+        if entity.dxftype() == "POINT":
+            found.append(Point(tuple(entity.dxf.location)))
+        elif isinstance(entity, Text | MText) and (number := _HEIGHT.fullmatch(str(entity.plain_text()))):
+            x, y = entity.dxf.insert.vec2
+            found.append(Point(x, y, plain_number(number[1].replace(",", "."))))
+    return found
 
 
 def _unreadable(data: bytes) -> str:

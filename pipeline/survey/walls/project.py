@@ -15,6 +15,7 @@ from pipeline.guard.plain_file import read_text_bytes
 from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.remarks import warn_user
 from pipeline.survey.solved.project_files import inside
+from pipeline.survey.survex.survex_text import Written
 
 _COMMAND = re.compile(rb"\s*\.([A-Za-z0-9]+)[ \t]*(.*?)[ \t\x1a]*", re.DOTALL)
 _LINE_END = re.compile(rb"\r\n|\n|\r")
@@ -23,13 +24,18 @@ _PROJECT, _SURVEY = "made.wpj", ".srv"
 
 
 @dataclass
-class WallsCopy:
+class WallsCopy(Written):
     """The content of a project or of one survey file, and the files that it is made of."""
 
     path: Path
     project: bytes = b""
     surveys: list[Path] = field(default_factory=list)
     options: list[str] = field(default_factory=list)  # of each survey: `.OPTIONS` of its books and its own
+
+    @property
+    def files(self) -> list[Path]:  # type: ignore[override]
+        """Return the main file, and the surveys that it names."""
+        return [self.path, *self.surveys]
 
     def write(self, folder: Path) -> Path:
         """Write the copy into a folder, and return its main file."""
@@ -44,14 +50,6 @@ class WallsCopy:
         """Return the file and line of which a line of a copy is one."""
         names = [_copy_name(k) for k in range(len(self.surveys))]
         return (self.surveys[names.index(file.stem)] if file.stem in names else self.path), number
-
-    def message(self, text: str) -> str:
-        """Return a message of Survex as it is."""
-        return text
-
-    def names(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the stations' names as they are."""
-        return names
 
 
 @dataclass

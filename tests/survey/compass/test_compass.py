@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.survey.compass.data import read_surveys
-from pipeline.survey.compass.datums import utm_system
+from pipeline.survey.compass.project import utm_system
 from pipeline.survey.solved.model import LegFlag, StationFlag
 from pipeline.survey.solved_surveys import solve_file, survey_files
 from tests.solved import position_of

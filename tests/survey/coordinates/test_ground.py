@@ -13,7 +13,7 @@ import shapely
 from pipeline.errors import InputError
 from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.georeference import read_placement
+from pipeline.survey.drawing.georeference import find_placement
 from pipeline.survey.vector.geodata import read_geodata
 from pipeline.survey.vector.shapes import locate, workings_of
 from tests.mines import TEE
@@ -74,7 +74,7 @@ def geotiff(path, crs, size):
 
 def test_a_picture_in_web_mercator_has_metres_of_the_ground_and_says_so(tmp_path):
     path = geotiff(tmp_path / "plan.tif", "EPSG:3857", 0.4)
-    placement = read_placement(path)
+    placement = find_placement(path)
     assert placement.size * placement.metres_per_unit == pytest.approx(0.4 / 1.7425, rel=2e-3)
     assert re.search(r"whose metre is 0\.57\d\d m on the ground \(EPSG:3857\)", detect_survey(path).remarks["scale"])
 
@@ -82,4 +82,4 @@ def test_a_picture_in_web_mercator_has_metres_of_the_ground_and_says_so(tmp_path
 def test_a_picture_that_is_stretched_along_one_axis_is_refused(tmp_path):
     assert cv2.imread(str(geotiff(tmp_path / "plan.tif", "EPSG:32662", 0.4))) is not None
     with pytest.raises(InputError, match=r"1\.7\d\d .east. and 1\.00\d .north. times those on the ground; warp it"):
-        read_placement(tmp_path / "plan.tif")
+        find_placement(tmp_path / "plan.tif")

@@ -20,7 +20,7 @@ from pipeline.remarks import collect_remarks
 from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
 from pipeline.survey.coordinates.map_axes import axes_of, metres_of_unit
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.georeference import read_placement
+from pipeline.survey.drawing.georeference import find_placement
 from pipeline.survey.vector.geodata import read_geodata
 from pipeline.survey.vector.geojson import read_geojson
 from pipeline.survey.vector.shapes import locate, with_heights
@@ -88,7 +88,7 @@ def test_a_picture_in_a_system_that_points_south_and_west_is_not_called_mirrored
     options = {"height": 100, "width": 200, "count": 1, "dtype": "uint8", "crs": "EPSG:5513", "transform": place}
     with rasterio.open(path, "w", driver="GTiff", **options) as file:
         file.write(np.full((100, 200), 255, np.uint8), 1)
-    found = read_placement(path)
+    found = find_placement(path)
     assert (found.size, found.turned_deg) == pytest.approx((cell, 0.0))
     assert (found.east, found.north) == pytest.approx((-743_000.0, -1_043_000.0))
 

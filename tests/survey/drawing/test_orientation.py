@@ -11,7 +11,7 @@ from rasterio.transform import Affine
 
 from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.georeference import read_placement
+from pipeline.survey.drawing.georeference import find_placement
 from pipeline.survey.drawing.image import read_image
 from tests.mines import TEE, frame_for, plan_of
 
@@ -58,7 +58,7 @@ def test_a_turned_picture_with_a_georeference_is_refused(tmp_path):
     (tmp_path / "a.jpg").write_bytes(saved("JPEG", 6))
     (tmp_path / "a.jgw").write_text("0.1 0 0 -0.1 0 0")
     with pytest.raises(InputError, match=r"a\.jpg: it is stored turned \(orientation 6\)"):
-        read_placement(tmp_path / "a.jpg")
+        find_placement(tmp_path / "a.jpg")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.picture import fitting_dpi, read_page
+from pipeline.survey.drawing.picture import open_page, read_page
 from tests.project import ROOT
 from tests.survey.drawing.packed_pages import AES, PACKED
 
@@ -69,8 +69,8 @@ def test_the_user_unit_of_a_page_in_packed_objects_is_found(tmp_path, data):
 
 
 def test_the_user_unit_is_listed_and_counts_for_the_resolution_that_fits(tmp_path):
-    with collect_remarks() as remarks:
-        assert fitting_dpi(bar_page(tmp_path / "a.pdf", (8, 6), UserUnit=10), 1) == 91
+    with collect_remarks() as remarks, open_page(bar_page(tmp_path / "a.pdf", (8, 6), UserUnit=10), 1) as page:
+        assert page.fitting_dpi() == 91
     lines = [remark.line() for remark in remarks]
     assert "a.pdf: page 1 states a UserUnit of 10: its units are 10/72 inch" in lines
     assert any("page of 80 x 60 in" in line for line in lines)

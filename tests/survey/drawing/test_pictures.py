@@ -19,7 +19,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.drawing.paper_scale import ratio_in
-from pipeline.survey.drawing.picture import fitting_dpi, turn_picture
+from pipeline.survey.drawing.picture import open_page, turn_picture
 from pipeline.survey.load import read_survey, sources
 from stages.contours import trace_free_space
 from tests.mines import RING, TEE, frame_for, plan_of
@@ -276,7 +276,8 @@ def test_a_warning_states_which_page_of_a_pdf_is_read(data, capsys):
 @pytest.mark.parametrize(("inches", "dpi"), [((10, 7), 200), ((49, 56), 120), ((300, 300), 36)])
 def test_the_resolution_of_a_page_is_lowered_until_it_fits_and_said(tmp_path, capsys, inches, dpi):
     path = write_page(tmp_path / "plan.pdf", inches)
-    assert fitting_dpi(path, 1) == dpi
+    with open_page(path, 1) as page:
+        assert page.fitting_dpi() == dpi
     warned = capsys.readouterr().err
     assert warned == ("" if dpi == 200 else warned)
     assert (f"page of {inches[0]} x {inches[1]} in; it is read at {dpi} dpi; --dpi" in warned) == (dpi < 200)

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from pipeline.survey.levels.areas import Area
-from pipeline.survey.levels.heights import even_floors
+from pipeline.survey.levels.joins import even_floors
 
 ONE, OTHER = shapely.box(0, 0, 50, 20), shapely.box(50.2, 0, 100, 20)
 

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.survey.passages.workings import build_workings
+from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.stations.compass import read_plt
 from tests.solved import read_passages
@@ -157,6 +158,10 @@ X 1 1 1 1 1 1
 """
 
 
+def plt_legs(path):
+    return plan_legs(path, read_plt(path))
+
+
 def test_a_file_exported_by_therion_is_read_with_its_passages(tmp_path):
     therion = shutil.which("therion")
     if therion is None:
@@ -164,7 +169,7 @@ def test_a_file_exported_by_therion_is_read_with_its_passages(tmp_path):
     (tmp_path / "cave.th").write_text(THERION)
     (tmp_path / "thconfig").write_text("source cave.th\nexport model -fmt compass -o cave.plt\n")
     subprocess.run([therion, "-q"], cwd=tmp_path, check=True, capture_output=True)
-    legs = read_plt(tmp_path / "cave.plt")
+    legs = plt_legs(tmp_path / "cave.plt")
     positions = {s: p for leg in legs for s, p in zip(leg.stations, leg.positions_m, strict=True)}
     np.testing.assert_allclose(positions["1"] - positions["0"], (10, 0), atol=0.01)
     np.testing.assert_allclose(positions["3"] - positions["1"], (0, -8), atol=0.01)
@@ -175,7 +180,7 @@ def test_a_file_exported_by_therion_is_read_with_its_passages(tmp_path):
 def test_plot_files_are_in_feet_and_missing_wall_distances_are_interpolated(tmp_path):
     path = tmp_path / "a.plt"
     path.write_text(PLT)
-    one, two = read_plt(path)
+    one, two = plt_legs(path)
     np.testing.assert_allclose(one.positions_m[0], (120.0, 340.0), atol=0.01)
     assert one.stations == ["a", "b", "c"]
     np.testing.assert_allclose(one.walls_m, [[2.0, 2.5], [2.0, 2.25], [2.0, 2.0]], atol=0.01)
@@ -185,7 +190,7 @@ def test_plot_files_are_in_feet_and_missing_wall_distances_are_interpolated(tmp_
 def test_a_plot_file_whose_stations_differ_in_height_keeps_their_heights(tmp_path):
     path = tmp_path / "a.plt"
     path.write_text(PLT.replace("1089.00 426.51 0 Sd P 4.92 6.56 1.64", "1089.00 426.51 -9.84 Sd P 4.92 6.56 3.28"))
-    heights = {s: h for leg in read_plt(path) for s, h in zip(leg.stations, leg.heights_m, strict=True)}
+    heights = {s: h for leg in plt_legs(path) for s, h in zip(leg.stations, leg.heights_m, strict=True)}
     np.testing.assert_allclose(heights["a"], (0, 2.0, 0.5), atol=0.01)
     np.testing.assert_allclose(heights["d"], (-3.0, 2.0, 1.0), atol=0.01)
 
@@ -235,6 +240,6 @@ D\t0\t131.234\t%s\tS3\tP\t-9999\t-9999\t-9999\t-9999
 @pytest.mark.parametrize("rise", ["0", "-13"])
 def test_ends_of_splays_in_a_plot_file_are_walls_and_no_drifts(tmp_path, name, rise):
     (tmp_path / "a.plt").write_text(SPLAYS % (name, rise))
-    (leg,) = read_plt(tmp_path / "a.plt")
+    (leg,) = plt_legs(tmp_path / "a.plt")
     assert leg.stations == ["1", "2", "3"]
     np.testing.assert_allclose(leg.walls_m[:2], [(3, 2), (4, 2.5)], atol=0.001)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.params.survey import PassageSurveyParams
+from pipeline.survey.passages.legs import legs_of
+from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.survex.repeated import flagged_together
-from pipeline.survey.whole_survey import built_piece, footprint, read_whole, whole_in_frame
+from pipeline.survey.survex.survex_text import flagged_together
+from pipeline.survey.whole_survey import built_piece, footprint, read_whole
 from pipeline.types import lines_of
 from tests.project import ROOT
 
@@ -26,8 +28,8 @@ DUPLICATE = "*flags duplicate\n{}*flags not duplicate\n"
 
 
 def read(path, piece=None):
-    whole = read_whole(path, PARAMS)
-    return whole, built_piece(path, whole, piece)
+    survey, legs = read_whole(path, PARAMS)
+    return legs, built_piece(path, survey, legs, piece)
 
 
 def write(folder, text):
@@ -46,38 +48,38 @@ def pairs(legs):
 
 
 def test_a_side_passage_that_hangs_on_a_repeated_leg_belongs_to_the_piece(capsys):
-    whole, piece = read(given("duplicate-tie.svx"))
-    assert not piece.others
-    assert pairs(piece.legs) == {frozenset({f"cave.{a}", f"cave.{b}"}) for a, b in ("12", "23", "bc", "cd")}
+    legs, piece = read(given("duplicate-tie.svx"))
+    assert not len(piece.pieces_m)
+    assert pairs(legs_of(piece)) == {frozenset({f"cave.{a}", f"cave.{b}"}) for a, b in ("12", "23", "bc", "cd")}
     assert piece.surveyed_m == pytest.approx(140, abs=0.02)
     assert "pieces" not in capsys.readouterr().err
-    assert whole.is_level
+    assert not has_relief(legs)
 
 
 def test_a_repeated_leg_is_built_if_nothing_else_leads_to_what_hangs_on_it(tmp_path, capsys):
     beside, apart = (MAIN + DUPLICATE.format(f"1 b 31 {bearing} -5\n") + SIDE for bearing in ("089", "045"))
     path = write(tmp_path, beside)
     _, piece = read(path)
-    assert frozenset("1b") not in pairs(piece.legs)
-    assert footprint(path, piece.legs).geom_type == "Polygon"
+    assert frozenset("1b") not in pairs(legs_of(piece))
+    assert footprint(path, legs_of(piece)).geom_type == "Polygon"
     assert "repeated" not in capsys.readouterr().err
     _, piece = read(write(tmp_path, apart))
-    assert frozenset("1b") in pairs(piece.legs)
-    assert not piece.others
-    assert footprint(path, piece.legs).geom_type == "Polygon"
+    assert frozenset("1b") in pairs(legs_of(piece))
+    assert not len(piece.pieces_m)
+    assert footprint(path, legs_of(piece)).geom_type == "Polygon"
     assert "a.svx: 1 repeated legs alone lead to what hangs on them, and are built: " in capsys.readouterr().err
 
 
 def test_repeated_legs_in_a_row_tie_as_one_does(tmp_path):
     text = MAIN + DUPLICATE.format("1 x 20 045 -5\nx b 20 045 -5\n") + SIDE
     _, piece = read(write(tmp_path, text))
-    assert {frozenset("1x"), frozenset("xb")} <= pairs(piece.legs)
-    assert not piece.others
+    assert {frozenset("1x"), frozenset("xb")} <= pairs(legs_of(piece))
+    assert not len(piece.pieces_m)
 
 
 def test_a_leg_on_the_surface_ties_nothing(tmp_path):
     _, piece = read(write(tmp_path, MAIN + "*flags surface\n1 b 31 045 -5\n*flags not surface\n" + SIDE))
-    assert len(piece.others) == 1
+    assert len(piece.pieces_m) == 1
 
 
 @pytest.mark.parametrize("between", ["", "; again\n\n"])
@@ -105,13 +107,10 @@ def test_other_lines_stay_in_their_order(lines):
 
 def test_an_entrance_is_open_whichever_of_its_names_the_legs_have():
     path = given("entrance-equated.svx")
-    whole, piece = read(path)
-    assert whole.entrances == ("mine.1",)
-    assert piece.entrances == ("mine.1",)
-    assert lines_of(whole_in_frame(piece, (0.0, 0.0)).entrances) == ["mine.1"]
+    assert lines_of(read(path)[1].entrances) == ["mine.1"]
 
 
 @pytest.mark.parametrize("piece", ["portal", "mine.1"])
 def test_a_piece_is_chosen_by_any_name_of_an_equated_station(piece):
     _, built = read(given("entrance-equated.svx"), piece)
-    assert pairs(built.legs) == {frozenset({"mine.1", "mine.2"}), frozenset({"mine.2", "mine.3"})}
+    assert pairs(legs_of(built)) == {frozenset({"mine.1", "mine.2"}), frozenset({"mine.2", "mine.3"})}

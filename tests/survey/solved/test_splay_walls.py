@@ -19,7 +19,7 @@ from pipeline.survey.solved.splay_walls import (
     usual_half_width_m,
 )
 from pipeline.survey.solved_surveys import survey_files
-from pipeline.survey.whole_survey import WholeSurvey, built_piece
+from pipeline.survey.whole_survey import built_piece
 from pipeline.types import Source
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from tests.solved import read_passages
@@ -215,8 +215,7 @@ def test_what_a_survey_leaves_open_is_listed_with_its_count(tmp_path, capsys):
     survey = SolvedSurvey(
         tuple("abcde"), places, np.zeros(5, np.uint8), legs, np.zeros(4, np.uint8), styles, (passage,)
     )
-    whole = WholeSurvey(plan_legs(Path("cave.3d"), survey), is_level=False)
-    built_piece(Path("cave.3d"), whole, None)
+    built_piece(Path("cave.3d"), survey, plan_legs(Path("cave.3d"), survey), None)
     told = capsys.readouterr().err
     for line in (
         "1 legs were not surveyed (nosurvey) and are built as straight passages, the longest 10.2 m from d to e",

@@ -17,8 +17,7 @@ from pipeline.survey.formats import solver_limits
 from pipeline.survey.solved.survex_3d import read_3d
 from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.survex import cavern
-from pipeline.survey.survex.adjustment import require_printed_length
-from pipeline.survey.survex.computed import computed_declinations, warn_of_computed
+from pipeline.survey.survex.adjustment import computed_declinations, require_printed_length, warn_of_computed
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT
 from tests.solved import position_of

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.survey.passages.known import known_of
 from pipeline.survey.passages.legs import SurveyLeg, legs_of
+from pipeline.survey.passages.relief import known_of
 from pipeline.types import Source, SurveyedLegs
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.inside import Inside
