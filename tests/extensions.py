@@ -276,18 +276,24 @@ def test_the_look_is_a_choice_that_a_record_may_state():
         },
         "an output of stage 5": {
             "pipeline/mjcf/obstacles.py": OBSTACLES,
-            "pipeline/mjcf/assemble.py": [
-                (
-                    "from pipeline.mjcf.render",
-                    "from pipeline.mjcf.obstacles import obstacle_table\nfrom pipeline.mjcf.render",
-                ),
-                (
-                    'return {"world": seal_bundle',
-                    'return {"obstacles": obstacle_table(len(collision)), "world": seal_bundle',
-                ),
-            ],
             "stages/realism.py": [
-                ('writes={"world"', 'writes={"obstacles": Artifact("realism/obstacles.csv", str), "world"')
+                (
+                    "from pipeline.params.realism",
+                    "from pipeline.mjcf.obstacles import obstacle_table\nfrom pipeline.params.realism",
+                ),
+                (
+                    'return {"world": assemble_world(params, mine.survey, **inputs)}',
+                    "world = assemble_world(params, mine.survey, **inputs)\n"
+                    '    return {"obstacles": obstacle_table(len(world)), "world": world}',
+                ),
+                (
+                    'return {"world": bundle_volume(params, mine.survey, free_space, compiled, rock)}',
+                    "world = bundle_volume(params, mine.survey, free_space, compiled, rock)\n"
+                    '    return {"obstacles": obstacle_table(len(world)), "world": world}',
+                ),
+                ("-> dict[str, Bundle]:", "-> dict[str, Any]:"),
+                ("-> dict[str, Bundle]:", "-> dict[str, Any]:"),
+                ('writes={"world"', 'writes={"obstacles": Artifact("realism/obstacles.csv", str), "world"'),
             ],
             "tests/mjcf/test_obstacles.py": """
 from pipeline.mjcf.obstacles import obstacle_table

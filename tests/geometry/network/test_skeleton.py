@@ -155,5 +155,5 @@ def test_a_pillar_on_a_neck_thinner_than_a_cell_stays_rock():
     network = trace_network(ring, 0.25, 2.0, 3.0)
     assert network.loops == 0
     assert len(network.dead_ends) == 2
-    assert network.total_length_m == pytest.approx(4 * 17 - 2 * 1.5, abs=2)  # thinning stops half a width short of a face
+    assert network.total_length_m == pytest.approx(4 * 17 - 2 * 1.5, abs=2)  # ends stop half a width short
     assert min(half for leg in network.legs for half in leg.half_width_m[1:-1]) > 1.0
