@@ -8,13 +8,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import MODEL, RECORD
+from pipeline.metrics.iou import joined_to, plan_iou
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
+from pipeline.mjcf.loading import load_model
+from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.drawn_areas import require_drawn_areas
@@ -89,11 +93,17 @@ def _validate_volume(
     found = validate_volume(params.volume, opened, shape)
     rock = measure_volume_texture(opened, params.texture)
     metrics, evidence = found.metrics, dict[str, Any]()
+    if shape is not mine.shape and params.extent == "full":  # a traced plan
+        model, record = load_model(world / MODEL), opened.record
+        seen = render_free_space(model, np.array(record.T_world_mine), frame, record.volume.high_m)
+        seen = joined_to(seen, frame, record.spawn.anchor_m[:2])  # parts of floors reach under the rock
+        metrics = metrics | {"iou": plan_iou(seen, cleaned, raw)}
+        evidence["agreement.png"] = draw_agreement(cleaned, seen)
     if rock is not None:
         from pipeline.report.figures.texture import draw_heat, draw_texture
 
         metrics = metrics | rock.metrics
-        evidence = {
+        evidence |= {
             "texture.json": rock.texture,
             "texture.png": draw_texture(rock.texture),
             "heat.png": draw_heat(rock.texture, rock.floors),

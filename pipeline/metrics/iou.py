@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from pipeline.types import Mask
+from pipeline.types import Frame, Mask
 
 
 def intersection_over_union(one: Mask, two: Mask) -> float:
@@ -39,3 +40,22 @@ def differing_areas(world_free: Mask, plan_free: Mask, px_per_m: float) -> Diffe
         round(rock / max(1, int(np.count_nonzero(plan_free))), 6),
         round(missing / px_per_m**2, 3),
     )
+
+
+def plan_iou(seen: Mask, cleaned: Mask, raw: Mask) -> dict[str, float]:
+    """Return the IoU of the floor that is seen from above with the cleaned plan and the raw one, and that of rock.
+
+    All are masks (rows, cols) on the plan's pixels.
+    """
+    return {
+        "free_space_vs_cleaned": round(intersection_over_union(seen, cleaned), 6),
+        "free_space_vs_raw": round(intersection_over_union(seen, raw), 6),
+        "rock": round(intersection_over_union(~seen, ~cleaned), 6),
+    }
+
+
+def joined_to(mask: Mask, frame: Frame, place_m: tuple[float, float]) -> Mask:
+    """Return the piece of a mask (rows, cols) whose pixels are joined by their sides to a place, m, mine frame."""
+    col, row = np.floor(frame.to_image(np.array([place_m]))[0]).astype(int)
+    _, piece = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    return mask & (piece == piece[row, col])

@@ -8,6 +8,7 @@ from typing import Any
 from pipeline.params.validation import Limit, ValidationParams
 
 _OF_ROCK = ("texture", "relief")
+_OF_PLAN = "iou"  # also of a volume that is a traced plan
 OF_VISIBLE_ROCK = (*_OF_ROCK, "walls")
 JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the height of the upper cut
 _OF_CERTIFICATE = ("areas", "collision", "survey", "certificate")
@@ -45,8 +46,9 @@ def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dic
     judged = () if why_rock_is_not_judged(params, figures) else _OF_ROCK
     left_out = _left_out(params, figures)
     if is_volume(figures):
-        rock = _of_groups(params, judged if "texture.draws" in figures else (), left_out)
-        return params.volume.applying(figures) | rock
+        rock = judged if "texture.draws" in figures else ()
+        plan = [_OF_PLAN] if any(name.startswith(f"{_OF_PLAN}.") for name in figures) else []
+        return params.volume.applying(figures) | _of_groups(params, {*rock, *plan}, left_out)
     groups = {name.partition(".")[0] for name in params.limits}
     groups -= set() if "survey.narrowed_m" in figures else {"survey"}  # of plans and maps there are no legs
     measured = {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)}

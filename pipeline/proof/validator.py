@@ -16,7 +16,7 @@ from shapely import Polygon
 from minexplore.bundle import FREE_SPACE, MINE_BODY, RECORD, TOPOLOGY, GeomGroup
 from pipeline.errors import ArtifactError
 from pipeline.geometry.outline.half_level import trace_half_level
-from pipeline.metrics.iou import differing_areas, intersection_over_union
+from pipeline.metrics.iou import differing_areas, plan_iou
 from pipeline.metrics.leg_widths import LegFigures, measure_legs, sections_along
 from pipeline.metrics.navigability import Navigability, cast_columns
 from pipeline.metrics.rock.relief import Relief
@@ -179,11 +179,7 @@ def _require_survey(bundle: Path, world: OpenedBundle, survey: Survey) -> None:
 
 
 def _iou(validator: Validator) -> dict[str, float]:
-    return {
-        "free_space_vs_cleaned": round(intersection_over_union(validator.world_free, validator.cleaned), 6),
-        "free_space_vs_raw": round(intersection_over_union(validator.world_free, validator.raw), 6),
-        "rock": round(intersection_over_union(~validator.world_free, ~validator.cleaned), 6),
-    }
+    return plan_iou(validator.world_free, validator.cleaned, validator.raw)
 
 
 def _navigability(validator: Validator) -> dict[str, Any]:

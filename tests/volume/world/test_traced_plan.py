@@ -8,7 +8,9 @@ import shapely
 
 from minexplore.bundle import RECORD
 from pipeline.errors import ArtifactError
+from pipeline.metrics.limits import flatten
 from pipeline.proof.drawn_areas import require_drawn_areas
+from pipeline.proof.groups import applying_limits
 from stages.validation import validate_world
 from tests.volume_worlds import CONFIG, VolumeWorld, survey_of_areas
 
@@ -30,9 +32,11 @@ def test_a_traced_plan_with_a_grade_is_built_and_its_certificate_holds(graded):
     assert plan.unconnected_m2 == pytest.approx(16, abs=1)
     assert plan.traced_tunnel_m2 != plan.tunnel_m2
     traced = {name: graded.traced[name] for name in ("cleaned", "raw")}
-    params = CONFIG.validation.model_copy(update={"extent": "certificate"})
+    params = CONFIG.validation.model_copy(update={"extent": "full"})
     found = validate_world(params, graded.mine, world=graded.bundle, traced=graded.folder / "traced", **traced)
     assert found["certificate"].holds
+    assert found["metrics"]["iou"]["free_space_vs_cleaned"] > 0.98
+    assert {name for name in applying_limits(params, flatten(found["metrics"])) if name.startswith("iou.")}
 
 
 @pytest.mark.parametrize(("field", "by"), [("traced_tunnel_m2", 40.0), ("unconnected_m2", 0.1)])
