@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from baselines.base.markdown import markdown_table, write_table
@@ -80,7 +81,7 @@ class JudgedCases:
         given = parser.parse_args()
         wanted = list(self.cases[: given.count])
         code = os.environ.get(CODE) or code_sha256("minexplore", "pipeline", "stages", "baselines", "benchmarks")
-        work = Work(self.name, self.judge, Row, code, memory_gb=_MEMORY_GB, label=_label_of)
+        work = Work(self.name, _imported(self.judge), Row, code, memory_gb=_MEMORY_GB, label=_label_of)
         try:
             found = map_pieces(work, wanted, where_of(given))
         except PiecesError as error:
@@ -95,6 +96,12 @@ class JudgedCases:
         for row in failed:
             print(row)
         return 2 if failed else 0
+
+
+def _imported(judge: Callable[[Any], Row]) -> Callable[[Any], Row]:
+    """Return a function of the main module as that of a module that nodes import, with its caches."""
+    main = sys.modules["__main__"].__spec__
+    return resolve_name(f"{main.name}:{judge.__qualname__}") if main and judge.__module__ == "__main__" else judge
 
 
 def _label_of(case: Any) -> str:

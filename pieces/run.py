@@ -1,127 +1,188 @@
-"""Do many pieces of work, each once: `map_pieces`."""
+"""Do many pieces of work, each once: `map_pieces`, in processes of this machine or on a cluster of Ray."""
 
 from __future__ import annotations
 
+import ctypes
+import multiprocessing
 import os
 import shlex
+import signal
 import sys
-from collections import deque
-from collections.abc import Callable, Iterable
-from contextlib import closing
-from dataclasses import dataclass
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import closing, contextmanager
+from dataclasses import replace
 from functools import partial
-from hashlib import sha256
+from itertools import islice
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from pydantic import TypeAdapter
 from pydantic_core import to_json
 from tqdm import tqdm
 
-from pieces.places import Answers, over_cluster, over_processes
-from pieces.results import PiecesError, Results, packed, unpack
+from pieces.results import PiecesError, Results
 from pieces.work import Where, Work
 
-_EVERY_S = 30.0  # between lines of progress where standard error is no terminal
-_LINE = "{desc}: {n_fmt} of {total_fmt} pieces, {remaining} left\n"
-_MOST_LISTED = 20  # failed pieces
-
-
-@dataclass(frozen=True)
-class WorkPiece:
-    """An item, the name of its result, and the folder that it writes."""
-
-    item: Any
-    name: str
-    folder: Path | None
+_ENDS = (signal.SIGINT, signal.SIGTERM)  # signals that end a command
+_PR_SET_PDEATHSIG = 1
+_MOST_WAIT = 20_000  # calls that Ray has at a time: twice the processors of a thousand nodes
+_MOST_SHOWN = 300  # characters of an error of Ray
+Answer = tuple[bytes, str]  # the result as JSON, and why it does not count
+Place = tuple[Callable[[Any], Future[Answer]], int]  # what starts a call, and how many calls may be under way
 
 
 def map_pieces(
     work: Work, items: Iterable[Any], where: Where, done: Callable[[Any, Any], Any] = lambda item, result: None
 ) -> list[Any]:
-    """Return the results of all items in their order, each kept as soon as it is made; one that is kept is not made.
+    """Return the results of all items in their order; one that is kept is not made, and one that is made is kept.
 
-    A result's name is the hash of code, inputs and item. So a command that was ended goes on where it stopped, on any
-    machine that sees the results. `done` is called with each item and its result, those that were kept first.
+    So a command that was ended goes on where it stopped, on any machine that sees the results. `done` is called with
+    each item and its result as it comes.
 
     Raises
     ------
     PiecesError
         If pieces failed, after all others are done; each is listed with the command that repeats it alone.
     """
-    pieces = [_piece(work, item) for item in items if where.piece in (None, work.label(item))]
+    pieces = [item for item in items if where.piece in (None, work.label(item))]
     if where.piece is not None and not pieces:
         raise PiecesError(f"--piece {where.piece}: no piece of {work.title} has this label")
-    store, found, adapter = where.to or work.kept, dict[str, Any](), TypeAdapter(work.result)
-    results = Results(store, work.title) if store else None
-    kept = results.names() if results and where.piece is None else set()
-
-    def take(piece: WorkPiece, data: bytes) -> str:
-        result, archive = adapter.validate_json(data), f"{piece.name}.zip"
-        if results and where.to and piece.folder:
-            if not piece.folder.is_dir() and (packed_files := results.read(archive)) is not None:
-                unpack(packed_files, piece.folder)
-            if not piece.folder.is_dir() or (work.holds and not work.holds(piece.item, result)):
-                return f"{piece.folder}: is not what was made; move it away"
-        found[piece.name] = result
-        done(piece.item, result)
-        return ""
-
-    for piece in pieces:
-        data = results.read(f"{piece.name}.json") if results and f"{piece.name}.json" in kept else None
-        if data is not None:
-            take(piece, data)
-    left, failed = [piece for piece in pieces if piece.name not in found], list[str]()
+    found, failed, adapter = dict[int, Any](), list[str](), TypeAdapter(work.result)
     tqdm.monitor_interval = 0  # no thread beside this one: reading a survey forks
-    lines: dict[str, Any] = {"mininterval": _EVERY_S, "delay": _EVERY_S, "bar_format": _LINE}
-    shown = {} if sys.stderr.isatty() else lines
-    bar = tqdm(total=len(pieces), initial=len(found), desc=work.title, unit="piece", **shown)
-    with bar, closing(_answers(work, left, where)) as answers:
-        for piece, answer in answers:
-            data, problem = answer if isinstance(answer, tuple) else (b"", f"{type(answer).__name__}: {answer}")
-            if results and not where.to and not problem:
-                results.write(f"{piece.name}.json", data)
-            problem = (take(piece, data) if data else "") or problem
+    every_s = 0.1 if sys.stderr.isatty() else 30.0
+    bar = tqdm(total=len(pieces), desc=work.title, unit="piece", mininterval=every_s, delay=every_s)
+    with bar, closing(_answers(work, pieces, where)) as answers:
+        for number, (data, problem) in answers:
+            item = pieces[number]
+            if data:
+                found[number] = adapter.validate_json(data)
+                problem = problem or _bring(work, where, item, found[number])
+                done(item, found[number])
             if problem:
-                again = shlex.join(["python", *sys.orig_argv[1:], "--piece", work.label(piece.item)])
-                failed.append(f"{work.title}: {work.label(piece.item)}: {problem}\n  again: {again}")
+                again = shlex.join(["python", *sys.orig_argv[1:], "--piece", work.label(item)])
+                failed.append(f"{work.title}: {work.label(item)}: {problem}\n  again: {again}")
             bar.update()
     if failed:
-        print(*failed[:_MOST_LISTED], *(failed[_MOST_LISTED:] and ["..."]), sep="\n", file=sys.stderr)
+        print(*failed, sep="\n", file=sys.stderr)
         first = failed[0].splitlines()[0]
         raise PiecesError(f"{len(failed)} of {len(pieces)} pieces failed, {first}; the same command goes on with them")
     if where.piece is not None:
         print(*found.values())
         raise SystemExit(0)
-    return [found[piece.name] for piece in pieces]
+    return [found[number] for number in range(len(pieces))]
 
 
-def _piece(work: Work, item: Any) -> WorkPiece:
-    name = sha256(to_json([work.title, work.code, work.inputs, item])).hexdigest()
-    return WorkPiece(item, name, work.folder(item) if work.folder else None)
-
-
-def _answers(work: Work, pieces: list[WorkPiece], where: Where) -> Answers:
-    call = partial(make, str(Path.cwd()), (where.to, work.title) if where.to else None, work.do, work.problem)
-    if where.on == "ray" and where.piece is None:
-        return over_cluster(call, iter(pieces), where.jobs, work.processors, work.memory_gb)
-    jobs = min(where.jobs, len(pieces), int((os.cpu_count() or 1) / work.processors))
+def _answers(work: Work, items: list[Any], where: Where) -> Generator[tuple[int, Answer]]:
+    """Yield the number of each item with its answer as it comes."""
+    call = partial(_make, str(Path.cwd()), replace(work, label=str, holds=None), where)
+    jobs = min(where.jobs, len(items), os.cpu_count() or 1)
     if hasattr(os, "sysconf"):  # not on Windows
         jobs = min(jobs, int(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 / work.memory_gb))
-    return over_processes(call, deque(pieces), jobs) if jobs > 1 else ((piece, call(piece)) for piece in pieces)
+    on_ray = bool(items) and where.on == "ray" and where.piece is None
+    if not on_ray and jobs <= 1:
+        yield from enumerate(map(call, items))
+        return
+    left, under_way, ended = enumerate(items), dict[Future[Answer], int](), SimpleQueue[Future[Answer]]()
+    with _on_cluster(call, work, where.jobs) if on_ray else _in_processes(call, jobs) as (start, most):
+        while True:
+            for number, item in islice(left, most - len(under_way)):
+                under_way[future := start(item)] = number
+                future.add_done_callback(ended.put)
+            if not under_way:
+                return
+            number, error = under_way.pop(future := ended.get()), future.exception()
+            ended_by = f"{type(error).__name__}: {' '.join(str(error).split())[-_MOST_SHOWN:]}"
+            yield number, (b"", ended_by) if error else future.result()
 
 
-def make(folder: str, to: tuple[str, str] | None, do: Callable, problem: Callable | None, piece: WorkPiece) -> tuple:
-    """Make one result, and keep it at an address; return it as JSON, and why it does not count."""
+def _make(folder: str, work: Work, where: Where, item: Any) -> Answer:
+    """Return a result that is kept, or make it and keep it."""
     try:
         os.chdir(folder)  # the project's, on a node
-        result = do(piece.item)
-        data, wrong = to_json(result, inf_nan_mode="constants"), problem(result) if problem else None
-        if to and not wrong:
-            results = Results(*to)
-            if piece.folder:
-                results.write(f"{piece.name}.zip", packed(piece.folder))
-            results.write(f"{piece.name}.json", data)
-        return data, wrong or ""
+        address, name = where.to or work.kept, work.name(item)
+        store = Results(address) if address else None
+        if store and where.piece is None and (data := store.read(name)):
+            return data, ""
+        result = work.do(item)
+        data, problem = to_json(result, inf_nan_mode="constants"), work.problem(result) if work.problem else None
+        if store and not problem:
+            if where.to and work.folder:
+                store.write_folder(f"{name}.zip", work.folder(item))
+            store.write(name, data)
+        return data, problem or ""
     except Exception as error:  # this piece fails and the others go on
         return b"", f"{type(error).__name__}: {error}"
+
+
+def _bring(work: Work, where: Where, item: Any, result: Any) -> str:
+    """Bring the folder of a result from where it is kept if it is not here; return why it cannot be."""
+    if not where.to or not work.folder:
+        return ""
+    if not (folder := work.folder(item)).is_dir():
+        Results(where.to).read_folder(f"{work.name(item)}.zip", folder)
+    return "" if work.holds is None or work.holds(item, result) else f"{folder}: is not what was made; move it away"
+
+
+def begin_worker() -> None:
+    """Prepare a worker: it leaves Ctrl-C to its parent, and ends with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDS)
+    parent = multiprocessing.parent_process()
+    if sys.platform == "linux":  # without a thread: a process that has one starts an interpreter to read a survey
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    elif parent is not None:
+        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+    if parent is not None and not parent.is_alive():  # it ended before
+        os._exit(1)
+
+
+@contextmanager
+def _in_processes(call: Callable[[Any], Answer], jobs: int) -> Iterator[Place]:
+    """Call in so many processes. One that ends fails its own call only, and another takes its place."""
+    idle = list[ProcessPoolExecutor]()
+
+    def start(item: Any) -> Future[Answer]:
+        pool = idle.pop() if idle else ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin_worker)
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)  # of a process that starts
+        future = pool.submit(call, item)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        future.add_done_callback(lambda ended: None if ended.exception() else idle.append(pool))
+        return future
+
+    try:
+        yield start, jobs
+    except BaseException:  # also where the caller closes this
+        for worker in multiprocessing.active_children():
+            worker.terminate()
+            worker.join()
+        raise
+    finally:
+        for pool in idle:
+            pool.shutdown()
+
+
+@contextmanager
+def _on_cluster(call: Callable[[Any], Answer], work: Work, jobs: int) -> Iterator[Place]:
+    """Call on the cluster at RAY_ADDRESS, or on one of `jobs` processors that is started here and ended."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ImportError:
+        raise PiecesError("--on ray: Ray is not installed; `make setup-baselines` installs it") from None
+    address, ending = os.environ.get("RAY_ADDRESS", "local"), signal.getsignal(signal.SIGTERM)
+    own = {"num_cpus": jobs, "include_dashboard": False} if address == "local" else {}
+    # Ray's collector of garbage is a thread (see `begin_worker`).
+    environment = {"PYTHONPATH": str(Path.cwd()), "RAY_start_python_gc_manager_thread": "0"}
+    try:
+        ray.init(address, logging_level="ERROR", log_to_driver=False, runtime_env={"env_vars": environment}, **own)
+    except Exception as error:  # Ray raises `Exception` as well
+        raise PiecesError(f"--on ray: RAY_ADDRESS={address}: {' '.join(str(error).split())[:_MOST_SHOWN]}") from error
+    signal.signal(signal.SIGTERM, ending)  # Ray has set a handler of its own
+    remote = ray.remote(memory=work.memory_gb * 2**30)(lambda item: call(item))
+    try:
+        yield lambda item: remote.remote(item).future(), _MOST_WAIT
+    finally:
+        ray.shutdown()

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import atexit
 import json
-import shutil
 import subprocess
 import sys
-import tempfile
 from datetime import date
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
-from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, Workshop, copy_evidence, generated, with_heights
+from benchmarks.corpus.members import CASES, DEFAULT, CorpusMember, build_member, folder_of, generated, with_heights
 from benchmarks.corpus.metadata import CorpusEntry, read_entry, require_ours, write_metadata
-from minexplore.bundle import RECORD
-from minexplore.extra.corpus import BUNDLE, WORLDS
 from pieces.run import map_pieces
 from pieces.work import HERE, Where, Work, add_options, code_sha256, where_of
 from pipeline.errors import ArtifactError, run_command
@@ -25,20 +20,6 @@ OUT = Path("artifacts/corpus")
 MOST_MB = 400.0
 _EACH, _WITH_HEIGHTS = 20, 20
 _MEMORY_GB = 4.0  # of a surveyed mine with rock
-
-
-@cache
-def _workshop(generated: int) -> Workshop:
-    """Return the workshop of this process, which is removed when the process ends."""
-    folder = tempfile.mkdtemp(prefix="corpus-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Workshop(Path(folder) / "project", generated)
-
-
-def build_member(folder: Path, generated: int, member: CorpusMember) -> None:
-    """Build one member and copy what the corpus has of it."""
-    if not (folder / WORLDS / member.name / BUNDLE / RECORD).is_file():
-        copy_evidence(_workshop(generated).build(member), folder / WORLDS / member.name)
 
 
 def build(folder: Path, members: list[CorpusMember], where: Where = HERE) -> list[CorpusEntry]:
@@ -59,7 +40,7 @@ def build(folder: Path, members: list[CorpusMember], where: Where = HERE) -> lis
         kept=None,  # the folder states what it has
         memory_gb=_MEMORY_GB,
         label=lambda member: member.name,
-        folder=lambda member: folder / WORLDS / member.name,
+        folder=partial(folder_of, folder),
     )
     map_pieces(work, members, where)
     entries = [read_entry(folder, member) for member in members]

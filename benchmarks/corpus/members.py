@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from benchmarks.worlds.random_levels import random_legs
+from minexplore.bundle import RECORD
+from minexplore.extra.corpus import BUNDLE, WORLDS
 from minexplore.splits import STYLES, light_folder, mine_name, parse_name
 from minexplore.unfinished import command_to_end
 from pipeline.build.family import FAMILIES
@@ -169,3 +173,22 @@ def evidence_of(built: Path) -> Iterator[str]:
     for picture in ("validation/evidence/views.png", "contours/evidence/contours.png"):
         if (built / picture).is_file():
             yield picture
+
+
+@cache
+def _workshop(generated: int) -> Workshop:
+    """Return the workshop of this process, which is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="corpus-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Workshop(Path(folder) / "project", generated)
+
+
+def folder_of(corpus: Path, member: CorpusMember) -> Path:
+    """Return a member's folder in a corpus."""
+    return corpus / WORLDS / member.name
+
+
+def build_member(corpus: Path, generated: int, member: CorpusMember) -> None:
+    """Build one member and copy what the corpus has of it."""
+    if not (folder_of(corpus, member) / BUNDLE / RECORD).is_file():
+        copy_evidence(_workshop(generated).build(member), folder_of(corpus, member))

@@ -172,7 +172,7 @@ def make_family(
         memory_gb=_MEMORY_GB,
         label=lambda member: member.folder,
         problem=problem_of,
-        folder=lambda member: FAMILIES / member.folder,
+        folder=partial(_folder_of, FAMILIES),
         holds=lambda member, made: verify_world(FAMILIES / member.folder / _WORLD) == made.world_sha256,
     )
     outcomes, place, failure = list[MemberOutcome](), FAMILIES / Path(members[0].folder).parent, None
@@ -196,6 +196,10 @@ def make_family(
 def problem_of(outcome: MemberOutcome) -> str | None:
     """Return why a world does not count."""
     return outcome.problem
+
+
+def _folder_of(families: Path, member: Member) -> Path:
+    return families / member.folder
 
 
 def _code_sha256() -> str:

@@ -278,7 +278,9 @@ def test_a_cluster_of_two_nodes_builds_the_worlds_that_local_processes_build(mon
     monkeypatch.setenv("RAY_ADDRESS", cluster.address)
     try:
         built = make_family(members, Where(on="ray"))
+        ray.init(cluster.address)
         assert len([node for node in ray.nodes() if node["Alive"]]) == 2
+        ray.shutdown()
         with pytest.raises(LimitError, match=r"ParamsError: survey\.mine\.style = 'maze'"):
             make_family([broken_member()], Where(on="ray"))
     finally:

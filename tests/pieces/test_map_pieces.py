@@ -9,12 +9,12 @@ import threading
 import time
 from functools import partial
 from http.server import ThreadingHTTPServer
-from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 
 from benchmarks.speed.pieces import FailingStore, into_failing_store
-from pieces.results import PiecesError, Results, packed, unpack
+from pieces.results import PiecesError, Results
 from pieces.run import map_pieces
 from pieces.work import Where, Work, add_options, where_of
 
@@ -39,8 +39,17 @@ def sleep(folder, number):
 
 
 def write_folder(folder, number):
-    (folder / str(number) / "inner").mkdir(parents=True)
-    (folder / str(number) / "inner" / "world.txt").write_text(str(number))
+    square(folder.parent / "log", number)
+    (folder_of(folder, number) / "inner").mkdir(parents=True)
+    (folder_of(folder, number) / "inner" / "world.txt").write_text(str(number))
+
+
+def folder_of(folder, number):
+    return folder / str(number)
+
+
+def folders(folder, holds=None):
+    return Work("f", partial(write_folder, folder), None, "1", folder=partial(folder_of, folder), holds=holds)
 
 
 def squares(tmp_path, **changed):
@@ -89,7 +98,7 @@ def test_one_piece_is_repeated_alone_although_it_is_kept(tmp_path, capsys):
 def test_a_process_that_ends_fails_its_own_piece_only():
     found = []
     work = Work("ends", end_process, int, "1", kept=None)
-    with pytest.raises(PiecesError, match="1 of 6 pieces failed, ends: 2: PiecesError: its process was ended"):
+    with pytest.raises(PiecesError, match="1 of 6 pieces failed, ends: 2: BrokenProcessPool: "):
         map_pieces(work, range(6), Where(2), lambda item, result: found.append(item))
     assert sorted(found) == [0, 1, 3, 4, 5]
 
@@ -115,14 +124,13 @@ def _interrupt_when_begun(folder):
 
 
 def test_half_a_result_counts_as_none(tmp_path):
-    results = Results(str(tmp_path), "kind")
-    results.write("a.json", b"[1, 2]")
-    assert results.read("a.json") == b"[1, 2]"
-    assert results.names() == {"a.json"}
-    (file,) = (tmp_path / "kind").iterdir()
+    results = Results(str(tmp_path))
+    results.write("kind/a", b"[1, 2]")
+    assert results.read("kind/a") == b"[1, 2]"
+    file = tmp_path / "kind" / "a"
     file.write_bytes(file.read_bytes()[:-1])
-    assert results.read("a.json") is None
-    assert results.read("b.json") is None
+    assert results.read("kind/a") is None
+    assert results.read("kind/b") is None
 
 
 def test_a_store_that_fails_every_tenth_write_loses_nothing():
@@ -132,26 +140,24 @@ def test_a_store_that_fails_every_tenth_write_loses_nothing():
 
 
 def test_a_store_that_fails_always_is_named_and_an_unknown_one_too(monkeypatch):
-    monkeypatch.setattr("pieces.results._FIRST_WAIT_S", 0.001)
+    monkeypatch.setattr("pieces.results._WAITS_S", (0.001, 0.001))
     monkeypatch.setattr(FailingStore, "do_PUT", lambda self: self._answer(500, b""))
     with ThreadingHTTPServer(("127.0.0.1", 0), FailingStore) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         with pytest.raises(PiecesError, match=r"http://127\.0\.0\.1:\d+/kind: ClientResponseError: 500"):
-            Results(f"http://127.0.0.1:{server.server_port}", "kind").write("a", b"1")
+            Results(f"http://127.0.0.1:{server.server_port}/kind").write("a", b"1")
         server.shutdown()
-    with pytest.raises(PiecesError, match="nowhere://x: Protocol not known: nowhere"):
-        Results("nowhere://x", "kind")
+    with pytest.raises(PiecesError, match="1 of 1 pieces failed, ends: 1: ValueError: Protocol not known: nowhere"):
+        map_pieces(Work("ends", end_process, int, "1"), [1], Where(to="nowhere://x"))
 
 
 def test_a_folder_is_kept_with_its_result_and_brought_where_it_is_missing(tmp_path):
     for place in ("one", "other"):
-        folder = tmp_path / place
-        work = Work("f", partial(write_folder, folder), None, "1", folder=lambda n, to=folder: to / str(n))
+        work = folders(tmp_path / place)
         map_pieces(work, [5], Where(to=str(tmp_path / "store")))
-        assert (folder / "5" / "inner" / "world.txt").read_text() == "5"
-    assert packed(tmp_path / "one" / "5") == packed(tmp_path / "other" / "5")
-    unpack(packed(tmp_path / "one"), tmp_path / "third")
-    assert (tmp_path / "third" / "5" / "inner" / "world.txt").read_text() == "5"
+        assert (tmp_path / place / "5" / "inner" / "world.txt").read_text() == "5"
+    assert sorted(path.name for path in (tmp_path / "other").iterdir()) == ["5"]
+    assert (tmp_path / "log").read_text() == "5\n"
 
 
 def test_options_are_those_of_where_and_no_process_is_refused():
@@ -175,22 +181,25 @@ def test_ray_that_is_not_installed_is_named(monkeypatch, tmp_path):
 def test_pieces_on_a_cluster_that_is_started_here_are_those_of_local_processes(tmp_path, monkeypatch):
     pytest.importorskip("ray", reason="Ray comes with `make setup-baselines`")
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    local = map_pieces(squares(tmp_path), range(5), Where(2))
+    do = partial(resolve_name("tests.pieces.test_map_pieces:square"), tmp_path / "log")  # as nodes import it
+    local = map_pieces(squares(tmp_path, do=do), range(5), Where(2))
     (tmp_path / "log").unlink()
-    monkeypatch.setenv("PYTHONPATH", str(Path.cwd()))
-    assert map_pieces(squares(tmp_path, kept=str(tmp_path / "again")), range(5), Where(2, "ray")) == local
+    work = squares(tmp_path, do=do, kept=str(tmp_path / "again"))
+    assert map_pieces(work, range(5), Where(2, "ray")) == local
     with pytest.raises(PiecesError, match="seven is refused"):
-        map_pieces(squares(tmp_path), range(8), Where(2, "ray"))
+        map_pieces(work, range(8), Where(2, "ray"))
     assert begun(tmp_path) == [*range(5), 5, 6, 7]
 
 
 def test_a_folder_here_that_is_of_another_result_is_not_taken_for_it(tmp_path):
-    folder = tmp_path / "one"
-    held = {"folder": lambda n: folder / str(n), "holds": lambda n, made: (folder / str(n) / "inner").is_dir()}
-    work = Work("f", partial(write_folder, folder), None, "1", **held)
-    map_pieces(work, [5], Where(to=str(tmp_path / "store")))
-    map_pieces(work, [5], Where(to=str(tmp_path / "store")))  # is not made again, which would fail
-    (folder / "5" / "inner" / "world.txt").unlink()
-    (folder / "5" / "inner").rmdir()
-    map_pieces(work, [5], Where(to=str(tmp_path / "store")))
-    assert (folder / "5" / "inner" / "world.txt").is_file()
+    file = tmp_path / "one" / "5" / "inner" / "world.txt"
+    work, where = folders(tmp_path / "one", lambda number, made: file.is_file()), Where(to=str(tmp_path / "store"))
+    map_pieces(work, [5], where)
+    map_pieces(work, [5], where)
+    assert (tmp_path / "log").read_text() == "5\n"
+    file.unlink()
+    with pytest.raises(PiecesError, match=r"one.5: is not what was made; move it away"):
+        map_pieces(work, [5], where)
+    (tmp_path / "one" / "5").rename(tmp_path / "away")
+    map_pieces(work, [5], where)
+    assert file.is_file()

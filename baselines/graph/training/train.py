@@ -32,7 +32,7 @@ from baselines.graph.training.fresh_ground import fresh_ground
 from baselines.graph.training.settings import GraphSettings, compose_settings
 from baselines.graph.training.simulator import MapSimulator
 from minexplore.splits import STYLES
-from pieces.places import begin_worker
+from pieces.run import begin_worker
 
 RUNS = Path("artifacts/train")  # NAME/policy.safetensors is found by the evaluation
 _WATCHED_ROBOTS = 4
