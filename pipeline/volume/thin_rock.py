@@ -19,6 +19,8 @@ from pipeline.volume.union import Volume, without_crumbs
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
 _ROUNDS = ((0.027, 1e-4), (0.03, 1e-5), (0.033, 1e-5), (0.036, 1e-5), (0.04, 1e-5), (0.045, 1e-5))
+# Prisms differ in size by up to a thousandth: of those that share planes manifold3d makes facets that cross by metres.
+_UNLIKE, _TURN = 1e-3, (np.sqrt(5) - 1) / 2
 _ALWAYS = 2  # rounds; others if there is more left than this, m2
 _LEFT_M2 = 0.02
 _BEHIND_M = 0.002  # a place that is so far behind a facet may be before it
@@ -111,7 +113,8 @@ def _thickened(
     corners = volume.vertices[volume.faces[facets]]
     normal, along, across = _frames(volume, facets)
     ring = np.stack([along + across, across - along, -along - across, along - across], axis=1)
-    ball = half_m * np.concatenate([0 * ring[:, :1], ring + normal[:, None], ring + 2 * normal[:, None]], axis=1)
+    size_m = half_m * (1 + _UNLIKE * np.modf(_TURN * np.arange(len(facets)))[0])[:, None, None]
+    ball = size_m * np.concatenate([0 * ring[:, :1], ring + normal[:, None], ring + 2 * normal[:, None]], axis=1)
     keys, bodies = dict(one.keys), []
     for k, points, spread in zip(facets.tolist(), corners, ball, strict=True):
         body = manifold3d.Manifold.hull_points((points[:, None] + spread).reshape(-1, 3)).as_original()
