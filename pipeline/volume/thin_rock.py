@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
+from pipeline.geometry.facets.crossings import CROSSING_M, crosses_more
 from pipeline.volume.labelled_solid import KeyedSolid, Neighbourhood, keyed, near_facets, volume_of
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.slivers import without_slivers
@@ -19,6 +20,8 @@ from pipeline.volume.union import Volume, without_crumbs
 # Half of the rock that is put before a facet in each round, m: parts of 2 cm fit into it; and the facets that are worth
 # it, m2: the rock before one makes others at its rim, so that smaller ones would never end.
 _ROUNDS = ((0.027, 1e-4), (0.03, 1e-5), (0.033, 1e-5), (0.036, 1e-5), (0.04, 1e-5), (0.045, 1e-5))
+# Prisms differ in size by up to so much of it: of those that share planes manifold3d makes facets that cross by metres.
+_UNLIKE, _TURN = (1e-3, 3e-3, 1e-2), (np.sqrt(5) - 1) / 2
 _ALWAYS = 2  # rounds; others if there is more left than this, m2
 _LEFT_M2 = 0.02
 _BEHIND_M = 0.002  # a place that is so far behind a facet may be before it
@@ -104,22 +107,31 @@ def _thickened(
     """Return a volume without what is before some of its facets: prisms with bevelled edges, wider than the facet.
 
     They are twice as deep as `half_m`, and so much wider on each side. Pockets that they cut off become rock, but those
-    at facets with the source `border_of`.
+    at facets with the source `border_of`. Where facets cross then, prisms of other sizes are tried.
     """
+    for unlike in _UNLIKE:
+        size_m = half_m * (1 + unlike * np.modf(_TURN * np.arange(len(facets)))[0])
+        found = _cut(volume, facets, size_m, floating_m3, border_of)
+        if not len(crosses_more(found.vertices, found.faces, (volume.vertices, volume.faces), CROSSING_M)):
+            break
+    up = found.normals[:, 2] > _ROOF_NZ * np.linalg.norm(found.normals, axis=1)
+    found.label[up & (found.label == FacetLabel.WALL)] = FacetLabel.ROOF
+    return found
+
+
+def _cut(volume: Volume, facets: np.ndarray, size_m: np.ndarray, floating_m3: float, border_of: int | None) -> Volume:
+    """Return a volume without prisms before some of its facets (n,), of half a depth (n,) m, as `_thickened` does."""
     one = keyed(volume, volume.vertices, volume.label)
     border = [number for number, key in one.keys.items() if key // len(FacetLabel) == border_of]
     corners = volume.vertices[volume.faces[facets]]
     normal, along, across = _frames(volume, facets)
     ring = np.stack([along + across, across - along, -along - across, along - across], axis=1)
-    ball = half_m * np.concatenate([0 * ring[:, :1], ring + normal[:, None], ring + 2 * normal[:, None]], axis=1)
+    ball = np.concatenate([0 * ring[:, :1], ring + normal[:, None], ring + 2 * normal[:, None]], axis=1)
     keys, bodies = dict(one.keys), []
-    for k, points, spread in zip(facets.tolist(), corners, ball, strict=True):
+    for k, points, spread in zip(facets.tolist(), corners, size_m[:, None, None] * ball, strict=True):
         body = manifold3d.Manifold.hull_points((points[:, None] + spread).reshape(-1, 3)).as_original()
         keys[body.original_id()] = len(FacetLabel) * int(volume.source[k]) + FacetLabel.WALL
         bodies.append(body)
     cut = manifold3d.Manifold.batch_boolean([one.solid, *bodies], manifold3d.OpType.Subtract)
     solid = without_crumbs(cut, _POCKET_M3, [body.original_id() for body in bodies], border, floating_m3)
-    found = volume_of(KeyedSolid(solid, keys), volume)
-    up = found.normals[:, 2] > _ROOF_NZ * np.linalg.norm(found.normals, axis=1)
-    found.label[up & (found.label == FacetLabel.WALL)] = FacetLabel.ROOF
-    return found
+    return volume_of(KeyedSolid(solid, keys), volume)

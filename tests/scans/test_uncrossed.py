@@ -8,7 +8,7 @@ import trimesh
 from pipeline.errors import InputError
 from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.scans.meshes import uncrossed as module
-from pipeline.scans.meshes.uncrossed import manifold_of, uncrossed
+from pipeline.scans.meshes.uncrossed import _boxes, manifold_of, uncrossed
 
 
 def two_balls(apart_m):
@@ -61,3 +61,17 @@ def test_a_mesh_that_still_crosses_is_refused_by_the_place(monkeypatch):
     monkeypatch.setattr(module, "_ROUNDS", 0)
     with pytest.raises(InputError, match=r"crosses itself at \(0\.\d, -?0\.\d, -?0\.\d\) m; --voxel"):
         uncrossed(vertices, faces)
+
+
+def test_boxes_about_many_crossings_are_joined_until_none_meet():
+    rng = np.random.default_rng(0)
+    pairs = rng.uniform(0, 16, (2000, 1, 1, 3)) + rng.uniform(-0.1, 0.1, (2000, 2, 3, 3))
+    low, high = pairs.min(axis=2).max(axis=1), pairs.max(axis=2).min(axis=1)
+    boxes = _boxes(pairs, 0.15)
+    assert 1 < len(boxes) < 2000
+    inside = np.zeros(len(pairs), bool)
+    for k, (least, most) in enumerate(boxes):
+        inside |= ((least <= low) & (high <= most)).all(axis=1)
+        meets = ((boxes[:, 0] <= most) & (least <= boxes[:, 1])).all(axis=1)
+        assert np.flatnonzero(meets).tolist() == [k]
+    assert inside.all()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
+import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -93,13 +94,16 @@ def _without_doubled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarra
     return arrays_of(manifold3d.Manifold.compose(kept))
 
 
-def _boxes(pairs: np.ndarray, margin_m: float) -> np.ndarray:
+def _boxes(crossed: np.ndarray, margin_m: float) -> np.ndarray:
     """Return boxes (k, 2, 3) m about what the boxes of two triangles (n, 2, 3, 3) share; those that meet are one."""
-    low, high = pairs.min(axis=2).max(axis=1), pairs.max(axis=2).min(axis=1)
+    low, high = crossed.min(axis=2).max(axis=1), crossed.max(axis=2).min(axis=1)
     boxes = np.stack([low - margin_m, high + margin_m], axis=1)
     while True:
-        meet = ((boxes[:, None, 0] <= boxes[None, :, 1]) & (boxes[None, :, 0] <= boxes[:, None, 1])).all(axis=2)
-        count, part = connected_components(coo_matrix(meet), directed=False)
+        tree = shapely.STRtree(shapely.box(*boxes[:, 0, :2].T, *boxes[:, 1, :2].T))
+        one, two = tree.query(tree.geometries)
+        meet = (boxes[one, 0, 2] <= boxes[two, 1, 2]) & (boxes[two, 0, 2] <= boxes[one, 1, 2])
+        pairs = coo_matrix((meet[meet], (one[meet], two[meet])), (len(boxes), len(boxes)))
+        count, part = connected_components(pairs, directed=False)
         if count == len(boxes):
             return boxes
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.scans.meshes.polygons import cut_by_ears
 from pipeline.survey.solids.pieces import edges_of, joined_by_edges, part_pieces
 
 _LEAST_M2 = 1e-12  # twice a triangle's area
+_SAME = 0.1  # of the distance within which corners are one: in a denser mesh pairs would be too many
 LEAST_M3 = 1e-3  # of a solid: smaller ones are crumbs of a mesh
 _ENCLOSES_NONE = "its triangles enclose no space; --voxel M reads them as a scan, and bridges gaps of M metres"
 
@@ -95,14 +97,23 @@ def _manifold(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
 
 
 def _welded(vertices: np.ndarray, faces: np.ndarray, weld_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices of which none are nearer than the cells of a grid, and the triangles with an area."""
-    origin = vertices.min(axis=0)
-    _, first, number = np.unique(np.round((vertices - origin) / weld_m), axis=0, return_index=True, return_inverse=True)
-    vertices, faces = vertices[first], number.reshape(-1)[faces]
+    """Return vertices, and triangles with an area between those of them that are no nearer to each other than `weld_m`.
+
+    Other corners become one of these that is so near. Corners in one cell of a tenth of it count as one.
+    """
+    cells = np.round((vertices - vertices.min(axis=0)) / (_SAME * weld_m))
+    _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    vertices, into = vertices[first], np.arange(len(first))
+    near = cKDTree(vertices).query_pairs(weld_m, output_type="ndarray")
+    while len(near):  # a corner stays if no earlier one that may stay is near it
+        stays, gone = np.ones(len(first), bool), np.zeros(len(first), bool)
+        stays[near[:, 1]] = False
+        joined = near[stays[near[:, 0]]]
+        into[joined[:, 1]], gone[joined[:, 1]] = joined[:, 0], True
+        near = near[~gone[near].any(axis=1)]
+    faces = into[number.reshape(-1)][faces]
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    real = np.linalg.norm(np.cross(b - a, c - a), axis=1) > _LEAST_M2
-    real &= (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    return vertices, faces[real]
+    return vertices, faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > _LEAST_M2]
 
 
 def _two_a_side(faces: np.ndarray, count: int) -> np.ndarray:

@@ -45,8 +45,7 @@ def deepest(parts: Iterable[np.ndarray], free: Tile, inside: Inside, corners: np
     cells = np.concatenate([np.zeros((0, 4, 3)), *(_cells_of(part, free) for part in parts)])
     depth, place = 0.0, cells[:1].mean(axis=(0, 1)) if len(cells) else np.zeros(3)
     while len(cells):
-        middles, from_rock, most = _bounds(cells, inside, corners)
-        found = _deepest_free(middles, from_rock, inside, depth)
+        middles, from_rock, most, found = _bounds(cells, inside, corners, depth)
         if found is not None:
             depth, place = float(from_rock[found]), middles[found]
         left = most > depth + _KNOWN_M
@@ -64,26 +63,35 @@ def is_deeper(part: np.ndarray, than_m: float, free: Tile, inside: Inside, corne
     """
     cells = _cells_of(part, free)
     while len(cells):
-        middles, from_rock, most = _bounds(cells, inside, corners)
+        _, _, most, found = _bounds(cells, inside, corners, than_m)
         left = most > than_m + _KNOWN_M
-        if left.sum() > _TOGETHER or _deepest_free(middles, from_rock, inside, than_m) is not None:
+        if left.sum() > _TOGETHER or found is not None:
             return True
         cells = _halves(cells[left])
     return False
 
 
-def _bounds(cells: np.ndarray, inside: Inside, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the middles (n, 3) m of tetrahedra, how far (n,) m they are from rock, and what any place of them is."""
+def _bounds(
+    cells: np.ndarray, inside: Inside, corners: np.ndarray, than_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int | None]:
+    """Return the middles (n, 3) m of tetrahedra, how far they and any place of them may be from rock, (n,) m.
+
+    The last is the number of the deepest middle that is in the free space, if it is deeper than `than_m`.
+    """
     middles = cells.mean(axis=1)
     from_rock, facet = inside.nearest(middles)
+    found = _deepest_free(middles, from_rock, inside, than_m)
     reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
     beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
     apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)
-    return middles, from_rock, np.minimum(from_rock + reach, apart)
+    return middles, from_rock, np.minimum(from_rock + reach, apart), found
 
 
 def _deepest_free(middles: np.ndarray, from_rock: np.ndarray, inside: Inside, than_m: float) -> int | None:
-    """Return the number of the deepest place that is in the free space and deeper than `than_m`."""
+    """Return the number of the deepest place that is in the free space and deeper than `than_m`.
+
+    Of deeper ones that are not, `from_rock` (n,) m becomes negative: rays miscount where a mesh crosses itself.
+    """
     deeper = np.flatnonzero(from_rock > than_m)
     deeper = deeper[np.argsort(-from_rock[deeper], kind="stable")]
     for number in range(len(deeper).bit_length()):  # each time twice as many: a solid angle takes long
@@ -91,6 +99,7 @@ def _deepest_free(middles: np.ndarray, from_rock: np.ndarray, inside: Inside, th
         free = inside.are_free(middles[some])
         if free.any():
             return int(some[free.argmax()])
+        from_rock[some] *= -1
     return None
 
 

@@ -13,6 +13,7 @@ from pipeline.errors import GeometryError, MineError, first_few
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.places import SPAWN
 from pipeline.remarks import warn_user
+from pipeline.scans.meshes.uncrossed import uncrossed
 from pipeline.store.codecs import Bundle, encode
 from pipeline.types import ClosedMesh, SurveyedLegs, VolumeShape, lines_of
 from pipeline.volume.areas import solid_of_floors
@@ -139,6 +140,11 @@ def _warn_of_lowered(network: SurveyNetwork) -> None:
 def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
     robot = robot_size(params.volume)
     solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3)
+    apart = uncrossed(solved.vertices, solved.faces)
+    if apart.crossed:  # manifold3d may do so where much of the rock is thin
+        solved = volume_of_solid(
+            replace(solid, vertices=apart.vertices, faces=apart.faces.astype(np.int32)), robot.steepest
+        )
     vertices = parted(solved.vertices, solved.faces)
     solved = replace(solved, vertices=vertices, label=labels_of(vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)

@@ -131,3 +131,22 @@ def test_spaces_that_touch_at_an_edge_or_a_point_get_rock_between_them(other, tu
     assert len(space.touching) == 1
     assert one.min_gap(two, 1.0) > 0.02
     assert space.solid.volume() == pytest.approx(840, abs=0.1)
+
+
+def test_corners_nearer_than_the_weld_are_one_wherever_they_lie():
+    vertices, faces = box([[0, 0, 0], [10.00025, 4.00025, 3.00025]])  # corners straddle cells
+    apart = vertices[faces].reshape(-1, 3)
+    apart += np.random.default_rng(0).uniform(-0.25, 0.25, apart.shape) * WELD_M
+    pieces = close_pieces(apart, np.arange(len(apart)).reshape(-1, 3), WELD_M, 1.0)
+    assert (len(pieces.solids), pieces.holes) == (1, [])
+    assert pieces.solids[0].num_vert() == 8
+    assert pieces.solids[0].volume() == pytest.approx(10.00025 * 4.00025 * 3.00025, rel=1e-3)
+
+
+def test_corners_of_a_dense_mesh_keep_a_weld_between_them():
+    dense = trimesh.creation.icosphere(subdivisions=5, radius=1.0)  # 4 cm from corner to corner
+    solid = close_pieces(dense.vertices, dense.faces, 0.1, 1.0).solids[0]
+    corners = np.unique(np.asarray(solid.to_mesh64().vert_properties)[:, :3], axis=0)
+    apart = np.linalg.norm(corners[:, None] - corners, axis=2)
+    assert apart[np.triu_indices(len(corners), 1)].min() > 0.1
+    assert solid.volume() == pytest.approx(4 / 3 * np.pi, rel=0.05)

@@ -13,7 +13,7 @@ from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.parts import collect_labelled
-from pipeline.volume.world.proof.again.labelled import _beyond_legs_m
+from pipeline.volume.world.proof.again.labelled import _beyond_legs_m, require_labelled
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.derived_content import require_remade
 from pipeline.volume.world.proof.fronts import fronts_of
@@ -165,6 +165,18 @@ def test_a_long_facet_of_a_floor_that_legs_share_is_about_its_leg_at_a_corner(op
     assert _beyond_legs_m(dataclasses.replace(opened, mine=one))[0] < 0  # its middle is 6 m beyond
     away = dataclasses.replace(one, vertices=corners - 9 * along)
     assert _beyond_legs_m(dataclasses.replace(opened, mine=away))[0] > 2
+
+
+def test_a_floor_facet_is_no_wall_whichever_leg_it_is_given_to(tee, opened):
+    mine = opened.mine
+    size = np.linalg.norm(mine.normals, axis=1)
+    floor = int(np.where(mine.label == FacetLabel.FLOOR, size, 0).argmax())
+    for leg in range(len(opened.legs.legs)):
+        label, owner = mine.label.copy(), mine.leg.copy()
+        label[floor], owner[floor] = FacetLabel.WALL, leg
+        changed = dataclasses.replace(opened, mine=dataclasses.replace(mine, label=label, leg=owner))
+        with pytest.raises(ArtifactError, match=rf"label\[{floor}\] = {FacetLabel.WALL:d}"):
+            require_labelled(tee.bundle, changed, None, proof())
 
 
 def test_a_floor_part_in_two_zones_and_a_part_with_twin_corners_are_named(tee, opened):

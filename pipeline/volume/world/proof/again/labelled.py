@@ -26,7 +26,7 @@ _THIN_ROOF_M = 0.02  # between wall and roof; in that cave 0.008
 _ROOF_NZ, _NEAR_NZ = 0.7, 0.05  # upward part of a roof's normal; facets so near to it move when the mesh is simplified
 _FLOOR_NZ = -0.3  # of a facet of a leg to drive on that must be floor; slabs have floors that are steeper
 _LEDGE_M = 0.1  # over a leg's floor, where walls may face up: what was seen from stations begins 0.15 m over it
-_BEYOND_M = 0.25  # beside a leg's floor and its ends, likewise; what was seen begins 0.3 m beside it
+_BEYOND_M = 0.25  # beside a leg's floor and its ends, likewise; what was seen begins 0.3 m beside it, on no other floor
 _BORDER = 1e-6  # of a slope: on the border of two labels rounding decides
 _EQUALLY_M = 1e-3  # by which a leg's middle may be farther from a facet than the nearest one
 
@@ -77,28 +77,48 @@ def _of_legs(world: VolumeBundle, size: np.ndarray) -> tuple[np.ndarray, np.ndar
     height_m = size / np.maximum(longest, 1e-30)
     flat = np.array([leg.grade <= STEEPEST for leg in world.legs.legs])[mine.leg]
     floor, roof = mine.label == FacetLabel.FLOOR, mine.label == FacetLabel.ROOF
-    of_floor = np.where(floor, (up >= 0) | ~flat, flat & (up < _FLOOR_NZ) & ~_off_floor(world))
+    facing = ~floor & flat & (up < _FLOOR_NZ)
+    of_floor = (floor & ((up >= 0) | ~flat)) | (facing & ~_off_floor(world, facing))
     of_roof = ~floor & ((up > _ROOF_NZ) != roof)
     thin = np.where(of_floor, height_m < _THIN_M, (height_m < _THIN_ROOF_M) | (np.abs(up - _ROOF_NZ) < _NEAR_NZ))
     return of_floor | of_roof, thin
 
 
-def _off_floor(world: VolumeBundle) -> np.ndarray:
-    """Return which facets (f,) are well over the floor of their leg, or beyond it: splays widen walls there."""
+def _off_floor(world: VolumeBundle, some: np.ndarray) -> np.ndarray:
+    """Return which of some facets (f,) are well over the floor of their leg, or beyond it and on that of no other.
+
+    Splays widen walls there.
+    """
     mine, legs = world.mine, world.legs.legs
     ends = np.array([[world.legs.stations_m[name] for name in (leg.start, leg.end)] for leg in legs])
     lrud = np.array([leg.lrud_m for leg in legs])
-    start, end = np.moveaxis((ends - lrud[:, :, 3:] * [0, 0, 1.0])[mine.leg], 1, 0)
-    way, apart = end - start, mine.vertices[mine.faces].mean(axis=1) - start
-    run = np.maximum(np.linalg.norm(way[:, :2], axis=1), _EQUALLY_M)
-    along, left = (apart * way)[:, :2].sum(axis=1) / run, (way[:, 0] * apart[:, 1] - way[:, 1] * apart[:, 0]) / run
-    share = np.clip(along / run, 0, 1)
-    over = apart[:, 2] - share * way[:, 2] > _LEDGE_M
-    first, last = np.moveaxis(lrud[mine.leg, :, :2], 1, 0)
-    to_wall = (first + share[:, None] * (last - first))[np.arange(len(left)), (left < 0).astype(int)]
-    beside = (np.abs(left) > to_wall + _BEYOND_M) | (np.abs(along - run / 2) > run / 2 + _BEYOND_M)
-    found: np.ndarray = over | beside
+    numbers = np.flatnonzero(some)
+    places, own = mine.vertices[mine.faces[numbers]].mean(axis=1), mine.leg[numbers]
+    over, beyond = _from_floor_m(ends[own], lrud[own], places)
+    off = (over > _LEDGE_M) | (beyond > _BEYOND_M)
+    for k in np.flatnonzero([leg.grade <= STEEPEST for leg in legs]).tolist() if off.any() else ():
+        over, beyond = _from_floor_m(ends[k], lrud[k], places)
+        off &= (np.abs(over) > _LEDGE_M) | (beyond > 0)
+    found = np.zeros(len(some), bool)
+    found[numbers] = off
     return found
+
+
+def _from_floor_m(ends: np.ndarray, lrud: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far (n,) m places (n, 3) m are over floors of legs, and beyond their walls and ends in plan.
+
+    Legs have ends (n, 2, 3) m and distances to walls, roof and floor (n, 2, 4) m, or one leg (2, 3) and (2, 4).
+    """
+    start, end = np.moveaxis(ends - lrud[..., 3:] * [0, 0, 1.0], -2, 0)
+    way, apart = end - start, places - start
+    run = np.maximum(np.linalg.norm(way[..., :2], axis=-1), _EQUALLY_M)
+    along = (apart * way)[..., :2].sum(axis=-1) / run
+    left = (way[..., 0] * apart[..., 1] - way[..., 1] * apart[..., 0]) / run
+    share = np.clip(along / run, 0, 1)
+    first, last = np.moveaxis(lrud[..., :2], -2, 0)
+    walls = first + share[..., None] * (last - first)
+    aside = np.abs(left) - np.where(left < 0, walls[..., 1], walls[..., 0])
+    return apart[..., 2] - share * way[..., 2], np.maximum(aside, np.abs(along - run / 2) - run / 2)
 
 
 def _off_slope(mine: VolumeFacets, size: np.ndarray, steepest: float) -> np.ndarray:
