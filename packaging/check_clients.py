@@ -42,6 +42,8 @@ CLIENTS = (
     Client("TorchRL", ("torchrl==0.14.1", "pettingzoo==1.27.0", TORCH), "torchrl_check.py"),
     Client("skrl", ("skrl==2.1.1", TORCH), "skrl_check.py"),
     Client("Tianshou", ("tianshou==2.0.1", TORCH), "tianshou_check.py"),
+    Client("RLlib, new stack", ("ray[rllib]==2.60.0", TORCH), "rllib_check.py"),
+    Client("rsl-rl", ("rsl-rl-lib==5.5.1", TORCH), "rsl_rl_check.py"),
     Client("Minari", ("minari[create,hdf5]==0.5.4", "pillow==12.0.0"), "minari_check.py"),
 )
 
