@@ -155,9 +155,7 @@ def _known_id(name: str) -> str:
         if env_id in (FAMILY, FAMILY.replace("/", "/GoTo-")):
             raise argparse.ArgumentTypeError(f"{name} draws a mine an episode; name one that is built, as {_A_MINE}")
     known = ", ".join(environments())
-    raise argparse.ArgumentTypeError(
-        f"{name}: no environment has this id; there are {known}, and GoTo- before each name"
-    )
+    raise argparse.ArgumentTypeError(f"{name}: no environment has this id; there are {known}, and GoTo-NAME of each")
 
 
 def _run() -> None:
