@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 AFTER_S = 5.0  # of a loop that is shown
 _EVERY_S = 5.0  # between lines where standard error is no terminal
-_LINE = "{desc}: {n_fmt} of {total_fmt} {unit}, {remaining} left\n"
+_LINE = "{desc}: {n_fmt} of {total_fmt} {unit}, {remaining} left"
 _Item = TypeVar("_Item")
 
 
@@ -23,7 +23,18 @@ def counted(items: Sequence[_Item], title: str, unit: str) -> Iterable[_Item]:
 def progress(title: str, total: int, unit: str, items: Iterable[Any] | None = None) -> tqdm:
     """Return a bar to `update`, within a `with`; it shows nothing in one of many processes that one command began."""
     tqdm.monitor_interval = 0  # no thread beside this one: reading a survey forks
-    on_terminal, of_many = sys.stderr.isatty(), multiprocessing.parent_process() is not None
-    shown: dict[str, Any] = {} if on_terminal else {"bar_format": _LINE, "mininterval": _EVERY_S}
-    shown |= {"leave": not on_terminal, "disable": of_many, "delay": AFTER_S}
-    return tqdm(items, desc=title, total=total, unit=unit, **shown)
+    of_many = multiprocessing.parent_process() is not None
+    shown: dict[str, Any] = {"desc": title, "total": total, "unit": unit, "delay": AFTER_S, "disable": of_many}
+    if sys.stderr.isatty():
+        return tqdm(items, leave=False, **shown)
+    return _Lines(items, bar_format=_LINE, mininterval=_EVERY_S, **shown)
+
+
+class _Lines(tqdm):
+    """Prints lines, where tqdm would move the cursor of a terminal."""
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> None:
+        print(self, file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        self.disable = True
