@@ -67,7 +67,7 @@ def test_the_wheel_alone_loads_its_world_and_bundles_are_read_without_it(wheel, 
 
 @pytest.mark.slow
 def test_the_lines_of_the_page_lead_from_an_empty_environment_to_ppo_in_an_own_mine(wheel):
-    page = (ROOT / "docs/how-to/train.md").read_text()
+    page = (ROOT / "docs/start.md").read_text()
     made, new, *lines = re.search(r"```sh\n(make all && make wheel\n.*?)```", page, re.S)[1].splitlines()
     assert len(lines) + 2 <= 10
     assert made == "make all && make wheel"  # as the fixture did
