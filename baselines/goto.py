@@ -79,7 +79,7 @@ def drive(env_id: str, driver: str, seeds: list[int], **changed: Any) -> list[Go
 
 def _episodes(env: MineVectorEnv, driver: str, seeds: list[int], progress: Progress) -> list[GoalEpisode]:
     observation, info = env.reset(seed=seeds)
-    policy = DRIVERS[driver](env)
+    policy = DRIVERS[driver](env.robots)
     last: dict[int, GoalEpisode] = {}
     while len(last) < len(seeds):
         observation, _, terminated, truncated, info = env.step(policy.act(observation, info))

@@ -1,4 +1,4 @@
-"""Train PPO of Stable-Baselines3 in many copies of the default mine: `python examples/train_sb3.py`.
+"""Train PPO of Stable-Baselines3 in many copies of a mine: `python examples/train_sb3.py`.
 
 It needs the wheel and its extra `sb3`.
 """
@@ -9,6 +9,7 @@ import sys
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--steps", type=int, default=200_000, help="of all robots together")
 parser.add_argument("--robots", type=int, default=64)
+parser.add_argument("--world", help="a bundle's folder; without it the default mine's entrance")
 parser.add_argument("--out", default="ppo_mine", help="where the policy is saved")
 arguments = parser.parse_args()
 
@@ -22,7 +23,12 @@ except ImportError:
 from minexplore.extra.sb3 import MineVecEnv
 
 # All robots step in one call; MineVecEnv is the vector environment under the interface of Stable-Baselines3.
-env = VecMonitor(MineVecEnv("MineXplore/ChileanMineEntrance-v0", arguments.robots))
+made = (
+    ("MineXplore/World-v0", {"world": arguments.world})
+    if arguments.world
+    else ("MineXplore/ChileanMineEntrance-v0", {})
+)
+env = VecMonitor(MineVecEnv(made[0], arguments.robots, **made[1]))
 model = PPO("MlpPolicy", env, n_steps=128, batch_size=1024, seed=0, verbose=1)
 model.learn(arguments.steps)
 model.save(arguments.out)

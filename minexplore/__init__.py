@@ -66,14 +66,6 @@ def environments() -> dict[str, dict[str, Any]]:
     return {**built_in, **{env_id: kwargs for env_id, kwargs in OWN_WORLDS.items() if not is_built_in(env_id)}}
 
 
-def full_id(name: str) -> str:
-    """Return an environment's id by itself or by `NAME` of `MineXplore/NAME-v0`; `ValueError` if there is none."""
-    for env_id in (name, f"MineXplore/{name}-v0"):
-        if env_id in environments() or env_id in FAMILY_MINES:
-            return env_id
-    raise ValueError(f"{name}: no environment has this id")
-
-
 def load(world: str | Path, source: str | Path | None = None, sha256: str | None = None) -> "World":
     """Check a world and read it; one of a corpus is fetched, and gets the id `MineXplore/corpus:NAME-v0`.
 

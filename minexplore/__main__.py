@@ -15,7 +15,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from minexplore import FAMILY, environments, full_id
+from minexplore import ENTRY_POINT, FAMILY, environments
 from minexplore.bundle import BundleError, is_volume
 from minexplore.ends import run_command
 from minexplore.envs.env import MineEnv
@@ -27,7 +27,7 @@ from minexplore.pictures.opengl import DisplayError
 from minexplore.world import find_world, load_world
 
 _KEYS = {265: (0.2, 0.0), 264: (-0.2, 0.0), 263: (0.0, 0.25), 262: (0.0, -0.25)}  # GLFW's arrow keys
-_ID = "as `list` names them, that of a built mine of a family, or NAME for MineXplore/NAME-v0"
+_ID = "as `list` names them, that of a built mine of a family, or NAME for MineXplore/NAME-v0; GoTo-NAME has a goal"
 _A_MINE = "MineXplore/Family-test-0007-v0"
 Policy = Callable[[np.ndarray], np.ndarray]
 
@@ -113,19 +113,23 @@ def _drive_open(env: gymnasium.Env, policy: str, steps: int, at_pace: bool) -> N
     began = time.perf_counter()
     for step in range(steps):
         start = time.perf_counter()
-        observation, _, _, truncated, info = env.step(policies[policy](observation))
+        observation, _, terminated, truncated, info = env.step(policies[policy](observation))
         if step % 50 == 0:
             pace = "" if at_pace else f"  {(step + 1) / (time.perf_counter() - began):.1f} frames/s"
-            print(
-                f"{step / 10:6.1f} s  coverage {100 * info['coverage']:5.2f} %  collisions {info['collisions']}{pace}"
-            )
+            print(f"{step / 10:6.1f} s  {_figures(info, '  ')}{pace}")
             if step == 0 and not at_pace and os.environ.get("MUJOCO_GL") != "egl":
                 print("pictures are drawn on the processor; with a GPU, MUJOCO_GL=egl before the command is faster")
-        if truncated:
+        if terminated or truncated:
             break
         if at_pace:
             time.sleep(max(0.0, mine.task.control_s - (time.perf_counter() - start)))
-    print(f"coverage {100 * info['coverage']:.2f} %, {info['collisions']} collisions")
+    print(_figures(info, ", "))
+
+
+def _figures(info: dict[str, Any], between: str) -> str:
+    """Return what a player wants to know of a step."""
+    goal = [f"{info['way_left_m']:.1f} m to the goal"] if "way_left_m" in info else []
+    return between.join([f"coverage {100 * info['coverage']:.2f} %", f"{info['collisions']} collisions", *goal])
 
 
 def time_env(env_id: str, kwargs: dict[str, Any], robots: int, threads: int, steps: int) -> None:
@@ -143,13 +147,15 @@ def time_env(env_id: str, kwargs: dict[str, Any], robots: int, threads: int, ste
 
 
 def _known_id(name: str) -> str:
-    """Return the id that `full_id` finds, or refuse the name with what to do."""
-    if name == FAMILY:
-        raise argparse.ArgumentTypeError(f"{name} draws a mine an episode; name one that is built, as {_A_MINE}")
-    try:
-        return full_id(name)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{error}; there are {', '.join(environments())}") from None
+    """Return an environment's id, given by itself or by NAME of MineXplore/NAME-v0, or refuse it with what to do."""
+    for env_id in (name, f"MineXplore/{name}-v0"):
+        found = gymnasium.registry.get(env_id)
+        if found is not None and found.entry_point == ENTRY_POINT:
+            return env_id
+        if env_id in (FAMILY, FAMILY.replace("/", "/GoTo-")):
+            raise argparse.ArgumentTypeError(f"{name} draws a mine an episode; name one that is built, as {_A_MINE}")
+    known = ", ".join(environments())
+    raise argparse.ArgumentTypeError(f"{name}: no environment has this id; there are {known}, and GoTo-NAME of each")
 
 
 def _run() -> None:

@@ -116,7 +116,8 @@ env = gymnasium.make("MineXplore/GoTo-ChileanMine-v0", goal={{"radius_m": 0.5}})
 observation, info = env.reset(seed=0, options={{"station": "J00", "goal": "J01"}})
 ```
 
-[Baselines](../evidence/learning.md#to-a-goal) are a planner on the map and a driver without one.
+[Baselines](../evidence/learning.md#to-a-goal) are a planner on the map and a driver without one:
+`python -m minexplore record GoTo-ChileanMine --policy planner --out drive.mcap`, or `map-free`.
 """
 
 _VECTOR = """## Many robots

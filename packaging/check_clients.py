@@ -42,6 +42,8 @@ CLIENTS = (
     Client("TorchRL", ("torchrl==0.14.1", "pettingzoo==1.27.0", TORCH), "torchrl_check.py"),
     Client("skrl", ("skrl==2.1.1", TORCH), "skrl_check.py"),
     Client("Tianshou", ("tianshou==2.0.1", TORCH), "tianshou_check.py"),
+    Client("RLlib, new stack", ("ray[rllib]==2.60.0", TORCH), "rllib_check.py"),
+    Client("rsl-rl", ("rsl-rl-lib==5.5.1", TORCH), "rsl_rl_check.py"),
     Client("Minari", ("minari[create,hdf5]==0.5.4", "pillow==12.0.0"), "minari_check.py"),
 )
 
@@ -100,7 +102,7 @@ def _end(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def main() -> int:
-    """Check clients and print the table; 1 if one fails, 2 if there is no wheel."""
+    """Check clients and print the table, without torch, which most have; 1 if one fails, 2 if there is no wheel."""
     parser = argparse.ArgumentParser(prog="check_clients.py", description=__doc__)
     parser.add_argument(
         "programs", nargs="*", help=f"of {', '.join(client.program for client in CLIENTS)}; all by default"
@@ -121,7 +123,8 @@ def main() -> int:
                 what = check(client, wheel, Path(folder))
             except (InstallError, RuntimeError, subprocess.TimeoutExpired) as error:
                 what, failed = f"failed: {error}".replace("|", "/"), 1
-        print(f"| {client.name} | {', '.join(client.packages)} | {what} |", flush=True)
+        packages = ", ".join(package for package in client.packages if package != TORCH)
+        print(f"| {client.name} | {packages} | {what} |", flush=True)
     return failed
 
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from shapely import Polygon
-from tqdm import tqdm
 
 from minexplore.bundle import CLEARANCE_GRID, NAV2_MAP, NAV2_PICTURE, OCTREE
 from pipeline.geometry.maps.occupancy import cell_within_bundle, first_anchor, nav2_map, occupancy_grid
@@ -78,7 +76,7 @@ def collision_parts(params: Compile3dParams, rock: list[Polygon], world_m: Box) 
     from pipeline.geometry.rock.decompose import DECOMPOSERS
 
     decompose = DECOMPOSERS[choice.method](params.height_m, **choice.model_dump(exclude={"method", "tiles"}))
-    return decomposed_hulls(rock, choice.tiles, decompose, partial(tqdm, desc=choice.method, unit="tile"))
+    return decomposed_hulls(rock, choice.tiles, decompose)
 
 
 STAGE = Stage(

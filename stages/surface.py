@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.params.surface import SurfaceParams, TextureParams
 from pipeline.places import EXTENT, SMOOTH, TEXTURE
+from pipeline.progress import progress
 from pipeline.stage import Artifact, Stage, by_model, main
 from pipeline.store.codecs import Bundle, Meshes, decode
 from pipeline.store.mine_survey import MineSurvey
@@ -47,10 +49,13 @@ def _rock_of_level(
 ) -> dict[str, Any]:
     free, height_m = free_space.polygon, decode(compiled / EXTENT, SolidExtent).height_m
     params = widen_spacing(params, free, height_m)
-    rough, reported = _rough(params, free, topology, height_m)
-    smooth, texture = _smooth(params, free, height_m), _texture(params.texture)
-    rock = {**chunk_files(rough, params), SMOOTH: smooth, TEXTURE: texture}
-    return {"rock": rock, "evidence": _evidence(rough, smooth, reported, height_m)}
+    with progress("surface", 6, "steps") as done:
+        rough, reported = _rough(params, free, topology, height_m, done.update)
+        smooth, texture = _smooth(params, free, height_m), _texture(params.texture)
+        done.update()
+        rock = {**chunk_files(rough, params), SMOOTH: smooth, TEXTURE: texture}
+        done.update()
+        return {"rock": rock, "evidence": _evidence(rough, smooth, reported, height_m)}
 
 
 def _rock_of_volume(
@@ -67,14 +72,18 @@ _visible_rock = by_model(level=_rock_of_level, volume=_rock_of_volume)
 
 
 def _rough(
-    params: SurfaceParams, free: Polygon, topology: DriftNetwork, height_m: float
+    params: SurfaceParams, free: Polygon, topology: DriftNetwork, height_m: float, done: Callable[[], Any]
 ) -> tuple[RoughSurface, RoughnessReport]:
-    """Return the rough surface, and how rough it is beside what it copies."""
+    """Return the rough surface, and how rough it is beside what it copies; calls `done` after each of three steps."""
     sources = measure_sources(params)
     lattice = lay_rough_lattice(params, free, topology, height_m)
     relief = choose_relief(params, sources, lattice)
+    done()
     rough = build_rough_surface(params, lattice, relief)
-    return rough, report_roughness(params, sources, relief, rough)
+    done()
+    reported = report_roughness(params, sources, relief, rough)
+    done()
+    return rough, reported
 
 
 def _evidence(rough: RoughSurface, smooth: Meshes, reported: RoughnessReport, height_m: float) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from pipeline.mjcf.load_time import LoadCost, measure_load
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.render import render_free_space
 from pipeline.params.validation import ReplayParams, ValidationParams
+from pipeline.progress import counted, progress
 from pipeline.proof.certificate import Certificate
 from pipeline.proof.drawn_areas import require_drawn_areas
 from pipeline.proof.groups import applying_limits, is_measured, why_rock_is_not_judged
@@ -48,7 +49,7 @@ def _validate_level(
     workings: Workings = decode(traced / WORKINGS, Workings)
     groups = [g for g in MEASURES if is_measured(g, params) and (g != "survey" or legs is not None)]
     validator = Validator(params, world, cleaned, raw, mine.survey, traced=workings.polygons.geoms[0], legs=legs)
-    metrics = {group: validator.measure(group) for group in groups}
+    metrics = {group: validator.measure(group) for group in counted(groups, "validation", "measures")}
     if params.extent == "certificate":
         timings, evidence = {"world_sha256": validator.world.record.world_sha256}, dict[str, Any]()
     else:
@@ -82,16 +83,23 @@ def _validate_volume(
     from pipeline.volume.world.proof.levelled import measure_volume_texture
     from pipeline.volume.world.surface.furnished import hang_again
 
+    done = progress("validation", 5, "steps")
     opened, frame, shape = open_volume(world), mine.survey.frame, volume_of(mine, traced)
+    done.update()
     files = opened.record.files
     require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
+    done.update()
     legs = shape if isinstance(shape, SurveyedLegs) else None  # those of other shapes follow their floors
     require_remade(world, opened, params.volume, legs, shape.datum_m)
     plan = _seen_plan(mine, shape, traced)
     require_surveyed_plan(world, opened.record, frame, plan)
     require_drawn_areas(world / RECORD, opened.record.areas, plan.length, frame, cleaned, raw)
+    done.update()
     found = validate_volume(params.volume, opened, shape)
+    done.update()
     rock = measure_volume_texture(opened, params.texture)
+    done.update()
+    done.close()
     metrics, evidence = found.metrics, dict[str, Any]()
     if shape is not mine.shape and params.extent == "full":  # a traced plan
         model, record = load_model(world / MODEL), opened.record

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from baselines.base.beams import beam_ranges
 from baselines.explorers.pursuit import PathFollower, Steering
-from minexplore.envs.vector import MineVectorEnv
+from minexplore.envs.robot_batch import RobotBatch
+from minexplore.physics.robot import RobotParams
 from minexplore.tasks.goto import GoTo
 from minexplore.tasks.ways import WayField
 
@@ -26,18 +27,18 @@ class OnMap:
     It knows the mine, the true pose and the goal.
     """
 
-    def __init__(self, env: MineVectorEnv) -> None:
-        """Take the environment, whose task has a goal."""
-        rules = env.robots.rules
+    def __init__(self, robots: RobotBatch) -> None:
+        """Take an environment's robots, whose task has a goal."""
+        rules = robots.rules
         assert isinstance(rules, GoTo)
-        self._rules, self._task = rules, env.task
+        self._rules, self._task = rules, robots.task
         ways = rules.ways
         near = np.clip(1.0 - ways.clearance_m / _NEAR_ROCK_M, 0.0, 1.0) ** 2
         cost = np.append(_NEAR_ROCK_PENALTY * near, 0.0).astype(np.float32)
         self._ways = replace(ways, lengths_m=ways.lengths_m * (1.0 + (cost[:-1, None] + cost[ways.beside]) / 2))
-        self._follower = PathFollower(env.task, env.robot)
-        self._fields: list[WayField | None] = [None] * env.num_envs
-        self._paths: list[np.ndarray] = [np.zeros((0, 2))] * env.num_envs
+        self._follower = PathFollower(robots.task, cast(RobotParams, robots.robot))
+        self._fields: list[WayField | None] = [None] * robots.count
+        self._paths: list[np.ndarray] = [np.zeros((0, 2))] * robots.count
         self._step = 0
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
@@ -69,11 +70,11 @@ class WithoutMap:
     Where no way leads on in the direction of the goal, as in a dead end, it stays.
     """
 
-    def __init__(self, env: MineVectorEnv) -> None:
-        """Take the environment, whose task has a goal."""
-        self._task, self._heights = env.task, env.world.has_heights
-        self._steering = Steering(env.task, env.robot)
-        self._last = np.zeros(env.num_envs)
+    def __init__(self, robots: RobotBatch) -> None:
+        """Take an environment's robots, whose task has a goal."""
+        self._task, self._heights = robots.task, robots.world.has_heights
+        self._steering = Steering(robots.task, cast(RobotParams, robots.robot))
+        self._last = np.zeros(robots.count)
 
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2)."""

@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import gymnasium
-from tqdm import tqdm
 
 from baselines.base.environments import make_env
 from baselines.base.errors import BaselineError
@@ -48,7 +47,7 @@ def build() -> None:
     """
     if not _SOURCE.is_file():
         raise BaselineError(f"{_SOURCE}: missing; `make data` fetches it")
-    make_world(compose(["survey=plan"]), _FOLDER, lambda stages: tqdm(stages, "stages", disable=None))
+    make_world(compose(["survey=plan"]), _FOLDER)
     spec = gymnasium.spec("MineXplore/ChileanMine-v0")
     gymnasium.register(
         ENV,

@@ -43,10 +43,6 @@ class FlyerGround(PlanGround):
         height_m = min(START_M, float(self.world.record["height_m"]) / 2)
         return level_pose(self.T_world_mine, np.array([*place_m[:2], height_m]), yaw_rad)
 
-    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places in the mine frame seen from above."""
-        return places_m[:, :2]
-
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the places, by which models are chosen in three dimensions."""
         return places_m

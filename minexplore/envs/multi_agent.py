@@ -55,8 +55,12 @@ class MineParallelEnv(ParallelEnv, gymnasium.utils.EzPickle):
         render_mode: str | None = None,
         camera: str = "top",
         lidar: Backend = "auto",
+        **others: Any,
     ) -> None:
         """Load the world and put the team into it."""
+        if others:
+            refused = f"{next(iter(others))}: a team explores by its beams and true poses"
+            raise ValueError(f"{refused}; goal, sensors, pose and conditions are options of MineEnv and MineVectorEnv")
         gymnasium.utils.EzPickle.__init__(self, robots, reward, world, task, robot, render_mode, camera, lidar)
         if type(robots) is not int or not 1 <= robots <= _MOST or reward not in ("shared", "individual"):
             raise ValueError(

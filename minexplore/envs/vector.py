@@ -226,6 +226,13 @@ class MineVectorEnv(Timed, VectorEnv, gymnasium.utils.EzPickle):
             for i in range(self.num_envs)
         )
 
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Return what `render` gives, or an attribute once a robot, as Gymnasium's other vectors do."""
+        found = self.render() if name == "render" else getattr(self, name)
+        if callable(found):
+            raise ValueError(f"call: {name!r:.80}: robots have no methods of their own; want render or an attribute")
+        return found if isinstance(found, tuple) and name == "render" else (found,) * self.num_envs
+
     def _drawing(self) -> Renderer:
         if self._renderer is None:
             from minexplore.pictures.render import Renderer

@@ -119,15 +119,6 @@ class FloorColumns:
         at = np.searchsorted(self._level, np.maximum(facets, 0))
         return np.where(facets < 0, np.nan, self._height(places_m, np.minimum(at, len(self._level) - 1)))
 
-    def are_over(self, places_m: np.ndarray, facets: np.ndarray) -> np.ndarray:
-        """Return whether facets (n,) cover places (n, 2) m seen from above; -1 covers none."""
-        at = np.minimum(np.searchsorted(self._level, np.maximum(facets, 0)), len(self._level) - 1)
-        inside = facets >= 0
-        for k in range(3):
-            away, edge = places_m - self._start[at, k], self._edge[at, k]
-            inside &= away[:, 0] * edge[:, 0] + away[:, 1] * edge[:, 1] >= -_ON_EDGE * self._size[at]
-        return inside
-
 
 def _scan(corners: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return triangle, row and column of the whole numbers below `count` that triangles (f, 3, 2) cover.

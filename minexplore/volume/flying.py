@@ -97,10 +97,6 @@ class AirGround:
         floor, roof = floors[0, under[-1]], roofs[0, under[-1]]
         return level_pose(self.T_world_mine, np.array([x, y, floor + min(START_M, (roof - floor) / 2)]), yaw_rad)
 
-    def plan_places(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Return the places (k, 2) m of robots at places (k, 3) m, mine frame, seen from above."""
-        return places_m[:, :2]
-
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the places, by which models are chosen in three dimensions."""
         return places_m

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,20 @@ from minexplore.unfinished import CONTINUE, PARAMS
 from pipeline.errors import MemoryShortageError, MineError, describe_shortage, lacks_memory
 from pipeline.params.config import Config
 from pipeline.places import CODE_HASHES, COMPOSED
+from pipeline.progress import counted
 from pipeline.remarks import hand_on
-from pipeline.stage import ARTIFACTS, MANIFEST, Stage, check_again, is_fresh, make_artifacts, written_by
+from pipeline.stage import ARTIFACTS, MANIFEST, check_again, is_fresh, make_artifacts, written_by
 from pipeline.store.files import recover_folder, write_atomically
 from pipeline.store.hashing import read_text_file
 from pipeline.store.manifest import REPORT_FILES, read_manifest
 from pipeline.store.written import remove_empty, remove_written, written_files
 from stages.__main__ import load_stages
 
-Progress = Callable[[list[Stage]], Iterable[Stage]]
 REPORT_FOLDER = "report"
 _HEAD = "# Composed from conf/; do not edit.\n"
 
 
-def make_world(config: Config, root: Path, progress: Progress = iter, again: str = "") -> list[str]:
+def make_world(config: Config, root: Path, again: str = "") -> list[str]:
     """Bring a world's folder up to date.
 
     Parameters
@@ -35,8 +35,6 @@ def make_world(config: Config, root: Path, progress: Progress = iter, again: str
     config : Config
     root : Path
         `artifacts/worlds/NAME`, relative to the project. Its `params.yaml` holds the world's parameters.
-    progress : callable, optional
-        Iterates over the list of stages and reports progress, as `tqdm` does.
     again : str, optional
         The command that continues the build, for those who find the world unfinished.
 
@@ -56,7 +54,7 @@ def make_world(config: Config, root: Path, progress: Progress = iter, again: str
     note = f"{CONTINUE}{again}\n" if again and again.isprintable() else ""
     write_atomically(root / PARAMS, f"{_HEAD}{note}{text}".encode())
     stages, ran = load_stages(), list[str]()
-    for stage in progress(stages):
+    for stage in counted(stages, root.name, "stages"):
         params: Any = getattr(config, stage.name)
         recover_folder(root / stage.name)
         with _in_stage(stage.name):

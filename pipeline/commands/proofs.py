@@ -97,10 +97,6 @@ def _of_volume(bundle: Path, contacts: int, overrides: list[str]) -> Certificate
 
 
 def _of_plan(bundle: Path, contacts: int, overrides: list[str]) -> Certificate:
-    from functools import partial
-
-    from tqdm import tqdm
-
     from pipeline.mjcf.bundle import open_bundle, read_made_by
     from pipeline.proof.certificate import certify as apply_limits
     from pipeline.proof.certificate import measure_containment
@@ -112,17 +108,12 @@ def _of_plan(bundle: Path, contacts: int, overrides: list[str]) -> Certificate:
     settings = params.certificate.model_copy(update={"contacts": contacts})
     free_space = require_built(bundle, world.record, params)
     tracing = params.network_cell_m, params.network_min_leg_m
-    progress = partial(tqdm, desc="stress test", disable=None)
-    measured = measure_containment(bundle, world, free_space, settings, tracing, os.cpu_count() or 1, progress)
+    measured = measure_containment(bundle, world, free_space, settings, tracing, os.cpu_count() or 1)
     return apply_limits(world.record.world_sha256, measured, settings.limits)
 
 
 def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
     """Build the rough surface from half of the sweeps and score it on the other half (--holdout)."""
-    from functools import partial
-
-    from tqdm import tqdm
-
     from pipeline.compose import compose
     from pipeline.errors import InputError
     from pipeline.proof.lidar.holdout import score_holdout
@@ -132,7 +123,7 @@ def validate(holdout: bool, sweeps: Path, out: Path | None) -> None:
 
     if not holdout:
         raise InputError("--holdout is required; stage 6 is run by `make validation`")
-    report = score_holdout(find_sweeps(sweeps), compose([]).surface, partial(tqdm, desc="halves", disable=None))
+    report = score_holdout(find_sweeps(sweeps), compose([]).surface)
     if out is not None:
         write_report(out, encode(out, report))
     for split in report.splits:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from pieces.work import Where, add_options, where_of
@@ -25,20 +24,11 @@ def this_command() -> str:
 
 def build(name: str, overrides: list[str]) -> None:
     """Run the stages of a world that are out of date."""
-    from tqdm import tqdm
-
     from pipeline.build.world import make_world
     from pipeline.compose import compose
     from pipeline.worlds import WORLDS
 
-    def progress(stages: list) -> Iterator:
-        tqdm.monitor_interval = 0  # no thread beside this one: stage 1 forks
-        with tqdm(stages, desc=name, unit="stage", disable=None) as bar:
-            for stage in bar:
-                bar.set_postfix_str(stage.name)
-                yield stage
-
-    make_world(compose(overrides), WORLDS / name, progress, this_command())
+    make_world(compose(overrides), WORLDS / name, this_command())
 
 
 def worlds(

@@ -27,7 +27,7 @@ from pipeline.metrics.reach import compare_reach, reached_cells, start_cell
 from pipeline.mjcf.bundle import OpenedBundle, mine_from_body, obstacles, placed_parts
 from pipeline.mjcf.clearance import rock_clearance
 from pipeline.params.validation import CertificateParams, Limit
-from pipeline.proof.stress_test import Progress, stress_walls
+from pipeline.proof.stress_test import stress_walls
 from pipeline.types import Frame, FreeSpace, Mask
 
 _SLICES_M = (0.05, 0.5, 1.0)  # one more slice is just below the roof
@@ -66,7 +66,6 @@ def measure_containment(
     params: CertificateParams,
     network: tuple[float, float],
     threads: int = 1,
-    progress: Progress = iter,
 ) -> dict[str, Any]:
     """Measure walls, floor, roof, reachable area, and the stress test of a bundle.
 
@@ -81,8 +80,6 @@ def measure_containment(
     network : (cell_m, min_leg_m)
         Parameters with which drift networks are traced.
     threads : int
-    progress : callable
-        Wraps the indices of the rounds of throws, as `tqdm.tqdm` does.
     """
     record, free = world.record, free_space.polygon
     T_world_mine = np.array(record.T_world_mine)
@@ -91,7 +88,7 @@ def measure_containment(
     figures |= _reach(folder, world, free_space, params, network)
     if params.contacts:
         borders = [zone.east_m for zone in record.zones[:-1]]
-        stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads, progress)
+        stress = stress_walls(folder, free, parts, borders, params.contacts, params.seed, threads)
         figures |= {k: v for k, v in dataclasses.asdict(stress).items() if k != "targets"}
     return figures
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.errors import GeometryError
 from pipeline.geometry.rock.extrude import section_footprint
+from pipeline.progress import progress
 
 _FASTEST_MPS, _SPIN_RADPS = 3.0, 3.0
 _RUN_UP_M = (0.05, 0.6)  # distance from the target minus the robot's radius
@@ -28,8 +28,6 @@ _STEPS = 8  # control steps after a throw: the robot arrives, slides and drives 
 _ROBOTS = 256
 _ON_WALL_M = 1e-3
 _UPRIGHT = math.cos(math.radians(10.0))
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,6 @@ def stress_walls(
     contacts: int,
     seed: int,
     threads: int = 1,
-    progress: Progress = iter,
 ) -> StressTest:
     """Throw robots at corners, seams of parts, borders of zones and of local models, and random places of walls.
 
@@ -70,8 +67,6 @@ def stress_walls(
         The test ends after this number of robot steps in contact with rock.
     seed : int
     threads : int
-    progress : callable
-        Wraps the indices of the rounds of throws, as `tqdm.tqdm` does.
 
     Raises
     ------
@@ -90,7 +85,9 @@ def stress_walls(
     deepest = 0.0
     rngs = [np.random.default_rng([seed, i]) for i in range(_ROBOTS)]
     most = max(20, 20 * contacts // (_ROBOTS * _STEPS))
-    for _ in progress(range(most)):
+    shown = progress("stress test", contacts, "contacts")
+    for _ in range(most):
+        shown.update(min(touched, contacts) - shown.n)
         if touched >= contacts:
             break
         targets = np.concatenate([places[rng.integers(len(places), size=_ROBOTS)] for places in kinds.values()])
@@ -110,6 +107,7 @@ def stress_walls(
             escapes += int(out.sum())
             deepest = max(deepest, depth)
     batch.close()
+    shown.close()
     if touched < contacts:
         raise GeometryError(f"stress test: {throws} throws gave {touched} of {contacts} requested contacts")
     return StressTest(touched, throws, escapes, round(deepest, 5), {name: len(p) for name, p in kinds.items()})

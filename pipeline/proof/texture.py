@@ -32,6 +32,7 @@ from pipeline.metrics.rock.texture import (
     wall_wavelength_m,
 )
 from pipeline.params.validation import TextureReportParams
+from pipeline.progress import counted
 from pipeline.proof.drawn_points import Sampled, number_of_points, sample_pieces
 from pipeline.proof.surface import Drifts, SeenRock, between, split_long, stretch_centres
 
@@ -178,7 +179,7 @@ def _measure_draws(
 ) -> tuple[list[Draw], float | None]:
     """Return the draws without wavelengths, and the wavelength along the walls of the first one."""
     draws, along_m = list[Draw](), None
-    for places in draws_of_places(drifts, params):
+    for places in counted(draws_of_places(drifts, params), "texture", "draws"):
         near = [faces_near(piece, places, _reach_m(places, drifts, params)) for piece in pieces]
         _require_both(near)
         on_walls, on_roof = sample_pieces(near, params, rng)

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from pipeline import progress
 from pipeline.build import world
 from pipeline.build.world import make_world
 from pipeline.errors import ArtifactError, GeometryError
@@ -35,6 +36,14 @@ def test_each_stage_gets_what_an_earlier_one_has_written_and_runs_once(monkeypat
     assert make_world(config, tmp_path) == ["survey", "contours"]
     assert json.loads((tmp_path / "contours/two.json").read_text()) == {"first": 1, "second": 2}
     assert make_world(config, tmp_path) == []
+
+
+def test_a_world_that_takes_long_shows_how_many_stages_are_done(monkeypatch, tmp_path, config, capfd):
+    monkeypatch.setattr(progress, "AFTER_S", 0.0)
+    monkeypatch.setattr(progress, "_EVERY_S", 0.0)
+    _stages(monkeypatch, lambda params, one: {"two": one})
+    make_world(config, tmp_path / "mine")
+    assert "mine: 2 of 2 stages, 00:00 left" in capfd.readouterr().err
 
 
 def test_what_ran_before_a_stage_failed_is_kept_and_the_next_command_continues_from_there(

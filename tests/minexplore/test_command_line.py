@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 
@@ -64,9 +65,18 @@ def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
     assert list(tmp_path.glob("*.mp4"))
 
 
-def test_a_short_name_is_the_id(tee: BuiltMine):
-    done = run("time", "World", "--world", str(tee.bundle), "--robots", "2", "--steps", "2")
+@pytest.mark.parametrize("name", ["World", "GoTo", "MineXplore/GoTo-v0"])
+def test_a_short_name_is_the_id(tee: BuiltMine, name):
+    done = run("time", name, "--world", str(tee.bundle), "--robots", "2", "--steps", "2")
     assert done.returncode == 0, done.stderr
+
+
+def test_a_drive_to_a_goal_is_played_and_says_how_far_it_is(tee: BuiltMine, tmp_path):
+    options = ("--world", str(tee.bundle), "--policy", "ahead", "--steps", "3", "--video", str(tmp_path))
+    done = run_anew("play", "GoTo", *options)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"\d+\.\d m to the goal$", done.stdout.strip())
+    assert "frames/s" in done.stdout
 
 
 def test_a_folder_of_videos_that_cannot_be_made_is_named(tee: BuiltMine):
@@ -84,6 +94,7 @@ def test_a_folder_of_videos_that_cannot_be_made_is_named(tee: BuiltMine):
         (("time", "MineXplore/World-v0", "--world", "nowhere"), "no such folder"),
         (("time", "MineXplore/Moon-v0"), "MineXplore/Moon-v0: no environment has this id"),
         (("time", "MineXplore/World-v0", "--world", "tests"), "not a world bundle"),
+        (("play", "GoTo-Family"), "GoTo-Family draws a mine an episode; name one that is built"),
         (("time", "World", "--steps", "0"), "time: steps = 0: want 1 or more"),
         (("play", "World", "--steps", "-3"), "play: steps = -3: want 1 or more"),
         (("play", "World", "--video", "videos"), "policy = 'keyboard': --video has no screen to take keys from"),

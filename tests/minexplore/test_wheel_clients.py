@@ -5,6 +5,7 @@ import re
 import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -62,6 +63,27 @@ def test_the_wheel_alone_loads_its_world_and_bundles_are_read_without_it(wheel, 
     command = [python, str(ROOT / "examples" / "read_bundle.py"), done.stdout.strip()]
     done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
     assert "m north of the start" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_lines_of_the_page_lead_from_an_empty_environment_to_ppo_in_an_own_mine(wheel):
+    page = (ROOT / "docs/start.md").read_text()
+    made, new, *lines = re.search(r"```sh\n(make all && make wheel\n.*?)```", page, re.S)[1].splitlines()
+    assert len(lines) + 2 <= 10
+    assert made == "make all && make wheel"  # as the fixture did
+    folder, path = wheel.parents[1], f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    small = {"plan.png": "data/chilean_mine/tiny.csv preset=light", '[sb3]"': '[sb3]" torch==2.13.0'}
+    for line in (new, *lines):
+        command = line + (" --steps 64 --robots 2" if line == lines[-1] else "")
+        for of_page, here in small.items():
+            command = command.replace(of_page, here)
+        words = {"cwd": folder, "env": {**variables, "PATH": path}, "capture_output": True, "text": True}
+        done = subprocess.run(command, shell=True, **words)
+        if done.returncode and "pip install" in line:
+            pytest.skip(f"the packages of the wheel cannot be installed here: {done.stderr.splitlines()[-1]}")
+        assert done.returncode == 0, (command, done.stderr)
+    assert (folder / "ppo_mine.zip").is_file()
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ def test_both_drivers_drive_straight_where_the_way_is_straight(tee: BuiltMine):
     for driver in DRIVERS.values():
         env = MineVectorEnv(1, tee.bundle, {"terrain": False, "tilt": False}, goal={})
         observation, info = env.reset(seed=0, options={"pose": (10.0, 2.5, 0.0), "goal": (60.0, 2.5)})
-        policy, over = driver(env), np.zeros(1, bool)
+        policy, over = driver(env.robots), np.zeros(1, bool)
         while not over.any():
             observation, _, terminated, truncated, info = env.step(policy.act(observation, info))
             over = terminated | truncated
@@ -51,7 +51,7 @@ def test_both_drivers_reach_a_goal_round_a_corner(tee: BuiltMine):
     for name, driver in DRIVERS.items():
         env = MineVectorEnv(1, tee.bundle, {"terrain": False, "tilt": False, "max_steps": 900}, goal={})
         observation, info = env.reset(seed=0, options={"pose": (40.5, 38.0, 0.0), "goal": (76.0, 2.5)})
-        policy, over = driver(env), np.zeros(1, bool)
+        policy, over = driver(env.robots), np.zeros(1, bool)
         while not over.any():
             observation, _, terminated, truncated, info = env.step(policy.act(observation, info))
             over = terminated | truncated

@@ -37,7 +37,7 @@ class Sink(Protocol):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("--policy", default="ahead", help="ahead, random, or an explorer: nearest-frontier, ...")
+    parser.add_argument("--policy", default="ahead", help="ahead, random, an explorer, or to a goal planner, map-free")
     parser.add_argument("--sensors", default="os1-64,depth,imu", help=f"of {', '.join(sensor_names())}")
     parser.add_argument("--conditions", choices=preset_names(), default="typical", help="noise, dust and water")
     parser.add_argument("--pose", choices=["true", "odometry"], default="true", help="what the policy gets")
@@ -143,4 +143,6 @@ def _run(env: MineEnv, drive: Drive, sensors: tuple[str, ...], arguments: argpar
         return "0 steps"
     error_m = float(np.linalg.norm(frame.counted.place_m[:2] - frame.robot.place_m[:2]))
     wheels = "" if env.robot.FLIES else f", odometry off by {error_m:.2f} m"
-    return f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %{wheels}"
+    left_m = env.robots.rules.info(np.arange(1)).get("way_left_m")
+    goal = "" if left_m is None else f", {left_m[0]:.1f} m to the goal"
+    return f"{count} steps, {looks} looks, coverage {100 * frame.coverage:.2f} %{goal}{wheels}"

@@ -53,7 +53,7 @@ def frames_of(
     for step in range(steps + 1):
         if step:
             given = {**info, "pose_m_rad": info["true_pose_m_rad"]} if true_pose and wheels else info
-            observation, _, _, truncated, info = env.step(drive(observation, given))
+            observation, _, *ends, info = env.step(drive(observation, given))
         looks = sensors if step % every == 0 else ()
         counted = level_pose(info["pose_m_rad"]) if wheels else env.suite.pose()
         turn = float((info["pose_m_rad"][2] - yaw + np.pi) % (2 * np.pi) - np.pi)
@@ -67,7 +67,7 @@ def frames_of(
             coverage=float(info["coverage"]),
         )
         yaw, last = info["pose_m_rad"][2], counted
-        if step and truncated:
+        if step and any(ends):
             return
 
 

@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from minexplore.envs.batches import observations_of
 from minexplore.envs.env import MineEnv
 
 # An observation (n,) and its info -> an action.
 Drive = Callable[[np.ndarray, dict[str, Any]], np.ndarray]
 
 # Of a source checkout; the environment's own wheel has none.
-_EXPLORERS, _ERRORS = "baselines.policies.policy_lookup", "baselines.base.errors"
+_EXPLORERS, _TO_GOAL = "baselines.policies.policy_lookup", "baselines.explorers.to_goal"
+_ERRORS = "baselines.base.errors"
 _OWN = ("ahead", "random")
 
 
@@ -44,7 +46,8 @@ def find_drive(name: str, env: MineEnv, seed: int, ahead: Ahead) -> Drive:
         return lambda observation, info: rng.uniform(-1, 1, count).astype(np.float32)
     if find_spec(_EXPLORERS.partition(".")[0]) is None:
         raise ValueError(f"policy = {name!r}: valid choices are {', '.join(_OWN)}; explorers need a source checkout")
-    return _explorer(name, env, seed)
+    drivers = importlib.import_module(_TO_GOAL).DRIVERS
+    return _to_goal(name, env, drivers) if name in drivers else _explorer(name, env, seed)
 
 
 def _explorer(name: str, env: MineEnv, seed: int) -> Drive:
@@ -55,9 +58,19 @@ def _explorer(name: str, env: MineEnv, seed: int) -> Drive:
     except errors.BaselineError as error:
         raise ValueError(str(error)) from error
     made.reset(np.arange(1), np.array([seed]))
+    own = observations_of(env.task, env.robot).shape[0]  # an explorer sees no goal
+    return lambda observation, info: _alone(made, observation[:own], info)
 
-    def act(observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
-        row: np.ndarray = made.act(observation[None], {key: np.array([value]) for key, value in info.items()})[0]
-        return row
 
-    return act
+def _to_goal(name: str, env: MineEnv, drivers: dict[str, Any]) -> Drive:
+    """Return one of the drivers to a goal."""
+    if "goal" not in env.robots.rules.OPTIONS or env.robot.FLIES:
+        raise ValueError(f"policy = {name!r}: want an id GoTo-..., and a robot with wheels")
+    made = drivers[name](env.robots)
+    return lambda observation, info: _alone(made, observation, info)
+
+
+def _alone(policy: Any, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
+    """Return the command of a policy of many robots to one."""
+    row: np.ndarray = policy.act(observation[None], {key: np.array([value]) for key, value in info.items()})[0]
+    return row

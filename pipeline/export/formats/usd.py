@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.bundle import ROCK_TEXTURE
+from minexplore.bundle import ROCK_TEXTURE, TriangleMesh
 from pipeline.export.frames import turn_quaternion, upwards
 from pipeline.export.scene import ConvexPart, ExportScene, Files, Light, Material, Surface, hull_of
 
@@ -67,21 +67,36 @@ def _place(xform: Any, T: np.ndarray) -> None:
 def _add_surface(stage: Any, surface: Surface, material: Any) -> None:
     from pxr import UsdGeom, UsdShade
 
-    mesh = _mesh(stage, f"{SEEN}/{surface.name}", surface.mesh.vertices, surface.mesh.faces)
-    count = len(surface.mesh.vertices)
-    if len(surface.mesh.normals) == count:
-        mesh.CreateNormalsAttr(_vectors(surface.mesh.normals))
+    seen = _welded(surface.mesh)
+    mesh, count = _mesh(stage, f"{SEEN}/{surface.name}", seen.vertices, seen.faces), len(seen.vertices)
+    if len(seen.normals) == count:
+        mesh.CreateNormalsAttr(_vectors(seen.normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     else:
-        _add_flat_normals(mesh, surface.mesh.vertices, surface.mesh.faces)
-    if len(surface.mesh.texcoords) == count:
+        _add_flat_normals(mesh, seen.vertices, seen.faces)
+    if len(seen.texcoords) == count:
         from pxr import Sdf, Vt
 
+        st, index = np.unique(upwards(seen.texcoords).astype(np.float32), axis=0, return_inverse=True)
         kind = Sdf.ValueTypeNames.TexCoord2fArray
-        st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
-        st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(upwards(surface.mesh.texcoords), np.float32)))
+        primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
+        primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(st)))
+        primvar.SetIndices(Vt.IntArray.FromNumpy(index.ravel().astype(np.int32)))
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     _add_labels(mesh.GetPrim(), surface)
+
+
+def _welded(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh whose vertices that agree in place, normal and texture are one."""
+    count = len(mesh.vertices)
+    own = [values for values in (mesh.vertices, mesh.normals, mesh.texcoords) if len(values) == count]
+    _, first, number = np.unique(np.column_stack(own), axis=0, return_index=True, return_inverse=True)
+    if len(first) == count:
+        return mesh
+    texcoords, normals = (
+        values[first] if len(values) == count else values for values in (mesh.texcoords, mesh.normals)
+    )
+    return TriangleMesh(mesh.vertices[first], number.ravel()[mesh.faces], texcoords, normals)
 
 
 def _add_flat_normals(mesh: Any, vertices: np.ndarray, faces: np.ndarray) -> None:

@@ -13,12 +13,11 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.errors import GeometryError
 from pipeline.geometry.rock.extrude import collect_parts, prism
 from pipeline.geometry.rock.partition import convex_partition
+from pipeline.progress import counted
 from pipeline.types import ConvexParts, Points3
 
 Decomposer = Callable[[BaseGeometry], list[Points3]]
 _FLAT_M3 = 1e-6
-
-Progress = Callable[[list[BaseGeometry]], Iterable[BaseGeometry]]
 
 
 def exact_prisms(rock: Iterable[Polygon], height_m: float) -> ConvexParts:
@@ -55,9 +54,7 @@ def tile_rock(rock: Iterable[Polygon], tiles: int) -> list[BaseGeometry]:
     return cells
 
 
-def decomposed_hulls(
-    rock: Iterable[Polygon], tiles: int, decompose: Decomposer, progress: Progress = iter
-) -> ConvexParts:
+def decomposed_hulls(rock: Iterable[Polygon], tiles: int, decompose: Decomposer) -> ConvexParts:
     """Decompose the rock tile by tile into convex hulls.
 
     Parameters
@@ -65,8 +62,6 @@ def decomposed_hulls(
     rock : iterable of shapely.Polygon, m, mine frame
     tiles : int
     decompose : Decomposer
-    progress : callable
-        Iterates over the list of tiles and reports progress, as `tqdm.tqdm` does.
 
     Raises
     ------
@@ -74,7 +69,7 @@ def decomposed_hulls(
         If the decomposer returns nothing for a tile.
     """
     hulls = []
-    for tile in progress(tile_rock(rock, tiles)):
+    for tile in counted(tile_rock(rock, tiles), "decomposition", "tiles"):
         parts = decompose(tile)
         if not parts:
             raise GeometryError(f"decomposition: no hull for the tile at {tile.bounds}")

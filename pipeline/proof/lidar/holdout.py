@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import shapely
 
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
+from pipeline.progress import counted
 from pipeline.surface.build import build_rough_surface, lay_rough_lattice
 from pipeline.surface.reference import measure_sweeps
 from pipeline.surface.relief_source import choose_relief
@@ -21,8 +21,6 @@ from pipeline.surface.roughness_report import report_roughness
 _DRIFT = shapely.box(0, 0, 80, 7)  # m; it holds many of the longest windows
 _HEIGHT_M = 3.5
 _MOST_HALVES = 40
-
-Progress = Callable[[list[tuple[str, ...]]], Iterable[tuple[str, ...]]]
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class HoldoutReport:
     source_factor: float
 
 
-def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Progress = list) -> HoldoutReport:
+def score_holdout(sweeps: dict[str, Path], params: SurfaceParams) -> HoldoutReport:
     """Build the rock of a straight drift from every half of the sweeps and compare its section with the other half.
 
     With many sweeps, at most 40 halves are built; they are taken evenly from the list of all halves.
@@ -62,8 +60,6 @@ def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Prog
     sweeps : dict of Path
         The files by name; at least two.
     params : SurfaceParams
-    progress : callable
-        Wraps the list of halves, as `tqdm.tqdm` does.
 
     Raises
     ------
@@ -75,7 +71,7 @@ def score_holdout(sweeps: dict[str, Path], params: SurfaceParams, progress: Prog
     names = sorted(sweeps)
     halves = list(itertools.combinations(names, len(names) // 2))
     halves = halves[:: -(-len(halves) // _MOST_HALVES)]
-    splits = [_score(half, sweeps, params) for half in progress(halves)]
+    splits = [_score(half, sweeps, params) for half in counted(halves, "holdout", "halves")]
     return HoldoutReport(
         splits,
         _factor([r for s in splits for r in s.built_vs_held_out]),

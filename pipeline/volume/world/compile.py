@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.errors import GeometryError, MineError, first_few
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.places import SPAWN
+from pipeline.progress import progress
 from pipeline.remarks import warn_user
 from pipeline.scans.meshes.uncrossed import uncrossed
 from pipeline.store.codecs import Bundle, encode
@@ -62,7 +65,10 @@ def compile_volume(
         If the legs make no closed volume, or robots find no room. The message names `subject`, the survey's file.
     """
     try:
-        return _files_of(params, _made_of(params, shape), start_m)
+        with progress("compile3d", 3, "steps") as done:
+            made = _made_of(params, shape)
+            done.update()
+            return _files_of(params, made, start_m, done.update)
     except (ValueError, MineError) as error:
         raise GeometryError(f"{subject}: {error}") from error
 
@@ -76,15 +82,20 @@ def _made_of(params: Compile3dParams, shape: VolumeShape) -> _VolumeDraft:
     return _of_solid(params, solid_of_floors(shape, params.height_m, params.volume.half_width_m), np.inf)
 
 
-def _files_of(params: Compile3dParams, made: _VolumeDraft, start_m: list[float] | None) -> Bundle:
+def _files_of(
+    params: Compile3dParams, made: _VolumeDraft, start_m: list[float] | None, done: Callable[[], Any]
+) -> Bundle:
+    """Return the files of a volume; calls `done` after each of two steps."""
     volume, cells, surveyed = made.volume, made.cells, made.surveyed
     robot = robot_size(params.volume)
     parts, refused = without_refused(merge_parts(made.solved, build_shell(made.solved)))
+    done()
     legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
     start = start_of(cells, legs, start_m, params.spawn, robot, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused)
     if not made.is_solid:
         _warn(built)
+    done()
     return {
         VOLUME: encode(Path(VOLUME), volume),
         PARTS: encode(Path(PARTS), labelled_parts(parts, volume, made.offset_m)),

@@ -30,6 +30,7 @@ ELSEWHERE = {
     r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
     r"make test": "this is the test run",
     r"make corpus": "benchmarks/tests/test_corpus.py, with few worlds",
+    r"(python3 -m venv own|own/bin/.*)": "tests/minexplore/test_wheel_clients.py, with a small mine",
     r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",
     r"python -m baselines.(ppo|graph.training).train .*": "baselines/tests: training, interruption, resumption",
     r"python -m pipeline worlds --light .*": "tests/commands/test_family.py, with small mines",
@@ -74,7 +75,8 @@ def test_a_command_in_the_docs_exists(page, line):
         if words[2] == "pipeline":
             parse(words[3:])  # exits if the arguments are invalid
     else:
-        assert words[0] in ("dvc", "git", "docker", "ray", "pip", "tensorboard", ".", "sh"), line
+        others = ("dvc", "git", "docker", "ray", "pip", "tensorboard", ".", "sh", "python3", "own/bin/pip")
+        assert words[0] in (*others, "own/bin/python"), line
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)

@@ -167,3 +167,13 @@ def test_a_start_that_is_none_is_refused_in_one_line(tee: BuiltMine, options, me
     for env in (MineEnv(tee.bundle), MineVectorEnv(2, tee.bundle)):
         with pytest.raises(ValueError, match=message):
             env.reset(options=options)
+
+
+def test_calls_of_a_vector_give_pictures_or_an_attribute_a_robot(tee: BuiltMine):
+    env = MineVectorEnv(2, tee.bundle)
+    env.reset(seed=0)
+    assert env.call("render_mode") == (None, None)
+    assert env.call("render") == (None, None)
+    with pytest.raises(ValueError, match="call: 'reset': robots have no methods of their own"):
+        env.call("reset")
+    env.close()

@@ -11,6 +11,7 @@ from minexplore.bundle import TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
+from pipeline.progress import progress
 from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.surface.mesh.mesh_checks import MeshReport
@@ -57,12 +58,16 @@ def rock_of_volume(
     InputError
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
-    volume = decode(compiled / VOLUME, VolumeFacets)
-    balls = balls_along(volume, decode(compiled / TOPOLOGY, LegNetwork))
-    rock = displaced_rock(params, volume, scan_m, balls)
-    chunks, texture = cut_rock(rock, params, texture, ScanColours(scan_m, scan_rgb))
-    files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}
-    return VolumeRock(files, texture, _report(rock))
+    with progress("surface", 4, "steps") as done:
+        volume = decode(compiled / VOLUME, VolumeFacets)
+        balls = balls_along(volume, decode(compiled / TOPOLOGY, LegNetwork))
+        done.update()
+        rock = displaced_rock(params, volume, scan_m, balls)
+        done.update()
+        chunks, texture = cut_rock(rock, params, texture, ScanColours(scan_m, scan_rgb))
+        done.update()
+        files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}
+        return VolumeRock(files, texture, _report(rock))
 
 
 def displaced_rock(

@@ -178,6 +178,24 @@ def test_an_explorer_drives_by_its_name_and_the_choices_are_listed(small_world):
     env.close()
 
 
+@pytest.mark.parametrize("driver", ["planner", "map-free", "nearest-frontier"])
+def test_a_drive_to_a_goal_is_recorded_to_its_end(small_world, driver):
+    env = MineEnv(small_world, pose="odometry", goal={"distance_m": (10.0, 15.0)})
+    drive = find_drive(driver, env, 0, lambda observation, beams: observation[:2])
+    frames = list(frames_of(env, drive, (), 400, seed=0))
+    if driver == "planner":
+        assert env.robots.rules.info(np.arange(1))["success"].all()
+        assert len(frames) < 400
+    env.close()
+
+
+def test_a_driver_to_a_goal_is_refused_where_there_is_none(small_world):
+    env = MineEnv(small_world)
+    with pytest.raises(ValueError, match=r"policy = 'planner': want an id GoTo-\.\.\., and a robot with wheels"):
+        find_drive("planner", env, 0, lambda observation, beams: observation[:2])
+    env.close()
+
+
 @pytest.mark.slow
 def test_the_command_records_and_says_how_much(small_world, tmp_path):
     out = tmp_path / "episode.mcap"
