@@ -23,7 +23,6 @@ import numpy as np
 from baselines.base.markdown import markdown_table
 from pipeline.params.compile3d import VolumeParams
 from pipeline.survey.solved.model import LegFlag, SolvedSurvey
-from pipeline.survey.solved.plan_view import node_of_stations
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import splays_by_node
 from pipeline.survey.solved_surveys import solve_file
@@ -70,7 +69,7 @@ def nearest_hits(survey: SolvedSurvey) -> np.ndarray:
     Both are nan where a side of a leg has one hit. How they differ is the difference of their distances in plan from
     the leg.
     """
-    places, node = node_of_stations(survey)
+    places, node, _ = survey.nodes()
     legs = node[survey.legs[survey.centreline()]]
     found = [np.zeros((0, 2))]
     for shot in SplayHits(legs.tolist(), places, splays_by_node(survey, node)).shots.values():
