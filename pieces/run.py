@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -94,8 +94,14 @@ def _answers(work: Work, items: list[Any], where: Where) -> Generator[tuple[int,
             if not under_way:
                 return
             number, error = under_way.pop(future := ended.get()), future.exception()
-            ended_by = f"{type(error).__name__}: {' '.join(str(error).split())[-_MOST_SHOWN:]}"
-            yield number, (b"", ended_by) if error else future.result()
+            yield number, (b"", _why(error)) if error else future.result()
+
+
+def _why(error: BaseException) -> str:
+    """Return why a call gave no answer."""
+    if isinstance(error, BrokenExecutor):
+        return "its process was ended, perhaps for want of memory"
+    return f"{type(error).__name__}: {' '.join(str(error).split())[-_MOST_SHOWN:]}"
 
 
 def _make(folder: str, work: Work, where: Where, item: Any) -> Answer:

@@ -48,18 +48,17 @@ def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dic
     if is_volume(figures):
         rock = judged if "texture.draws" in figures else ()
         plan = [_OF_PLAN] if any(name.startswith(f"{_OF_PLAN}.") for name in figures) else []
-        return params.volume.applying(figures) | _of_groups(params, {*rock, *plan}, left_out)
+        return params.volume.applying(figures) | _of_groups(params, {*rock, *plan}, {*left_out, _TO_PLAN})
     groups = {name.partition(".")[0] for name in params.limits}
     groups -= set() if "survey.narrowed_m" in figures else {"survey"}  # of plans and maps there are no legs
     measured = {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)}
     return _of_groups(params, measured, left_out)
 
 
-def _left_out(params: ValidationParams, figures: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return parts of the names of figures that this mine's rock is not judged by."""
+def _left_out(params: ValidationParams, figures: Mapping[str, Any]) -> list[str]:
+    """Return parts of the names of figures that rock is not judged by in drifts so short."""
     drift_m = figures.get("topology.drift_m")
-    is_short = drift_m is not None and drift_m < _SPECTRUM_DRAWS * params.texture.draw_m
-    return (*([_OF_SPECTRUM] if is_short else []), *([_TO_PLAN] if is_volume(figures) else []))
+    return [_OF_SPECTRUM] if drift_m is not None and drift_m < _SPECTRUM_DRAWS * params.texture.draw_m else []
 
 
 def _of_groups(params: ValidationParams, groups: Collection[str], left_out: Collection[str]) -> dict[str, Limit]:
