@@ -74,7 +74,7 @@ _visible_rock = by_model(level=_rock_of_level, volume=_rock_of_volume)
 def _rough(
     params: SurfaceParams, free: Polygon, topology: DriftNetwork, height_m: float, done: Callable[[], Any]
 ) -> tuple[RoughSurface, RoughnessReport]:
-    """Return the rough surface, and how rough it is beside what it copies; calls `done` after each of three steps."""
+    """Return the rough surface and the report on its roughness; `done` is called after each of three steps."""
     sources = measure_sources(params)
     lattice = lay_rough_lattice(params, free, topology, height_m)
     relief = choose_relief(params, sources, lattice)

@@ -14,10 +14,8 @@ JUDGED_HEIGHT_M = 2.5  # of a volume's drifts: plumb walls then reach 1.5 m, the
 _OF_CERTIFICATE = ("areas", "collision", "survey", "certificate")
 # of a cut to the wall in plan: in a volume that wall is not the border of the floor everywhere
 _TO_PLAN = ".length_ratio"
-_OF_SPECTRUM, _SPECTRUM_DRAWS = (
-    ".slope.",
-    5,
-)  # in 130 m of drift a slope has a s.d. of 0.43, 0.6 within its limit
+# of a volume's rock: in 130 m of drift a slope has a s.d. of 0.43 and is 0.6 within its limit
+_OF_SPECTRUM, _SPECTRUM_DRAWS = ".slope.", 5
 
 
 def is_measured(group: str, params: ValidationParams) -> bool:
@@ -44,24 +42,23 @@ def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any])
 def applying_limits(params: ValidationParams, figures: Mapping[str, Any]) -> dict[str, Limit]:
     """Return the limits on the groups of metrics that are measured and judged, by the mine's flat figures."""
     judged = () if why_rock_is_not_judged(params, figures) else _OF_ROCK
-    left_out = _left_out(params, figures)
     if is_volume(figures):
         rock = judged if "texture.draws" in figures else ()
         plan = [_OF_PLAN] if any(name.startswith(f"{_OF_PLAN}.") for name in figures) else []
-        return params.volume.applying(figures) | _of_groups(params, {*rock, *plan}, {*left_out, _TO_PLAN})
+        return params.volume.applying(figures) | _of_groups(params, {*rock, *plan}, _left_out(params, figures))
     groups = {name.partition(".")[0] for name in params.limits}
     groups -= set() if "survey.narrowed_m" in figures else {"survey"}  # of plans and maps there are no legs
     measured = {g for g in groups if is_measured(g, params) and (g in judged or g not in _OF_ROCK)}
-    return _of_groups(params, measured, left_out)
+    return _of_groups(params, measured)
 
 
 def _left_out(params: ValidationParams, figures: Mapping[str, Any]) -> list[str]:
-    """Return parts of the names of figures that rock is not judged by in drifts so short."""
-    drift_m = figures.get("topology.drift_m")
-    return [_OF_SPECTRUM] if drift_m is not None and drift_m < _SPECTRUM_DRAWS * params.texture.draw_m else []
+    """Return parts of the names of figures that a volume's rock is not judged by."""
+    is_short = figures.get("topology.drift_m", 0.0) < _SPECTRUM_DRAWS * params.texture.draw_m
+    return [_TO_PLAN, _OF_SPECTRUM] if is_short else [_TO_PLAN]
 
 
-def _of_groups(params: ValidationParams, groups: Collection[str], left_out: Collection[str]) -> dict[str, Limit]:
+def _of_groups(params: ValidationParams, groups: Collection[str], left_out: Collection[str] = ()) -> dict[str, Limit]:
     own = {name: limit for name, limit in params.limits.items() if name.partition(".")[0] in groups}
     return {name: limit for name, limit in own.items() if not any(part in name for part in left_out)}
 

@@ -141,6 +141,7 @@ def test_rock_is_judged_in_long_mines_that_were_surveyed_or_drawn(figures, judge
     assert not any(".slope." in name for name in limits)  # of a spectrum that a short mine has too few windows for
     if judged:
         assert any(".slope." in name for name in applying_limits(PARAMS, {**figures, "topology.drift_m": 480.0}))
+    assert any(".slope." in name for name in applying_limits(PARAMS, {"topology.drift_m": 96.0}))  # of a level mine
     found = why_rock_is_not_judged(PARAMS, figures)
     assert (found is None) == (why is None)
     assert why is None or why in found
