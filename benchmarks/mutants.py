@@ -23,7 +23,7 @@ from benchmarks.resume import run_benchmark
 from pieces.work import add_options, where_of
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
-from pipeline.params.reading.composed import composed_section
+from pipeline.params.composed import composed_section
 from pipeline.params.validation import CertificateParams, Limit, ValidationParams
 from pipeline.proof.validator import Validator
 from pipeline.store.codecs import decode

@@ -42,11 +42,11 @@ def changes() -> dict[str, Change]:
     return {
         "a survey format": {
             "pipeline/survey/wkt.py": _without_last_line(blocks("A survey format")[0]).replace(
-                "from pipeline.params.stated import FileKind\nfrom pipeline.survey.formats import FORMATS, Format\n", ""
+                "from pipeline.params.stated import FileKind\nfrom minesurveys.formats import FORMATS, Format\n", ""
             ),
-            "pipeline/survey/formats.py": [
+            "minesurveys/formats.py": [
                 _after(
-                    "from pipeline.survey.vector.surpac import read_surpac\n",
+                    "from minesurveys.vector.surpac import read_surpac\n",
                     "from pipeline.survey.wkt import read_wkt\n",
                 ),
                 _after("FORMATS: dict[str, Format] = {\n", '    ".wkt": Format(FileKind.VECTOR, shapes=read_wkt),\n'),

@@ -13,10 +13,11 @@ from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.readers import READERS, registry_beside
 from benchmarks.fuzzing.samples import SAMPLES
-from pipeline.errors import InputError, MineError, UnexpectedError
-from pipeline.guard import reading_process as child
-from pipeline.params import reader_limits
-from pipeline.survey.formats import FORMATS
+from minesurveys import limits as reader_limits
+from minesurveys.errors import UnexpectedError
+from minesurveys.formats import FORMATS
+from minesurveys.guard import reading_process as child
+from pipeline.errors import InputError, MineError
 
 SOLVED_BY_SURVEX = ("survex project", "therion", "compass data")
 # Instructive hostile files that a reader refuses at once: the limit that each must name.

@@ -12,11 +12,12 @@ import numpy as np
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.pictures.picture_header import MAX_SIDE_PX
+from minesurveys.types import Georeference, Heights
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.survey.base import DrawnSurveyParams
-from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
-from pipeline.types import DrawnFloors, DrawnPlan, Frame, Georeference, Heights, Image, VolumeShape
+from pipeline.types import DrawnFloors, DrawnPlan, Frame, Image, VolumeShape
 
 _OVERSAMPLE = 4
 _LETTER_HEIGHT_M = 12.0

@@ -11,8 +11,16 @@ import numpy as np
 from pydantic import TypeAdapter
 from shapely import MultiPolygon
 
+from minesurveys.formats import is_solved, solver_limits
+from minesurveys.grid.nav2 import nav2_picture
+from minesurveys.guard.reading_process import Payload, run_limited
+from minesurveys.legs import SurveyLeg
+from minesurveys.pictures.georeference import find_placement, placement_files
+from minesurveys.pictures.image import read_image
+from minesurveys.remarks import collect_remarks
+from minesurveys.solids.surpac_solid import DTM, strings_beside
+from minesurveys.types import METRIC, Georeference, Heights
 from pipeline.errors import InputError
-from pipeline.guard.reading_process import Payload, run_limited
 from pipeline.params.floor_rules import FloorRules
 from pipeline.params.survey import (
     CloudSurveyParams,
@@ -22,14 +30,11 @@ from pipeline.params.survey import (
     StationSurveyParams,
     SurveyParams,
 )
-from pipeline.remarks import collect_remarks
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.mine_survey import MineSurvey, survey_arrays, survey_of_arrays
 from pipeline.store.registry import read_registry
 from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
-from pipeline.survey.drawing.georeference import find_placement, placement_files
-from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.picture import (
     fill_walls,
     keep_workings,
@@ -40,31 +45,15 @@ from pipeline.survey.drawing.picture import (
 )
 from pipeline.survey.drawing.reduction import in_reduced_px, size_read
 from pipeline.survey.drawing.scale import measure_bar
-from pipeline.survey.formats import is_solved, solver_limits
-from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
-from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.relief import floor_of
 from pipeline.survey.passages.workings import build_workings, level_legs
-from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
+from pipeline.survey.solved.station_table import read_stations
 from pipeline.survey.start import start_in_plan
-from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, subject_of, vector_files
-from pipeline.types import (
-    METRIC,
-    DrawnPlan,
-    Frame,
-    Georeference,
-    Heights,
-    Image,
-    Scale,
-    Survey,
-    SurveyedLegs,
-    VolumeShape,
-    Workings,
-)
+from pipeline.types import DrawnPlan, Frame, Image, Scale, Survey, SurveyedLegs, VolumeShape, Workings
 
 Box = tuple[int, int, int, int]
 Scaled = StationSurveyParams | PlanSurveyParams
@@ -102,7 +91,7 @@ class _Drawn:
 
 
 def read_survey(params: SurveyParams) -> MineSurvey:
-    """Read a survey, in a process with the limits of `conf/reader_limits.yaml` if it comes from a file.
+    """Read a survey, in a process with the limits of `minesurveys/limits.yaml` if it comes from a file.
 
     Raises
     ------
@@ -115,7 +104,7 @@ def read_survey(params: SurveyParams) -> MineSurvey:
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
     fresh = params.poses is not None
-    payload = run_limited("survey", arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
+    payload = run_limited(read_here, arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
     return survey_of_arrays(payload.values, payload.arrays)
 
 
@@ -376,7 +365,7 @@ def sources(params: SurveyParams) -> list[str]:
     names_others = params.kind == "grid" or (params.kind == "passages" and is_solved(Path(params.file)))
     if not names_others:
         return _sources(params)
-    return run_limited("sources", {"params": params.model_dump(mode="json")}, _subject(params)).values
+    return run_limited(sources_here, {"params": params.model_dump(mode="json")}, _subject(params)).values
 
 
 def sources_here(params: dict[str, Any]) -> Payload:

@@ -8,9 +8,10 @@ import sys
 import pytest
 import shapely
 
+from minesurveys.errors import describe_shortage
 from pieces.work import HERE
 from pipeline.build.family import Member, make_family
-from pipeline.errors import InputError, describe_shortage
+from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
 from tests.mines import TEE
 from tests.project import ROOT

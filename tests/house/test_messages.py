@@ -17,13 +17,13 @@ from pipeline.params.config import Config
 from pipeline.params.survey import SurveyParams
 from tests.project import ROOT, modules_below
 
-READERS = ("pipeline/survey", "pipeline/scans", "pipeline/guard", "pipeline/import_mine.py")
+READERS = ("minesurveys", "pipeline/survey", "pipeline/scans", "pipeline/import_mine.py")
 OTHERS = ("pipeline/geometry/drawing", "pipeline/geometry/outline", "pipeline/geometry/floor", "stages/contours.py")
 OURS = {"InputError", "GeometryError", "ParamsError", "MineError", "DoubtError", "ArtifactError", "DrawingError"}
 # What of a caught exception a message may state: the system's reason, and places in the file.
 STATED = ("strerror", "start", "lineno", "colno")
 OWN_WORDS = {  # an exception of another class whose text is ours, or that no reader of a file raises
-    "pipeline/survey/drawing/georeference.py": "ValueError of `plain_number`",
+    "minesurveys/pictures/georeference.py": "ValueError of `plain_number`",
     "pipeline/survey/fetch.py": "of a download",
 }
 # Questions about a broken file, which no option answers, and those whose caller names the parameter.

@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from minesurveys.clouds import cloud_formats
+from minesurveys.clouds.cloud_formats import read_blocks
 from pipeline.errors import InputError
 from pipeline.geometry.ray_scene import load_open3d
-from pipeline.scans import cloud_formats
 from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
-from pipeline.scans.cloud_formats import read_blocks
 
 LIMITS = CloudLimits(
     thin_m=0.05, range_m=(0.5, 50.0), max_points=1_000_000, height_m=(1.0, 12.0), mesh_points_per_m2=400

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.guard.reading_process import warn_user
-from pipeline.params.stated import FileKind, StatedOptions
+from minesurveys.clouds.text_clouds import has_point_rows
+from minesurveys.formats import FileKind, kind_of
+from minesurveys.guard.reading_process import warn_user
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.scans.text_clouds import has_point_rows
 from pipeline.survey.detection.detected_section import Detection, section_for
-from pipeline.survey.formats import kind_of
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2
 # A voxel by the spacing of points: so each voxel of a wall has one point on average. A voxel of the thickened wall is

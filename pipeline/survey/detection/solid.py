@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from minesurveys.solids.surpac_solid import DTM, strings_beside
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.detection.detected_section import Detection, section_for
-from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 
 
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:

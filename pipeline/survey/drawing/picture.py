@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from minesurveys.guard.plain_file import read_text_bytes
+from minesurveys.guard.reading_process import warn_user
+from minesurveys.limits import FILE, reader_limits
+from minesurveys.pictures.image import read_image, require_workings_drawn
+from minesurveys.pictures.page_unit import points_per_unit
+from minesurveys.pictures.picture_header import MAX_SIDE_PX
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.bounded import read_bounded
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.outline.binarize import dark_pixels
-from pipeline.guard.plain_file import read_text_bytes
-from pipeline.guard.reading_process import warn_user
-from pipeline.params.reader_limits import FILE, reader_limits
 from pipeline.params.survey import PlanSurveyParams
-from pipeline.survey.drawing.image import read_image, require_workings_drawn
 from pipeline.survey.drawing.light import BETTER_LIGHT, even_light
-from pipeline.survey.drawing.page_unit import points_per_unit
-from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
 from pipeline.survey.drawing.reduction import reduce_picture, size_read
 from pipeline.types import Image
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.errors import DoubtError, InputError
+from minesurveys.errors import DoubtError
+from minesurveys.guard.reading_process import warn_user
+from pipeline.errors import InputError
 from pipeline.geometry.outline.components import NEAR_M
-from pipeline.guard.reading_process import warn_user
 from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Image, Mask
 

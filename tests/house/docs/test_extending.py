@@ -17,13 +17,13 @@ import shapely
 import minexplore  # noqa: F401  registers the environments
 from baselines.explorers import EXPLORERS
 from baselines.policies.policy_lookup import make_policy
+from minesurveys.formats import FORMATS, shape_reader
 from minexplore.task import TaskParams
 from pipeline.errors import InputError, LimitError
 from pipeline.metrics.limits import require_limits
 from pipeline.params.validation import Limit
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.formats import FORMATS, shape_reader
 from tests.extensions import PAGE, apply, blocks, changes
 from tests.mines import TEE
 from tests.project import ROOT

@@ -9,9 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import PdfParser
 
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.drawing.picture import open_page, read_page
 from tests.project import ROOT

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from minesurveys.grid.nav2 import nav2_picture, read_nav2_map
 from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import nav2_map, occupancy_grid
-from pipeline.survey.grid.nav2 import nav2_picture, read_nav2_map
 from tests.mines import TEE
 from tests.project import shared_file
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minesurveys.remarks import collect_remarks
+from minesurveys.solved.model import SolvedSurvey
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.solved_surveys import solve_file
+from minesurveys.survex import large_network
+from minesurveys.survex.network_text import read_network
 from pipeline.errors import InputError
-from pipeline.remarks import collect_remarks
-from pipeline.survey.solved.model import SolvedSurvey
-from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.survex import large_network
-from pipeline.survey.survex.network_text import read_network
 
 pytestmark = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 

@@ -1,0 +1,129 @@
+"""Read surveys in three dimensions: which reader solves which file.
+
+Docs: docs/adr/0013-survex.md says which way is taken when.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from minesurveys.compass.convert import to_survex as compass_to_survex
+from minesurveys.errors import InputError
+from minesurveys.legs import SurveyLeg
+from minesurveys.solved.lox import LOX, read_lox
+from minesurveys.solved.model import LegFlag, SolvedSurvey, StationFlag
+from minesurveys.solved.node_links import is_node_list, links_of, read_node_links
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.stations.compass import read_plt
+from minesurveys.stations.table import read_station_survey
+from minesurveys.survex.cavern import require_cavern, require_version, solve
+from minesurveys.survex.survex_text import Written, project_copy
+from minesurveys.therion.convert import to_survex as therion_to_survex
+from minesurveys.therion.project import is_project
+from minesurveys.walls.project import WallsCopy, copy_of
+from minesurveys.walls.sections import with_sections
+
+_WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
+_READERS: dict[str, Callable[[Path], SolvedSurvey]] = {
+    ".3d": read_3d,
+    LOX: read_lox,
+    ".plt": read_plt,
+    ".csv": read_station_survey,
+}
+_WRITERS: dict[str, Callable[[Path], Written]] = {  # of what Survex solves
+    ".svx": project_copy,
+    ".th": therion_to_survex,
+    **dict.fromkeys((".mak", ".dat", ".clp"), compass_to_survex),
+    **dict.fromkeys(_WALLS, copy_of),
+}
+
+
+def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey:
+    """Read or solve a survey in this process, which the caller limits.
+
+    Parameters
+    ----------
+    path : Path
+        `.3d`, `.lox`, `.plt`, and `NAME_nodes.dat` with `NAME_links.dat`, are read; `.svx` (with the files that it
+        includes) is solved by Survex; `.th` and `thconfig` (Therion) and `.mak`, `.dat` and `.clp` (Compass) are
+        brought to Survex's form and solved; a copy of `.wpj` and `.srv` (Walls) is solved by Survex 1.4.9 or newer;
+        `.csv` is our own table with elevations.
+    declination_deg : float, optional
+        In place of every declination that Survex computes.
+
+    Returns
+    -------
+    SolvedSurvey
+        m, in the survey's own frame.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
+        installed. The message names the file, the line and the value.
+    """
+    suffix = path.suffix.lower()
+    if is_node_list(path):
+        survey = read_node_links(path)
+    elif suffix in _READERS:
+        survey = _READERS[suffix](path)
+    else:
+        if suffix not in _WRITERS and not is_project(path):
+            raise InputError(f"{path}: not a survey that Survex solves (.3d, {', '.join(_WRITERS)})")
+        require_cavern(path)
+        if suffix in _WALLS:
+            require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
+        written = _written(path)
+        survey = replace(solve(path, written, declination_deg), files=tuple(dict.fromkeys(written.files)))
+        if isinstance(written, WallsCopy):
+            survey = with_sections(survey, list(zip(written.surveys, written.options, strict=True)))
+    odd = next((name for name in survey.names if not name.isprintable()), None)
+    if odd is not None:
+        raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
+    return survey if survey.files else replace(survey, files=(path,))
+
+
+def _written(path: Path) -> Written:
+    """Return what Survex is given to solve a survey."""
+    return (therion_to_survex if is_project(path) else _WRITERS[path.suffix.lower()])(path)
+
+
+def survey_files(path: Path) -> list[Path]:
+    """Return a survey's files without reading it whole: the file and all files that it names.
+
+    Raises
+    ------
+    InputError
+        If a named file is missing or lies outside the folder of the first.
+    """
+    if is_node_list(path):
+        return [path, links_of(path)]
+    is_solved = path.suffix.lower() in _WRITERS or is_project(path)
+    return list(dict.fromkeys(_written(path).files)) if is_solved else [path]
+
+
+def entrances_of(survey: SolvedSurvey) -> list[str]:
+    """Return the names of the stations that are open to the surface."""
+    is_open = (survey.station_flags & StationFlag.ENTRANCE) != 0
+    return sorted({survey.names[k] for k in np.flatnonzero(is_open)} - {""})
+
+
+def names_of(survey: SolvedSurvey) -> dict[str, str]:
+    """Return the station of the legs that each name stands for."""
+    _, node, names = survey.nodes()
+    return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
+
+
+def ties_of(survey: SolvedSurvey) -> list[SurveyLeg]:
+    """Return the legs that are flagged duplicate: they tie passages together, and have no walls."""
+    places, node, names = survey.nodes()
+    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
+    nobody = np.full((2, 2), np.nan)
+    return [
+        SurveyLeg("repeated", [names[a], names[b]], at[:, :2], nobody, np.column_stack([at[:, 2], nobody]))
+        for a, b, at in ((a, b, places[[a, b]]) for a, b in pairs if a != b)
+    ]
