@@ -1,7 +1,7 @@
-"""The formats of surveys: file name suffix to what the file is and its reader.
+"""The formats of surveys: the suffix of a file's name to what the file is, and what reads it.
 
-To add a format, write its reader in a new module and add one line here, of a station survey another one to
-`solved_surveys.py`. `new` and stage 1 choose the reader by suffix.
+To add a format, write its reader in a new module and one line here. Another distribution adds one by an entry point of
+the group `minesurveys.formats`: its name is the suffix without the dot, its object a `Format`.
 """
 
 from __future__ import annotations
@@ -9,19 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib.metadata import entry_points
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from minesurveys.converters import CONVERTED
 from minesurveys.errors import InputError
 from minesurveys.limits import reader_limits
-from minesurveys.therion.project import PROJECT, is_project
-from minesurveys.vector.earth.gpx import read_gpx
-from minesurveys.vector.earth.kml import read_kml
-from minesurveys.vector.geodata import read_geodata
-from minesurveys.vector.geojson import read_geojson
-from minesurveys.vector.shapes import Shapes
-from minesurveys.vector.surpac import read_surpac
+
+GROUP = "minesurveys.formats"
+PROJECT = ".thconfig"
 
 
 class FileKind(StrEnum):
@@ -36,52 +34,107 @@ class FileKind(StrEnum):
     CLOUD = "a point cloud"
 
 
-# (file, layers or None for all, and of formats with fields the property that is the layer) -> polygons and lines
-ShapeReader = Callable[..., Shapes]
-
-
 @dataclass(frozen=True)
 class Format:
-    """What files of one suffix are, and the reader of a vector file (`shapes`).
+    """What files of one suffix are, and the reader of each content that they may have, `module:function`.
 
-    A survey that is `solved` may name other files, and Survex needs temporary files to read it. The shapes of a vector
-    file that `has_fields` have properties.
+    A reader is imported when a file needs it, and raises `InputError` for what it cannot read.
+
+    Attributes
+    ----------
+    kind : FileKind
+    legs : str
+        Takes the file; returns a `SolvedSurvey`.
+    survex : str
+        Takes the file; returns what Survex is given to solve (`Written`).
+    shapes : str
+        Takes the file and a list of layers, None for all, and of formats that `has_fields` the property that is the
+        layer; returns `Shapes`.
+    meshes : str
+        Takes the file and its bytes; returns `StatedMeshes`.
+    points : str
+        Takes the file and what is `Wanted` beside places; yields a `PointBlock` after the other.
+    picture : str
+        Takes the file and the most megapixels; returns (rows, cols, 3) uint8 BGR.
+    grid : str
+        Takes the file; returns a `Nav2Map`.
+    solved : bool
+        The survey may name other files, and Survex needs time and temporary files to solve it.
+    has_fields : bool
+        Shapes have properties.
     """
 
     kind: FileKind
-    shapes: ShapeReader | None = None
+    legs: str = ""
+    survex: str = ""
+    shapes: str = ""
+    meshes: str = ""
+    points: str = ""
+    picture: str = ""
+    grid: str = ""
     solved: bool = False
     has_fields: bool = False
 
 
-def _read_dxf(path: Path, layers: list[str] | None) -> Shapes:
-    from minesurveys.vector.dxf import read_dxf  # ezdxf takes 0.3 s to load, and few surveys are DXF
-
-    return read_dxf(path, layers)
-
+_TEXT = "minesurveys.clouds.text_clouds:text_blocks"
+_OCTREE = "minesurveys.clouds.octomap_clouds:octomap_blocks"
+_LAS = "minesurveys.clouds.las.blocks:las_blocks"
+_SCENE = "minesurveys.solids.scenes:read_scene"
+_PICTURE = Format(FileKind.PICTURE, picture="minesurveys.pictures.image:read_pixels")
+_NAV2 = Format(FileKind.GRID, grid="minesurveys.grid.nav2:read_nav2_map")
+_GEOJSON = Format(FileKind.VECTOR, shapes="minesurveys.vector.geojson:read_geojson", has_fields=True)
+_GEODATA = Format(FileKind.VECTOR, shapes="minesurveys.vector.geodata:read_geodata", has_fields=True)
+_KML = Format(FileKind.VECTOR, shapes="minesurveys.vector.earth.kml:read_kml", has_fields=True)
+_LANDXML = Format(FileKind.SOLID, meshes="minesurveys.solids.landxml:read_landxml")
+_USD = Format(FileKind.SOLID, meshes="minesurveys.solids.usd:read_usd")
+_THERION = Format(FileKind.STATIONS, survex="minesurveys.therion.convert:to_survex", solved=True)
+_WALLS = Format(FileKind.STATIONS, survex="minesurveys.walls.project:copy_of", solved=True)
+_COMPASS = "minesurveys.compass.convert:to_survex"
 
 FORMATS: dict[str, Format] = {
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".gif"), Format(FileKind.PICTURE)),
-    ".pdf": Format(FileKind.PDF),
-    **dict.fromkeys((".yaml", ".yml"), Format(FileKind.GRID)),
-    ".dxf": Format(FileKind.VECTOR, shapes=_read_dxf),
-    ".str": Format(FileKind.VECTOR, shapes=read_surpac),
-    **dict.fromkeys((".geojson", ".json"), Format(FileKind.VECTOR, shapes=read_geojson, has_fields=True)),
-    **dict.fromkeys((".gpkg", ".shp"), Format(FileKind.VECTOR, shapes=read_geodata, has_fields=True)),
-    **dict.fromkeys((".kml", ".kmz"), Format(FileKind.VECTOR, shapes=read_kml, has_fields=True)),
-    ".gpx": Format(FileKind.VECTOR, shapes=read_gpx, has_fields=True),
-    **dict.fromkeys((".obj", ".stl", ".ply", ".glb", ".dtm"), Format(FileKind.SOLID)),
-    **dict.fromkeys((".xml", ".landxml", ".dae", ".usd", ".usda", ".usdc", ".omf"), Format(FileKind.SOLID)),
-    **dict.fromkeys(
-        (".las", ".laz", ".pcd", ".xyz", ".txt", ".pts", ".asc", ".e57", ".ptx", ".bt", ".ot", ".zip"),
-        Format(FileKind.CLOUD),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".gif"), _PICTURE),
+    ".pdf": Format(FileKind.PDF, picture="minesurveys.pictures.pages:read_first_page"),
+    **dict.fromkeys((".yaml", ".yml"), _NAV2),
+    ".dxf": Format(
+        FileKind.VECTOR,
+        shapes="minesurveys.vector.dxf:read_dxf",
+        meshes="minesurveys.solids.dxf_meshes:read_dxf_meshes",
     ),
-    ".csv": Format(FileKind.STATIONS),
-    **dict.fromkeys(
-        (".plt", ".svx", ".3d", ".th", PROJECT, ".lox", ".dat", ".mak", ".clp", ".wpj", ".srv"),
-        Format(FileKind.STATIONS, solved=True),
-    ),
+    ".str": Format(FileKind.VECTOR, shapes="minesurveys.vector.surpac:read_surpac"),
+    **dict.fromkeys((".geojson", ".json"), _GEOJSON),
+    **dict.fromkeys((".gpkg", ".shp"), _GEODATA),
+    **dict.fromkeys((".kml", ".kmz"), _KML),
+    ".gpx": Format(FileKind.VECTOR, shapes="minesurveys.vector.earth.gpx:read_gpx", has_fields=True),
+    **dict.fromkeys((".obj", ".stl", ".glb"), Format(FileKind.SOLID, meshes=_SCENE)),
+    ".ply": Format(FileKind.SOLID, meshes="minesurveys.solids.scenes:read_ply"),
+    ".dtm": Format(FileKind.SOLID, meshes="minesurveys.solids.surpac_solid:read_dtm"),
+    **dict.fromkeys((".xml", ".landxml"), _LANDXML),
+    ".dae": Format(FileKind.SOLID, meshes="minesurveys.solids.collada:read_collada"),
+    **dict.fromkeys((".usd", ".usda", ".usdc"), _USD),
+    ".omf": Format(FileKind.SOLID, meshes="minesurveys.solids.mining_format:read_omf"),
+    **dict.fromkeys((".las", ".laz"), Format(FileKind.CLOUD, points=_LAS)),
+    ".pcd": Format(FileKind.CLOUD, points="minesurveys.clouds.pcd_clouds:pcd_blocks"),
+    **dict.fromkeys((".xyz", ".txt", ".pts", ".asc"), Format(FileKind.CLOUD, points=_TEXT)),
+    ".e57": Format(FileKind.CLOUD, points="minesurveys.clouds.e57_clouds:e57_blocks"),
+    ".ptx": Format(FileKind.CLOUD, points="minesurveys.clouds.ptx_clouds:ptx_blocks"),
+    **dict.fromkeys((".bt", ".ot"), Format(FileKind.CLOUD, points=_OCTREE)),
+    ".zip": Format(FileKind.CLOUD),  # of clouds in any of these formats
+    ".csv": Format(FileKind.STATIONS, legs="minesurveys.stations.table:read_station_survey", points=_TEXT),
+    ".plt": Format(FileKind.STATIONS, legs="minesurveys.stations.compass:read_plt", solved=True),
+    ".svx": Format(FileKind.STATIONS, survex="minesurveys.survex.survex_text:project_copy", solved=True),
+    ".3d": Format(FileKind.STATIONS, legs="minesurveys.solved.survex_3d:read_3d", solved=True),
+    **dict.fromkeys((".th", PROJECT), _THERION),
+    ".lox": Format(FileKind.STATIONS, legs="minesurveys.solved.lox:read_lox", solved=True),
+    ".dat": Format(FileKind.STATIONS, survex=_COMPASS, points=_TEXT, solved=True),
+    **dict.fromkeys((".mak", ".clp"), Format(FileKind.STATIONS, survex=_COMPASS, solved=True)),
+    **dict.fromkeys((".wpj", ".srv"), _WALLS),
 }
+
+
+def is_project(path: Path) -> bool:
+    """Return whether a file configures a Therion project: `thconfig`, `thconfig.NAME` or `NAME.thconfig`."""
+    name, suffix = path.name.lower(), path.suffix.lower()
+    return suffix == PROJECT or name == "thconfig" or (name.startswith("thconfig.") and suffix not in (".th", ".th2"))
 
 
 def suffix_of(path: Path) -> str:
@@ -89,8 +142,8 @@ def suffix_of(path: Path) -> str:
     return PROJECT if is_project(path) else path.suffix.lower()
 
 
-def kind_of(path: Path) -> FileKind:
-    """Return what a file is, by its suffix.
+def format_of(path: Path) -> Format:
+    """Return the format of a file, by its suffix.
 
     Raises
     ------
@@ -98,12 +151,27 @@ def kind_of(path: Path) -> FileKind:
         If the format is not supported.
     """
     suffix = suffix_of(path)
+    found = FORMATS.get(suffix) or _installed(suffix)
+    if found is not None:
+        return found
     if suffix in CONVERTED:
         raise InputError(f"{path}: {suffix} is not read: {CONVERTED[suffix]}")
-    if suffix not in FORMATS:
-        supported = ", ".join(FORMATS)
-        raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
-    return FORMATS[suffix].kind
+    supported = ", ".join(FORMATS)
+    raise InputError(f"{path}: {suffix or 'a file without a suffix'} is not a supported format ({supported})")
+
+
+def _installed(suffix: str) -> Format | None:
+    """Return the format that another distribution registers for a suffix."""
+    found = entry_points(group=GROUP, name=suffix[1:])
+    form = next(iter(found)).load() if found else None
+    if form is not None and not isinstance(form, Format):
+        raise TypeError(f"{next(iter(found)).value}: an entry point of {GROUP} names a Format, not a {type(form)}")
+    return form
+
+
+def kind_of(path: Path) -> FileKind:
+    """Return what a file is, by its suffix; `InputError` if the format is not supported."""
+    return format_of(path).kind
 
 
 def suffixes_of(kind: FileKind) -> tuple[str, ...]:
@@ -117,7 +185,7 @@ def is_solved(path: Path) -> bool:
     return found is not None and found.solved
 
 
-def shape_reader(path: Path) -> ShapeReader:
+def shape_reader(path: Path) -> Callable[..., Any]:
     """Return the reader of a vector file.
 
     Raises
@@ -125,10 +193,10 @@ def shape_reader(path: Path) -> ShapeReader:
     InputError
         If the file is none.
     """
-    found = FORMATS.get(suffix_of(path))
-    if found is None or found.shapes is None:
+    found = format_of(path)
+    if not found.shapes:
         raise InputError(f"{path}: not a supported vector format ({', '.join(suffixes_of(FileKind.VECTOR))})")
-    return found.shapes
+    return resolve_name(found.shapes)
 
 
 def solver_limits(path: Path) -> dict[str, Any]:

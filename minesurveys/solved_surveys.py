@@ -5,41 +5,23 @@ Docs: docs/adr/0013-survex.md says which way is taken when.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 
-from minesurveys.compass.convert import to_survex as compass_to_survex
 from minesurveys.errors import InputError
+from minesurveys.formats import FORMATS, format_of
 from minesurveys.legs import SurveyLeg
-from minesurveys.solved.lox import LOX, read_lox
 from minesurveys.solved.model import LegFlag, SolvedSurvey, StationFlag
 from minesurveys.solved.node_links import is_node_list, links_of, read_node_links
-from minesurveys.solved.survex_3d import read_3d
-from minesurveys.stations.compass import read_plt
-from minesurveys.stations.table import read_station_survey
 from minesurveys.survex.cavern import require_cavern, require_version, solve
-from minesurveys.survex.survex_text import Written, project_copy
-from minesurveys.therion.convert import to_survex as therion_to_survex
-from minesurveys.therion.project import is_project
-from minesurveys.walls.project import WallsCopy, copy_of
+from minesurveys.survex.survex_text import Written
+from minesurveys.walls.project import WallsCopy
 from minesurveys.walls.sections import with_sections
 
-_WALLS, _VERSION_FOR_WALLS = (".wpj", ".srv"), (1, 4, 9)
-_READERS: dict[str, Callable[[Path], SolvedSurvey]] = {
-    ".3d": read_3d,
-    LOX: read_lox,
-    ".plt": read_plt,
-    ".csv": read_station_survey,
-}
-_WRITERS: dict[str, Callable[[Path], Written]] = {  # of what Survex solves
-    ".svx": project_copy,
-    ".th": therion_to_survex,
-    **dict.fromkeys((".mak", ".dat", ".clp"), compass_to_survex),
-    **dict.fromkeys(_WALLS, copy_of),
-}
+_VERSION_FOR_WALLS = (1, 4, 9)
 
 
 def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey:
@@ -66,30 +48,26 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
         If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
         installed. The message names the file, the line and the value.
     """
-    suffix = path.suffix.lower()
+    found = format_of(path)
     if is_node_list(path):
         survey = read_node_links(path)
-    elif suffix in _READERS:
-        survey = _READERS[suffix](path)
-    else:
-        if suffix not in _WRITERS and not is_project(path):
-            raise InputError(f"{path}: not a survey that Survex solves (.3d, {', '.join(_WRITERS)})")
+    elif found.legs:
+        survey = resolve_name(found.legs)(path)
+    elif found.survex:
         require_cavern(path)
-        if suffix in _WALLS:
+        written: Written = resolve_name(found.survex)(path)
+        if isinstance(written, WallsCopy):
             require_version(path, _VERSION_FOR_WALLS, "a Walls survey")
-        written = _written(path)
         survey = replace(solve(path, written, declination_deg), files=tuple(dict.fromkeys(written.files)))
         if isinstance(written, WallsCopy):
             survey = with_sections(survey, list(zip(written.surveys, written.options, strict=True)))
+    else:
+        known = ", ".join(suffix for suffix, form in FORMATS.items() if form.legs or form.survex)
+        raise InputError(f"{path}: not a survey of stations ({known})")
     odd = next((name for name in survey.names if not name.isprintable()), None)
     if odd is not None:
         raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
     return survey if survey.files else replace(survey, files=(path,))
-
-
-def _written(path: Path) -> Written:
-    """Return what Survex is given to solve a survey."""
-    return (therion_to_survex if is_project(path) else _WRITERS[path.suffix.lower()])(path)
 
 
 def survey_files(path: Path) -> list[Path]:
@@ -102,8 +80,8 @@ def survey_files(path: Path) -> list[Path]:
     """
     if is_node_list(path):
         return [path, links_of(path)]
-    is_solved = path.suffix.lower() in _WRITERS or is_project(path)
-    return list(dict.fromkeys(_written(path).files)) if is_solved else [path]
+    survex = format_of(path).survex
+    return list(dict.fromkeys(resolve_name(survex)(path).files)) if survex else [path]
 
 
 def entrances_of(survey: SolvedSurvey) -> list[str]:

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
 
-from minesurveys.clouds.e57_clouds import e57_blocks
-from minesurveys.clouds.las.blocks import las_blocks
 from minesurveys.clouds.measured_points import measured
-from minesurveys.clouds.octomap_clouds import OCTOMAP, octomap_blocks
-from minesurveys.clouds.pcd_clouds import pcd_blocks
 from minesurveys.clouds.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
-from minesurveys.clouds.ptx_clouds import ptx_blocks
-from minesurveys.clouds.text_clouds import TEXT, text_blocks
+from minesurveys.clouds.text_clouds import has_point_rows
 from minesurveys.clouds.zipped_clouds import zipped_blocks
 from minesurveys.errors import InputError
+from minesurveys.formats import FORMATS, FileKind, format_of, kind_of
 from minesurveys.guard.reading_process import Payload, Task, run_limited
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.solids.ply_meshes import read_ply_mesh
@@ -27,7 +24,7 @@ from minesurveys.solids.polygons import with_triangles
 LEAST_POINTS = 100
 _UNPACKED = 4  # times as large as its zip file is a cloud of text
 _MESHES = (".stl", ".obj")
-CLOUDS = (*TEXT, ".las", ".laz", ".ply", ".pcd", ".e57", ".ptx", *OCTOMAP)
+CLOUDS = (*(suffix for suffix, form in FORMATS.items() if form.points), ".ply")
 _BLOCK = 1_000_000
 _PLY_HEAD, _PLY_LINE = 65_536, 1000  # bytes of a header, and of a line in it
 _HUGE = 100  # times the most points of a mesh: beyond it, a vertex lies far outside any workings
@@ -39,6 +36,14 @@ def run_on_cloud(task: Task, arguments: dict[str, Any], path: Path) -> Payload:
     extra_s = limits.cloud_s_per_gb * path.stat().st_size / 1e9 * (_UNPACKED if is_zip else 1)
     scratch_bytes = limits.unpacked_bytes if is_zip else 0
     return run_limited(task, arguments, str(path), extra_s, scratch_bytes=scratch_bytes)
+
+
+def holds_points(path: Path) -> bool:
+    """Return whether a file is a cloud: by its format, as a table of points, or as a PLY file without faces."""
+    suffix = path.suffix.lower()
+    if suffix == ".ply":
+        return not read_ply_header(path).get("face")
+    return has_point_rows(path) if suffix == ".csv" else kind_of(path) is FileKind.CLOUD
 
 
 def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) -> Iterator[PointBlock]:
@@ -66,20 +71,8 @@ def read_blocks(path: Path, points_per_unit2: float, wanted: Wanted = PLACES) ->
 
 def _all_blocks(path: Path, points_per_unit2: float, wanted: Wanted) -> Iterator[PointBlock]:
     suffix = path.suffix.lower()
-    if suffix in TEXT:
-        return text_blocks(path, wanted)
-    if suffix == ".e57":
-        return e57_blocks(path, wanted)
-    if suffix in OCTOMAP:
-        return octomap_blocks(path, wanted)
-    if suffix == ".ptx":
-        return ptx_blocks(path, wanted)
     if suffix == ".zip":
         return zipped_blocks(path, CLOUDS, lambda one: _all_blocks(one, points_per_unit2, wanted))
-    if suffix in {".las", ".laz"}:
-        return las_blocks(path, wanted)
-    if suffix == ".pcd":
-        return pcd_blocks(path, wanted)
     if suffix in {".ply", *_MESHES}:
         most = reader_limits().cloud_bytes
         if path.stat().st_size > most:
@@ -88,7 +81,10 @@ def _all_blocks(path: Path, points_per_unit2: float, wanted: Wanted) -> Iterator
                 f"(cloud_bytes in {FILE}); convert the file to LAZ or XYZ"
             )
         return _whole_file(path, suffix, points_per_unit2, wanted)
-    raise InputError(f"{path}: no reader for {suffix!r}; there are {' '.join([*CLOUDS, *_MESHES])} .zip")
+    if not format_of(path).points:
+        raise InputError(f"{path}: no reader for {suffix!r}; there are {' '.join([*CLOUDS, *_MESHES])} .zip")
+    blocks: Iterator[PointBlock] = resolve_name(format_of(path).points)(path, wanted)
+    return blocks
 
 
 def _whole_file(path: Path, suffix: str, points_per_unit2: float, wanted: Wanted) -> Iterator[PointBlock]:

@@ -16,7 +16,6 @@ from minesurveys.errors import InputError
 from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import FILE, reader_limits
 
-OCTOMAP = (".bt", ".ot")
 _BINARY, _FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
 _TERRAIN = b"binterr"
 _HEAD_BYTES = 2000

@@ -16,7 +16,6 @@ from minesurveys.errors import InputError
 from minesurveys.guard.plain_number import plain_number
 from minesurveys.remarks import warn_user
 
-TEXT = (".dat", ".xyz", ".txt", ".csv", ".pts", ".asc")
 _BLOCK = 1_000_000
 _HEAD_BYTES = 10_000  # of the first line
 _COUNT_CHARACTERS = 20

@@ -69,7 +69,7 @@ def read_collada(path: Path, data: bytes) -> StatedMeshes:
     if up is None:
         raise InputError(f"{path}: <up_axis> is {(axis.text or '')[:20]!r}; want X_UP, Y_UP or Z_UP")  # type: ignore[union-attr]
     if up == "x":  # right is -y and towards the viewer is z
-        found = [(name, vertices[:, [1, 2, 0]] * [-1, -1, 1], faces) for name, vertices, faces in found]
+        found = [mesh._replace(vertices=mesh.vertices[:, [1, 2, 0]] * [-1, -1, 1]) for mesh in found]
     if document.left_out:
         listed = ", ".join(f"{count} of {name}" for name, count in sorted(document.left_out.items()))
         warn_user(f"its scene holds what is not read: {listed}", of=path.name)
@@ -123,7 +123,8 @@ def _placed(document: _Document, node: Element, geometry: Element, place: np.nda
     vertices, faces = faces_of(document.path, mesh, document.by_id)
     if len(faces):
         vertices = vertices @ place[:3, :3].T + place[:3, 3]
-        yield name, vertices, faces[:, ::-1] if np.linalg.det(place[:3, :3]) < 0 else faces  # a mirror
+        is_mirror = np.linalg.det(place[:3, :3]) < 0
+        yield Mesh(name, vertices, faces[:, ::-1] if is_mirror else faces)
 
 
 def _moved(path: Path, element: Element, kind: str) -> np.ndarray:

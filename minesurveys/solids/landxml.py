@@ -64,9 +64,9 @@ def read_landxml_floor(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray,
         As `read_landxml`; a floor is read.
     """
     found, metres = _surfaces(path, data)
-    starts = np.cumsum([0, *(len(vertices) for _, vertices, _ in found)])
-    faces = [start + faces for start, (_, _, faces) in zip(starts, found, strict=False)]
-    return np.concatenate([vertices for _, vertices, _ in found]), np.concatenate(faces), metres
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in found)])
+    faces = [start + mesh.faces for start, mesh in zip(starts, found, strict=False)]
+    return np.concatenate([mesh.vertices for mesh in found]), np.concatenate(faces), metres
 
 
 def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
@@ -92,8 +92,7 @@ def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
 
 def _faces_one_way(mesh: Mesh) -> bool:
     """Return whether all faces of a mesh show upwards, or all downwards, as those of a floor do."""
-    _, vertices, faces = mesh
-    corners = vertices[faces]
+    corners = mesh.vertices[mesh.faces]
     up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
     return bool((up > 0).all() or (up < 0).all())
 
@@ -137,9 +136,8 @@ def _surface(path: Path, surface: Element, up_scale: float) -> tuple[Mesh | None
     if unknown is not None:
         raise InputError(f"{path}: surface {name!r}: a face of point {unknown[:20]!r}, which it does not have")
     corners = np.array([row[corner] for ring in rings for corner in ring], np.int64)
-    return (name, vertices, triangles_of(vertices, corners, np.array([len(ring) for ring in rings]))), (
-        len(faces) - len(shown)
-    )
+    triangles = triangles_of(vertices, corners, np.array([len(ring) for ring in rings]))
+    return Mesh(name, vertices, triangles), len(faces) - len(shown)
 
 
 def _numbers(path: Path, name: str, element: Element, count: int) -> list[float]:

@@ -19,7 +19,7 @@ _METRES = {
 }  # fmt: skip
 
 
-def read_omf(path: Path) -> StatedMeshes:
+def read_omf(path: Path, _data: bytes) -> StatedMeshes:
     """Read the triangulated surfaces of an OMF project, each a layer by its name.
 
     Places are counted from the origins of the project and of the surface. Points, lines, grids and block models are
@@ -69,4 +69,4 @@ def _mesh(element: Any, origin: np.ndarray) -> Mesh:
     geometry, name = element.geometry, str(element.name or "surface")[:200]
     place = origin + np.array(geometry.origin, np.float64)
     vertices, faces = np.array(geometry.vertices.array, np.float64), np.array(geometry.triangles.array, np.int64)
-    return name, vertices + place, faces
+    return Mesh(name, vertices + place, faces)

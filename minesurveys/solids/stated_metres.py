@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from minesurveys.errors import InputError
 from minesurveys.guard.reading_process import warn_user
 from minesurveys.types import METRES, Unit
 
-Mesh = tuple[str, np.ndarray, np.ndarray]
 _HEAD, _STL_HEAD = 10_000, 80  # bytes in which comments state a unit
 _COMMENTS = re.compile(rb"^(?:#|comment\b|obj_info\b).*$", re.MULTILINE)
 _UNITS = re.compile(rb"\bunits?\s*[=:]\s*[\"']?([a-z]+)", re.IGNORECASE)
@@ -22,12 +22,18 @@ _SAME = 1e-9  # relative; the US survey foot differs from the foot by 2e-6
 _NAMES: tuple[Unit, ...] = ("m", "cm", "mm", "ft", "in")
 
 
+class Mesh(NamedTuple):
+    """Vertices (n, 3) and triangles (m, 3) of a layer, and the steps (3,) in which numbers of 32 bits come, else 0."""
+
+    layer: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    steps: np.ndarray = np.zeros(3)
+
+
 @dataclass(frozen=True)
 class StatedMeshes:
-    """Meshes as (layer, vertices (n, 3), triangles (m, 3)), metres a unit, and the axis that points up.
-
-    `unit` is None if the file states none; `metres` is then 1.
-    """
+    """Meshes, metres a unit, None if the file states none, and the axis that points up."""
 
     meshes: list[Mesh]
     metres: float | None
@@ -44,8 +50,8 @@ def name_of(metres: float) -> Unit | None:
     return next((unit for unit in _NAMES if math.isclose(METRES[unit], metres, rel_tol=_SAME)), None)
 
 
-def unit_in_comments(path: Path, data: bytes, suffix: str) -> Unit | None:
-    """Return the unit that a comment of an OBJ, PLY or STL file states, with a remark; None if there is none.
+def metres_in_comments(path: Path, data: bytes, suffix: str) -> float | None:
+    """Return metres a unit that a comment of an OBJ, PLY or STL file states, with a remark; None if there is none.
 
     The formats have none. Programs write `# File units = inches`, `comment unit: mm`, or `UNITS=mm` in STL's header.
     """
@@ -53,14 +59,15 @@ def unit_in_comments(path: Path, data: bytes, suffix: str) -> Unit | None:
     stated = _UNITS.search(lines)
     metres = None if stated is None else metres_of_unit(stated[1].decode("latin-1"))
     unit = None if metres is None else name_of(metres)
-    if unit is not None:
-        warn_user(
-            f"a comment states the unit {unit}, which is used",
-            of=path.name,
-            option="--unit",
-            advice="--unit states another",
-        )
-    return unit
+    if unit is None:
+        return None
+    warn_user(
+        f"a comment states the unit {unit}, which is used",
+        of=path.name,
+        option="--unit",
+        advice="--unit states another",
+    )
+    return METRES[unit]
 
 
 def in_named_unit(path: Path, found: StatedMeshes) -> StatedMeshes:
@@ -77,4 +84,4 @@ def in_named_unit(path: Path, found: StatedMeshes) -> StatedMeshes:
     if not (math.isfinite(metres) and metres > 0):
         raise InputError(f"{path}: its unit is {metres:g} m long; want a positive number of metres")
     warn_user(f"states a unit of {metres:.10g} m; its coordinates are read in metres", of=path.name)
-    return replace(found, meshes=[(name, v * metres, faces) for name, v, faces in found.meshes], metres=1.0)
+    return replace(found, meshes=[m._replace(vertices=m.vertices * metres) for m in found.meshes], metres=1.0)

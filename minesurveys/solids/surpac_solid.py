@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.guard.plain_file import read_text_bytes
+from minesurveys.solids.stated_metres import Mesh, StatedMeshes
 from minesurveys.vector.surpac import read_records
 
 DTM = ".dtm"
@@ -28,8 +28,8 @@ def strings_beside(path: Path) -> Path:
     raise InputError(f"{path}: {path.with_suffix('.str').name} is not beside it; it holds the points of the triangles")
 
 
-def read_dtm(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Read the name, points (n, 3) and triangles (m, 3) of each object of a triangulation.
+def read_dtm(path: Path, data: bytes) -> StatedMeshes:
+    """Read each object of a triangulation as a mesh.
 
     Points are numbered from 1 in the order of the string file. Where its strings are parted by records of the number
     0, and a triangle has a higher number than there are points, those records are counted, too.
@@ -39,7 +39,6 @@ def read_dtm(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
     InputError
         If it is a binary file, a record is no triangle (the message names its line), or a point is not there.
     """
-    data = read_text_bytes(path)
     if b"\0" in data:
         raise InputError(f"{path}: a binary Surpac triangulation; save it in Surpac as a text file")
     beside = strings_beside(path)
@@ -52,7 +51,7 @@ def read_dtm(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
     if unknown:
         raise InputError(f"{path}: a triangle of point {unknown[0]}; {beside.name} has {len(points)}")
     vertices = np.array([point or points[0] for point in numbered], np.float64).reshape(-1, 3)
-    return [(name, vertices, triangles - 1) for name, triangles in objects]
+    return StatedMeshes([Mesh(name, vertices, triangles - 1) for name, triangles in objects], None)
 
 
 def _objects(path: Path, text: list[str]) -> list[tuple[str, np.ndarray]]:

@@ -20,7 +20,7 @@ _NOT_SHOWN = ("guide", "proxy")
 _FORMATS = ("usd", "usda", "usdc")
 
 
-def read_usd(path: Path) -> StatedMeshes:
+def read_usd(path: Path, _data: bytes) -> StatedMeshes:
     """Read the meshes of a USD file at its default time, each a layer by its path; instances are placed.
 
     Metres a unit and the axis that points up are those of the stage. Without them USD's own rule counts centimetres and
@@ -137,7 +137,8 @@ def _mesh(path: Path, prim: Any, place: np.ndarray, left_out: Counter[str]) -> I
         left_out[f"subdivision ({scheme.Get()}): the mesh before it is read"] += 1
     faces = triangles_of(vertices, corners, sizes)
     turned = (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded) != (np.linalg.det(place[:3, :3]) < 0)
-    yield str(prim.GetPath()), vertices @ place[:3, :3] + place[3, :3], faces[:, ::-1] if turned else faces
+    placed = vertices @ place[:3, :3] + place[3, :3]
+    yield Mesh(str(prim.GetPath()), placed, faces[:, ::-1] if turned else faces)
 
 
 def _values(attribute: Any, dtype: Any) -> np.ndarray:

@@ -111,17 +111,14 @@ def read_table(
 
 
 def read_station_survey(path: Path) -> SolvedSurvey:
-    """Read a station table with elevations as a survey in three dimensions.
+    """Read a station table as a survey in three dimensions; stations of a table without elevations are at 0.
 
     Raises
     ------
     InputError
-        If the table has no elevations or is not valid; it may be steep and pass over itself.
+        As `read_table`; it may be steep and pass over itself.
     """
-    legs = read_table(path)
-    if legs[0].heights_m is None:
-        raise InputError(f"{path}: no column elevation_m; a survey in three dimensions needs it")
-    return survey_of_legs(path, legs)
+    return survey_of_legs(path, read_table(path))
 
 
 def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:

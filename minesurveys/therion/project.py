@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from minesurveys.formats import is_project
 from minesurveys.guard.reading_process import one_line, warn_user
 from minesurveys.therion.lines import TherionLine, therion_lines
 
-PROJECT = ".thconfig"
 _INPUTS_OF_PROJECTS = ".thc"
 _NOT_APPLIED = ("select", "unselect", "loop-closure")  # they choose what is exported, and how loops are closed
-
-
-def is_project(path: Path) -> bool:
-    """Return whether a file configures a Therion project: `thconfig`, `thconfig.NAME` or `NAME.thconfig`."""
-    name, suffix = path.name.lower(), path.suffix.lower()
-    return suffix == PROJECT or name == "thconfig" or (name.startswith("thconfig.") and suffix not in (".th", ".th2"))
 
 
 def project_lines(path: Path, files: list[Path]) -> Iterator[TherionLine]:

@@ -17,7 +17,7 @@ from tests.mines import TEE
 from tests.project import ROOT
 
 POSIX = {"fcntl", "grp", "pty", "pwd", "resource", "syslog", "termios", "tty"}
-PACKAGES = ("minexplore", "pieces", "pipeline", "stages", "baselines")
+PACKAGES = ("minesurveys", "minexplore", "pieces", "pipeline", "stages", "baselines")
 RUN_ON_LINUX = {"baselines/sandbox/policy_process.py"}  # bubblewrap alone starts it
 IMPORTED = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)  # at the top of a module
 # Filelock needs no fcntl on Windows, where it takes another way, so it is imported before.

@@ -11,7 +11,7 @@ import pytest
 
 from tests.project import ROOT
 
-PRODUCT = ("pieces", "pipeline", "stages", "minexplore")
+PRODUCT = ("minesurveys", "pieces", "pipeline", "stages", "minexplore")
 # A banned word and what to write instead.
 BANNED = {
     r"(?i)(?<![a-z])(said|told)(?![a-z])": "warns, lists, refuses, states",
