@@ -19,7 +19,7 @@ from minesurveys.guard.plain_xml import plain_name, read_plain_xml
 from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import reader_limits
 from minesurveys.solids.collada_faces import Named, faces_of, numbers
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 
 COLLADA = ".dae"
 _UP = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
@@ -80,7 +80,7 @@ def _child(element: Element | None, name: str) -> Element | None:
     return None if element is None else next((child for child in element if plain_name(child) == name), None)
 
 
-def _meshes(document: _Document, node: Element, above: np.ndarray, depth: int) -> Iterator[Mesh]:
+def _meshes(document: _Document, node: Element, above: np.ndarray, depth: int) -> Iterator[LayerMesh]:
     """Yield the meshes of a node and of those below it; `above` (4, 4) places the node's parent."""
     document.placed += 1
     limits = reader_limits()
@@ -114,7 +114,7 @@ def _named(document: _Document, instance: Element, kind: str) -> Element:
     return found
 
 
-def _placed(document: _Document, node: Element, geometry: Element, place: np.ndarray) -> Iterator[Mesh]:
+def _placed(document: _Document, node: Element, geometry: Element, place: np.ndarray) -> Iterator[LayerMesh]:
     mesh = _child(geometry, "mesh")
     name = (node.get("name") or node.get("id") or geometry.get("name") or "mesh")[:200]
     if mesh is None:
@@ -124,7 +124,7 @@ def _placed(document: _Document, node: Element, geometry: Element, place: np.nda
     if len(faces):
         vertices = vertices @ place[:3, :3].T + place[:3, 3]
         is_mirror = np.linalg.det(place[:3, :3]) < 0
-        yield Mesh(name, vertices, faces[:, ::-1] if is_mirror else faces)
+        yield LayerMesh(name, vertices, faces[:, ::-1] if is_mirror else faces)
 
 
 def _moved(path: Path, element: Element, kind: str) -> np.ndarray:

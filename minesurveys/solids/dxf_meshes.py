@@ -17,7 +17,7 @@ from ezdxf.render.mesh import MeshBuilder
 
 from minesurveys.errors import InputError
 from minesurveys.solids.polygons import triangles_of
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 from minesurveys.types import METRES
 from minesurveys.vector.dxf import READING_ERRORS
 from minesurveys.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of
@@ -36,7 +36,7 @@ def read_dxf_meshes(path: Path, _data: bytes) -> StatedMeshes:
         raise InputError(f"{path}: not a DXF drawing that can be read") from error
 
 
-def _dxf_meshes(drawing: Drawing) -> Iterator[Mesh]:
+def _dxf_meshes(drawing: Drawing) -> Iterator[LayerMesh]:
     """Yield layer, vertices and triangles of each 3DFACE, polyface or polygon mesh, and MESH of a drawing."""
     for entity in disassemble.recursive_decompose(drawing.modelspace()):
         mesh = _dxf_mesh(entity)
@@ -45,7 +45,7 @@ def _dxf_meshes(drawing: Drawing) -> Iterator[Mesh]:
             faces = [list(dict.fromkeys(face)) for face in mesh.faces]  # corners may repeat
             sizes = np.array([len(face) for face in faces], np.int64)
             triangles = triangles_of(vertices, np.concatenate(faces).astype(np.int64), sizes)
-            yield Mesh(str(entity.dxf.layer), vertices, triangles)
+            yield LayerMesh(str(entity.dxf.layer), vertices, triangles)
 
 
 def _dxf_mesh(entity: DXFEntity) -> MeshBuilder | None:

@@ -15,7 +15,7 @@ from minesurveys.guard.plain_number import plain_number
 from minesurveys.guard.plain_xml import plain_name, read_plain_xml
 from minesurveys.guard.reading_process import warn_user
 from minesurveys.solids.polygons import triangles_of
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 
 LANDXML = (".xml", ".landxml")
 _LENGTHS_M = {
@@ -69,7 +69,7 @@ def read_landxml_floor(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray,
     return np.concatenate([mesh.vertices for mesh in found]), np.concatenate(faces), metres
 
 
-def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
+def _surfaces(path: Path, data: bytes) -> tuple[list[LayerMesh], float | None]:
     """Return the surfaces with faces, in the unit of lengths, and metres a unit if stated."""
     root = read_plain_xml(path, data)
     if plain_name(root) != "LandXML":
@@ -90,7 +90,7 @@ def _surfaces(path: Path, data: bytes) -> tuple[list[Mesh], float | None]:
     return found, metres
 
 
-def _faces_one_way(mesh: Mesh) -> bool:
+def _faces_one_way(mesh: LayerMesh) -> bool:
     """Return whether all faces of a mesh show upwards, or all downwards, as those of a floor do."""
     corners = mesh.vertices[mesh.faces]
     up = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
@@ -118,7 +118,7 @@ def _units(path: Path, root: Element) -> tuple[float | None, float]:
     return metres, up_metres
 
 
-def _surface(path: Path, surface: Element, up_scale: float) -> tuple[Mesh | None, int]:
+def _surface(path: Path, surface: Element, up_scale: float) -> tuple[LayerMesh | None, int]:
     """Return the mesh of a surface, None if it has no faces, and how many faces are invisible."""
     name = (surface.get("name") or "surface")[:200]
     points = [element for element in surface.iter() if plain_name(element) == "P"]
@@ -137,7 +137,7 @@ def _surface(path: Path, surface: Element, up_scale: float) -> tuple[Mesh | None
         raise InputError(f"{path}: surface {name!r}: a face of point {unknown[:20]!r}, which it does not have")
     corners = np.array([row[corner] for ring in rings for corner in ring], np.int64)
     triangles = triangles_of(vertices, corners, np.array([len(ring) for ring in rings]))
-    return Mesh(name, vertices, triangles), len(faces) - len(shown)
+    return LayerMesh(name, vertices, triangles), len(faces) - len(shown)
 
 
 def _numbers(path: Path, name: str, element: Element, count: int) -> list[float]:

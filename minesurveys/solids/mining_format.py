@@ -10,7 +10,7 @@ import numpy as np
 
 from minesurveys.errors import InputError
 from minesurveys.guard.reading_process import one_line, warn_user
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 
 OMF = ".omf"
 _METRES = {
@@ -64,9 +64,9 @@ def read_omf(path: Path, _data: bytes) -> StatedMeshes:
     return StatedMeshes(found, _METRES[stated.lower()] if stated else None)
 
 
-def _mesh(element: Any, origin: np.ndarray) -> Mesh:
+def _mesh(element: Any, origin: np.ndarray) -> LayerMesh:
     """Return a surface's mesh; `origin` (3,) is the project's."""
     geometry, name = element.geometry, str(element.name or "surface")[:200]
     place = origin + np.array(geometry.origin, np.float64)
     vertices, faces = np.array(geometry.vertices.array, np.float64), np.array(geometry.triangles.array, np.int64)
-    return Mesh(name, vertices + place, faces)
+    return LayerMesh(name, vertices + place, faces)

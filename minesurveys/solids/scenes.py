@@ -13,7 +13,7 @@ from minesurveys.coordinates.precision import steps_of_floats
 from minesurveys.errors import InputError
 from minesurveys.solids.ply_meshes import read_ply_mesh
 from minesurveys.solids.polygons import with_triangles
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes, metres_in_comments
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes, metres_in_comments
 
 _STL_HEAD = 84  # bytes before the first triangle of a binary STL file
 _GLB = ".glb"  # in metres and with y up, by the format's own rule
@@ -34,11 +34,11 @@ def read_ply(path: Path, data: bytes) -> StatedMeshes:
         vertices, faces, is_single = read_ply_mesh(data)
     except (ValueError, KeyError, IndexError, Warning) as error:
         raise InputError(f"{path}: not a mesh that a PLY file holds, or cut off") from error
-    mesh = Mesh(path.stem, vertices, faces, steps_of_floats(vertices) if is_single else np.zeros(3))
+    mesh = LayerMesh(path.stem, vertices, faces, steps_of_floats(vertices) if is_single else np.zeros(3))
     return StatedMeshes([mesh], metres_in_comments(path, data, ".ply"))
 
 
-def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
+def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[LayerMesh]:
     """Yield name, vertices and faces of each mesh of a file that trimesh reads; it opens no other file."""
     try:
         if suffix == ".obj":
@@ -57,7 +57,7 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[Mesh]:
             faces = np.asarray(mesh.faces, np.int64)
             faces = faces[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else faces  # a mirror
             steps = np.abs(transform[:3, :3]) @ steps_of_floats(mesh.vertices) if is_single else np.zeros(3)
-            yield Mesh(str(name), vertices, faces, steps)
+            yield LayerMesh(str(name), vertices, faces, steps)
 
 
 def _is_binary_stl(data: bytes) -> bool:

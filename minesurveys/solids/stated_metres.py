@@ -22,7 +22,7 @@ _SAME = 1e-9  # relative; the US survey foot differs from the foot by 2e-6
 _NAMES: tuple[Unit, ...] = ("m", "cm", "mm", "ft", "in")
 
 
-class Mesh(NamedTuple):
+class LayerMesh(NamedTuple):
     """Vertices (n, 3) and triangles (m, 3) of a layer, and the steps (3,) in which numbers of 32 bits come, else 0."""
 
     layer: str
@@ -35,7 +35,7 @@ class Mesh(NamedTuple):
 class StatedMeshes:
     """Meshes, metres a unit, None if the file states none, and the axis that points up."""
 
-    meshes: list[Mesh]
+    meshes: list[LayerMesh]
     metres: float | None
     up: str = "z"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 from minesurveys.vector.surpac import read_records
 
 DTM = ".dtm"
@@ -51,7 +51,7 @@ def read_dtm(path: Path, data: bytes) -> StatedMeshes:
     if unknown:
         raise InputError(f"{path}: a triangle of point {unknown[0]}; {beside.name} has {len(points)}")
     vertices = np.array([point or points[0] for point in numbered], np.float64).reshape(-1, 3)
-    return StatedMeshes([Mesh(name, vertices, triangles - 1) for name, triangles in objects], None)
+    return StatedMeshes([LayerMesh(name, vertices, triangles - 1) for name, triangles in objects], None)
 
 
 def _objects(path: Path, text: list[str]) -> list[tuple[str, np.ndarray]]:

@@ -13,7 +13,7 @@ from minesurveys.errors import InputError
 from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import reader_limits
 from minesurveys.solids.polygons import triangles_of
-from minesurveys.solids.stated_metres import Mesh, StatedMeshes
+from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 
 USD = (".usd", ".usda", ".usdc")
 _NOT_SHOWN = ("guide", "proxy")
@@ -66,7 +66,7 @@ def read_usd(path: Path, _data: bytes) -> StatedMeshes:
     return StatedMeshes(found, metres, up)
 
 
-def _stage_meshes(path: Path, stage: Any, left_out: Counter[str]) -> Iterator[Mesh]:
+def _stage_meshes(path: Path, stage: Any, left_out: Counter[str]) -> Iterator[LayerMesh]:
     from pxr import Usd, UsdGeom
 
     places = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
@@ -90,7 +90,7 @@ def _stage_meshes(path: Path, stage: Any, left_out: Counter[str]) -> Iterator[Me
             left_out[str(prim.GetTypeName())] += 1
 
 
-def _instances(path: Path, prim: Any, places: Any, left_out: Counter[str]) -> Iterator[Mesh]:
+def _instances(path: Path, prim: Any, places: Any, left_out: Counter[str]) -> Iterator[LayerMesh]:
     """Yield the meshes of a point instancer's prototypes at each of its places."""
     from pxr import Usd, UsdGeom
 
@@ -112,7 +112,7 @@ def _instances(path: Path, prim: Any, places: Any, left_out: Counter[str]) -> It
                 yield from _mesh(path, below, local @ np.array(move) @ own, left_out)
 
 
-def _mesh(path: Path, prim: Any, place: np.ndarray, left_out: Counter[str]) -> Iterator[Mesh]:
+def _mesh(path: Path, prim: Any, place: np.ndarray, left_out: Counter[str]) -> Iterator[LayerMesh]:
     """Yield a mesh with its place (4, 4), of row vectors as in USD; nothing if it has no faces."""
     from pxr import UsdGeom
 
@@ -138,7 +138,7 @@ def _mesh(path: Path, prim: Any, place: np.ndarray, left_out: Counter[str]) -> I
     faces = triangles_of(vertices, corners, sizes)
     turned = (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded) != (np.linalg.det(place[:3, :3]) < 0)
     placed = vertices @ place[:3, :3] + place[3, :3]
-    yield Mesh(str(prim.GetPath()), placed, faces[:, ::-1] if turned else faces)
+    yield LayerMesh(str(prim.GetPath()), placed, faces[:, ::-1] if turned else faces)
 
 
 def _values(attribute: Any, dtype: Any) -> np.ndarray:

@@ -25,6 +25,7 @@ STATED = ("strerror", "start", "lineno", "colno")
 OWN_WORDS = {  # an exception of another class whose text is ours, or that no reader of a file raises
     "minesurveys/pictures/georeference.py": "ValueError of `plain_number`",
     "pipeline/survey/fetch.py": "of a download",
+    "minesurveys/limits.py": "of our own file, in our words",
 }
 # Questions about a broken file, which no option answers, and those whose caller names the parameter.
 OF_THE_FILE = re.compile(r"truncated|cut off|quote not closed|begin with the section|is \{\} right\?")
