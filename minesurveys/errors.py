@@ -113,6 +113,12 @@ def printable(text: str, most: int) -> str:
     return line if len(line) <= most else f"{line[:most]} ..."
 
 
+def one_line(text: str, most: int = 600) -> str:
+    """Return printable text on one line; a file's content cannot add lines or control a terminal."""
+    clean = "".join(c if c.isprintable() else " " for c in text)
+    return clean if len(clean) <= most else clean[: most - 3] + "..."
+
+
 NAMED = 10  # things that a message names
 
 

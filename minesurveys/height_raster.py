@@ -15,10 +15,10 @@ from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from minesurveys.coordinates.map_axes import metres_of_unit
-from minesurveys.errors import NAMED, InputError
+from minesurveys.errors import NAMED, InputError, one_line
 from minesurveys.guard.plain_file import read_text_bytes
-from minesurveys.guard.reading_process import one_line, warn_user
 from minesurveys.limits import FILE, reader_limits
+from minesurveys.remarks import warn_user
 
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid"}
 _GRID = ".asc"  # its coordinate system is in a .prj beside it

@@ -10,12 +10,12 @@ from pathlib import Path
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
+from minesurveys.errors import InputError, MineError, ParamsError, one_line
 from minesurveys.guard.plain_file import require_plain_file
-from minesurveys.guard.reading_process import one_line
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.refusals import in_own_words
 from minesurveys.remarks import hand_on, warn_user
-from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
+from pipeline.errors import ArtifactError
 from pipeline.findings import findings_of
 from pipeline.own_mines import DATA, WORDS, require_kept, require_name, require_same, survey_file
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from minesurveys.guard.reading_process import one_line
+from minesurveys.errors import one_line
 from minexplore.bundle import RECORD
 from minexplore.unfinished import command_to_end
 from pipeline.errors import ArtifactError

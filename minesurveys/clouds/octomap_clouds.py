@@ -13,8 +13,8 @@ import numpy as np
 
 from minesurveys.clouds.point_blocks import PointBlock, Wanted
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import FILE, reader_limits
+from minesurveys.remarks import warn_user
 
 _BINARY, _FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
 _TERRAIN = b"binterr"

@@ -15,7 +15,7 @@ import numpy as np
 from minesurveys.clouds.point_blocks import COLOURS, PointBlock, Wanted, block_of
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 
 _BLOCK = 1_000_000
 _LINE_BYTES = 10_000

@@ -18,7 +18,7 @@ from minesurveys.coordinates.map_axes import (
     warn_of_heights,
     warn_of_turn,
 )
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 
 _FINE_M = 0.0101  # m: steps of coordinates beyond are seen in walls
 _SAME = 1e-9

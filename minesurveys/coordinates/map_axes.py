@@ -14,7 +14,7 @@ import pyproj
 from pyproj.database import get_units_map
 
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 
 # PROJ opens the files that such a definition names. Web Mercator is often written with `+nadgrids=@null`, no grid.
 _PROJ_FILES = re.compile(r"\binit=|\bpipeline\b|grids=(?!@null\b)|\bfile\b|parameterfile", re.IGNORECASE)

@@ -19,6 +19,7 @@ from minesurveys.errors import (
     UnexpectedError,
     describe_missing,
     describe_os_error,
+    one_line,
 )
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.remarks import Remark, collect_remarks, hand_on
@@ -141,9 +142,3 @@ def _raise_stated(subject: str, header: Header, shown: np.ndarray | None) -> NoR
     if shown is not None and shown.ndim == 3 and shown.shape[2] == 3 and shown.dtype == np.uint8:
         raise DoubtError(message, shown)
     raise _ERRORS.get(header.error, InputError)(message)
-
-
-def one_line(text: str, most: int = 600) -> str:
-    """Return printable text on one line; a file's content cannot add lines or control a terminal."""
-    clean = "".join(c if c.isprintable() else " " for c in text)
-    return clean if len(clean) <= most else clean[: most - 3] + "..."

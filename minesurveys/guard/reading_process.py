@@ -24,10 +24,9 @@ from typing import Any, NoReturn
 import cv2
 
 from minesurveys.errors import InputError
-from minesurveys.guard.answers import HEADER_BYTES, Payload, answer_to, decode, one_line
+from minesurveys.guard.answers import HEADER_BYTES, Payload, answer_to, decode
 from minesurveys.guard.process_limits import die_with_parent, has_limits, processor_s, restrict
 from minesurveys.limits import FILE, ReaderLimits, reader_limits
-from minesurveys.remarks import warn_user
 
 Task = Callable[..., Payload]
 _CHUNK = 1 << 20
@@ -39,7 +38,7 @@ _UNBOUNDED = (
     "read only files that you trust"
 )
 
-__all__ = ["Payload", "one_line", "run_limited", "serve", "warn_user"]
+__all__ = ["Payload", "Task", "run_limited", "serve"]
 
 
 def run_limited(

@@ -18,8 +18,8 @@ from minesurveys.coordinates.map_axes import axes_of, coordinate_system, warn_of
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_file import read_text_bytes
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.pictures.picture_header import read_header
+from minesurveys.remarks import warn_user
 
 _UNEVEN = 0.01  # Web Mercator's axes differ by up to 0.007
 _FARTHEST = 1e9  # of a coordinate in the map's units; map coordinates in feet reach 1e8

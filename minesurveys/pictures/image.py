@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.pictures.picture_header import (
     PictureHeader,
@@ -18,6 +17,7 @@ from minesurveys.pictures.picture_header import (
     require_size,
     turn_upright,
 )
+from minesurveys.remarks import warn_user
 from minesurveys.types import Image
 
 _NUMBERS_AS_TEXT = (b"P1", b"P2", b"P3")  # PNM files whose pixels are decimal numbers

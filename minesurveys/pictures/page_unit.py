@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from PIL import PdfParser
 
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 
 if TYPE_CHECKING:
     import pypdfium2

@@ -13,9 +13,9 @@ import numpy as np
 
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_file import read_text_bytes
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.pictures.page_unit import points_per_unit
 from minesurveys.pictures.picture_header import MAX_SIDE_PX
+from minesurveys.remarks import warn_user
 from minesurveys.types import Image
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy as np
 
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_xml import plain_name, read_plain_xml
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import reader_limits
+from minesurveys.remarks import warn_user
 from minesurveys.solids.collada_faces import Named, faces_of, numbers
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 

@@ -13,7 +13,7 @@ import numpy as np
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_number import plain_number
 from minesurveys.guard.plain_xml import plain_name, read_plain_xml
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.solids.polygons import triangles_of
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.errors import InputError, one_line
+from minesurveys.remarks import warn_user
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 
 OMF = ".omf"

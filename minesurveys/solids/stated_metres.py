@@ -12,7 +12,7 @@ import numpy as np
 
 from minesurveys.coordinates.map_axes import metres_of_unit
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.types import METRES, Unit
 
 _HEAD, _STL_HEAD = 10_000, 80  # bytes in which comments state a unit

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import reader_limits
+from minesurveys.remarks import warn_user
 from minesurveys.solids.polygons import triangles_of
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_file import read_text_bytes
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import FILE, reader_limits
+from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey, StationFlag
 
 LOX = ".lox"

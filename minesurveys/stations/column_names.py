@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from minesurveys.clouds.table_columns import NAMES, QUANTITIES, best_columns, named_column
-from minesurveys.errors import InputError
+from minesurveys.errors import InputError, one_line
 from minesurveys.guard.csv_text import separator_of
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.remarks import warn_user
 
 _SHOWN = 40
 _READINGS = {  # of Survex -> names of columns, in lower case without units

@@ -8,11 +8,11 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from minesurveys.errors import InputError
+from minesurveys.errors import InputError, one_line
 from minesurveys.guard.csv_text import read_csv_text, separator_of
 from minesurveys.guard.plain_file import require_at_most
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.stations.column_names import columns_of, has_names, require_no_readings
 
 COLUMNS = ["leg", "station", "easting_m", "northing_m", "left_m", "right_m"]

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minesurveys.coordinates.stray_heights import stray_zero
-from minesurveys.errors import InputError
+from minesurveys.errors import InputError, one_line
 from minesurveys.guard.csv_text import number_of
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.guard.reading_process import one_line, warn_user
 from minesurveys.legs import SurveyLeg
 from minesurveys.limits import FILE, reader_limits
+from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
 from minesurveys.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, read_rows
 from minesurveys.vector.shapes import REACH_M

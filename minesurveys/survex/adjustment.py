@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyproj
 
-from minesurveys.errors import InputError
+from minesurveys.errors import InputError, one_line
 from minesurveys.guard.plain_file import read_text_bytes
-from minesurveys.guard.reading_process import one_line
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegStyle, SolvedSurvey
 from minesurveys.survex.convergence import convergence_deg

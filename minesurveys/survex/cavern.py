@@ -11,9 +11,8 @@ from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 
-from minesurveys.errors import InputError, first_few
+from minesurveys.errors import InputError, first_few, one_line
 from minesurveys.guard.process_limits import die_with_parent
-from minesurveys.guard.reading_process import one_line
 from minesurveys.limits import FILE
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey

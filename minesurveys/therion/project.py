@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from minesurveys.errors import one_line
 from minesurveys.formats import is_project
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.therion.lines import TherionLine, therion_lines
 
 _INPUTS_OF_PROJECTS = ".thc"

@@ -12,8 +12,8 @@ from ezdxf.entities.insert import Insert
 from ezdxf.entities.polyline import Polyline
 from ezdxf.xclip import XClip
 
-from minesurveys.errors import first_few
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.errors import first_few, one_line
+from minesurveys.remarks import warn_user
 
 _SCALES = ("xscale", "yscale", "zscale")
 _ANNOTATIONS = ("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER", "ACAD_TABLE")

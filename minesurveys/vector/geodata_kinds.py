@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.vector.shapes import Shapes
 
 SPLAY, SURFACE, DUPLICATE = "_SPLAY", "_SURFACE", "_DUPLICATE"  # fields of Therion's shots3d.shp; 1: flagged

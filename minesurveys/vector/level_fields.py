@@ -11,9 +11,9 @@ from typing import Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import NAMED, InputError
+from minesurveys.errors import NAMED, InputError, one_line
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.vector.shapes import REACH_M, Shapes
 
 _APART_M = 4.0  # between two floors: 3.5 m of drift and 0.5 m of rock; nearer numbers count levels

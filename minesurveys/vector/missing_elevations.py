@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.vector.shapes import Shapes
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from minesurveys.errors import InputError, first_few
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.errors import InputError, first_few, one_line
+from minesurveys.remarks import warn_user
 from minesurveys.vector.shapes import Shapes
 
 MULTIPATCH, NO_GEOMETRY, POINT = "multipatch (TIN, polyhedral surface)", "shapes without geometry", "points"

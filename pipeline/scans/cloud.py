@@ -13,8 +13,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from minesurveys.clouds.cloud_formats import LEAST_POINTS, read_blocks, run_on_cloud
+from minesurveys.errors import InputError
 from minesurveys.guard.reading_process import Payload
-from pipeline.errors import InputError
 from pipeline.geometry.ray_scene import load_open3d
 
 UNIT_M = {"m": 1.0, "mm": 0.001, "ft": 0.3048}

@@ -9,14 +9,14 @@ from typing import Any, get_args
 import numpy as np
 import shapely
 
+from minesurveys.errors import InputError, one_line
 from minesurveys.formats import FileKind, kind_of, solver_limits
 from minesurveys.guard.plain_file import require_plain_file
-from minesurveys.guard.reading_process import Payload, one_line, run_limited, warn_user
+from minesurveys.guard.reading_process import Payload, run_limited
 from minesurveys.reading import read_shapes
-from minesurveys.remarks import Remark, collect_remarks, hand_on
+from minesurveys.remarks import Remark, collect_remarks, hand_on, warn_user
 from minesurveys.types import METRES, Georeference, Unit
 from minesurveys.vector.shapes import Shapes
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.stated import StatedOptions, require_read
 from pipeline.params.survey import CentrelineSurveyParams, GridSurveyParams, PassageSurveyParams, VectorSurveyParams

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from minesurveys.errors import InputError
 from minesurveys.types import Heights
-from pipeline.errors import InputError
 
 _NEAR_M = 20.0  # of a start from the line of its drift; the widest drifts and rooms are 40 m wide
 

@@ -14,16 +14,16 @@ from shapely.geometry.base import BaseGeometry
 from minesurveys.coordinates.local_plan import require_lengths
 from minesurveys.coordinates.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
 from minesurveys.coordinates.stray_heights import STRAY_M
+from minesurveys.errors import InputError
 from minesurveys.formats import FileKind, shape_reader, suffixes_of
 from minesurveys.guard.plain_file import read_text_bytes, require_at_most
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
+from minesurveys.remarks import warn_user
 from minesurveys.solids.landxml import LANDXML, read_landxml_floor
 from minesurveys.spots import read_spots
 from minesurveys.types import Georeference, Heights
 from minesurveys.vector.geodata import companions
 from minesurveys.vector.shapes import REACH_M, Shapes, require_size
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.relief import warn_of_level
 from pipeline.types import Frame, Image

@@ -11,11 +11,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import NAMED
+from minesurveys.errors import NAMED, InputError, one_line
 from minesurveys.formats import is_solved
-from minesurveys.guard.reading_process import one_line, warn_user
 from minesurveys.legs import SurveyLeg
 from minesurveys.reading import read_shapes
+from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
 from minesurveys.solved_surveys import survey_files
 from minesurveys.types import METRIC, Georeference
@@ -23,7 +23,6 @@ from minesurveys.vector.geodata import companions
 from minesurveys.vector.geojson import read_geojson
 from minesurveys.vector.level_fields import level_elevations, warn_of_overlaps
 from minesurveys.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights
-from pipeline.errors import InputError
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.perturb import perturb_workings
 from pipeline.geometry.generated.rough_walls import roughen_walls

@@ -13,7 +13,7 @@ import numpy as np
 from minesurveys.clouds.las.system import stated_system
 from minesurveys.clouds.point_blocks import PointBlock, Wanted, block_of, fields_of
 from minesurveys.errors import InputError
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 
 _BLOCK = 1_000_000
 _HEAD, _POINTS_AT, _RECORDS_AT, _EXTENDED_AT = 375, 96, 100, 243  # bytes of the header and in it

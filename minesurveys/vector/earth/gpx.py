@@ -9,7 +9,7 @@ import shapely
 
 from minesurveys.guard.plain_file import read_text_bytes
 from minesurveys.guard.plain_xml import plain_name
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.vector.earth.layers import MemoryLayers, root_of
 from minesurveys.vector.shapes import Shapes
 

@@ -12,8 +12,8 @@ import shapely
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_file import read_text_bytes
 from minesurveys.guard.plain_xml import plain_name
-from minesurveys.guard.reading_process import warn_user
 from minesurveys.limits import FILE, reader_limits
+from minesurveys.remarks import warn_user
 from minesurveys.vector.earth.layers import MemoryLayers, Shape, root_of
 from minesurveys.vector.shapes import Shapes
 

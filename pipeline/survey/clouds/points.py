@@ -16,10 +16,10 @@ from minesurveys.clouds.scan_axes import ScanAxes, axes_of_scan
 from minesurveys.coordinates.origin import origin_of
 from minesurveys.coordinates.precision import require_fine, steps_seen
 from minesurveys.coordinates.strays import require_together
+from minesurveys.errors import InputError
 from minesurveys.guard.reading_process import Payload
 from minesurveys.types import METRES
 from minesurveys.vector.shapes import REACH_M
-from pipeline.errors import InputError
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm

@@ -9,10 +9,9 @@ import manifold3d
 import numpy as np
 from shapely import MultiPolygon
 
-from minesurveys.errors import first_few
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.errors import InputError, first_few
+from minesurveys.remarks import warn_user
 from minesurveys.types import METRES, Georeference
-from pipeline.errors import InputError
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.clouds.points import ScanFile, ScanPoints, read_points, turned
 from pipeline.survey.clouds.thinned import ThinnedCloud

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minesurveys.clouds.point_blocks import PointBlock, mean_colours
-from pipeline.errors import InputError
+from minesurveys.errors import InputError
 from pipeline.survey.clouds.voxels import REACH, cells_at, keys_of
 
 LEAST_POINTS = 100

@@ -8,7 +8,7 @@ import numpy as np
 
 from minesurveys.clouds.cloud_formats import holds_points
 from minesurveys.formats import FileKind, kind_of
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.detection.detected_section import Detection, section_for

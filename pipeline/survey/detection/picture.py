@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from pydantic import ValidationError
 
-from minesurveys.errors import DoubtError
+from minesurveys.errors import DoubtError, InputError
 from minesurveys.formats import FileKind, kind_of
 from minesurveys.limits import reader_limits
 from minesurveys.pictures.georeference import find_placement, placement_files
@@ -19,7 +19,6 @@ from minesurveys.pictures.image import read_image
 from minesurveys.pictures.pages import USUAL_DPI, OpenPage, open_page
 from minesurveys.pictures.paper_scale import px_per_m_of, ratio_in
 from minesurveys.refusals import in_own_words
-from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.params.stated import StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.types import METRES, Unit
 from pipeline.survey.clouds.normals import planes_of
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of

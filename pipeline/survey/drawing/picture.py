@@ -7,12 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.errors import GeometryError, InputError
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.pictures.image import read_image, require_workings_drawn
 from minesurveys.pictures.pages import read_page
 from minesurveys.pictures.picture_header import MAX_SIDE_PX
-from pipeline.errors import GeometryError, InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.drawing.bounded import read_bounded
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.outline.binarize import dark_pixels

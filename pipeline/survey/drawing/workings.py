@@ -8,9 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from minesurveys.errors import DoubtError
-from minesurveys.guard.reading_process import warn_user
-from pipeline.errors import GeometryError, InputError
+from minesurveys.errors import DoubtError, GeometryError, InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.drawing.bounded import read_bounded, share_of
 from pipeline.geometry.drawing.doubts import DrawingError
 from pipeline.geometry.drawing.fills import find_ink

@@ -11,9 +11,9 @@ import shapely
 from shapely import MultiPolygon
 from skimage.morphology import skeletonize
 
+from minesurveys.errors import GeometryError, InputError
 from minesurveys.grid.nav2 import read_nav2_map
-from minesurveys.guard.reading_process import warn_user
-from pipeline.errors import GeometryError, InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.binarize import disc
 from pipeline.geometry.outline.half_level import trace_half_level
 from pipeline.params.survey import GridSurveyParams

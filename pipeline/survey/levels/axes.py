@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from minesurveys.errors import NAMED
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.remarks import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.walls import Wall
 from pipeline.types import FloorMesh, SurveyedLegs, text_array

@@ -8,11 +8,10 @@ from pathlib import Path
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import NAMED
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.remarks import warn_user
 from minesurveys.types import Georeference
 from minesurveys.vector.shapes import Shapes
-from pipeline.errors import InputError
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.floors import DrawnLevels, floors_of_areas

@@ -11,9 +11,8 @@ import shapely
 from shapely import LinearRing, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import first_few
-from minesurveys.guard.reading_process import warn_user
-from pipeline.errors import InputError
+from minesurveys.errors import InputError, first_few
+from minesurveys.remarks import warn_user
 from pipeline.geometry.floor.stitched import FloorPart, StitchedFloors, stitch
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.geometry.rock.partition import triangulate

@@ -13,10 +13,9 @@ from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.coordinates.stray_heights import require_elevations
-from minesurveys.guard.reading_process import one_line
+from minesurveys.errors import InputError, one_line
 from minesurveys.types import Georeference
 from minesurveys.vector.shapes import Shapes
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 
 _PLUMB_M = 0.05  # a line no longer than this in plan is a shaft

@@ -8,9 +8,8 @@ import shapely
 from shapely import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import first_few
-from minesurveys.guard.reading_process import warn_user
-from pipeline.errors import InputError
+from minesurveys.errors import InputError, first_few
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.survey.passages.pieces import require_near
 from pipeline.types import Piece

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from minesurveys.guard.reading_process import warn_user
+from minesurveys.errors import InputError
 from minesurveys.legs import SurveyLeg, require_connected
-from pipeline.errors import InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.floor.grade_heights import heights_of_grades, misclosure_at
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 

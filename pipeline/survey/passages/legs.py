@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from minesurveys.errors import InputError
 from minesurveys.legs import SurveyLeg
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.types import SurveyedLegs, lines_of, text_array
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from minesurveys.errors import InputError
 from minesurveys.legs import SurveyLeg
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 
 _BLOCK = 256

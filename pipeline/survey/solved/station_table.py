@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from minesurveys.errors import InputError
 from minesurveys.legs import SurveyLeg, cut_at_shafts, require_connected
 from minesurveys.stations.table import read_table
 from minesurveys.vector.shapes import REACH_M
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.grades import with_grades
 from pipeline.survey.passages.legs import require_no_crossing

@@ -16,14 +16,13 @@ from networkx.utils import UnionFind
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.coordinates.stray_heights import require_elevations
-from minesurveys.errors import NAMED
+from minesurveys.errors import NAMED, InputError, one_line
 from minesurveys.guard.plain_file import require_at_most
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
 from minesurveys.types import Georeference
 from minesurveys.vector.level_fields import by_levels
 from minesurveys.vector.shapes import REACH_M, Shapes, locate
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 
 _NEAR_M = 3.0  # warns of an end so near to another line, and not joined

@@ -8,7 +8,7 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import GeometryError, InputError
+from minesurveys.errors import GeometryError, InputError
 from pipeline.geometry.outline.enclosure import as_polygons, enclose_workings
 
 

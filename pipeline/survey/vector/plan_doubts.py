@@ -8,11 +8,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import first_few
-from minesurveys.guard.reading_process import one_line, warn_user
+from minesurveys.errors import InputError, first_few, one_line
+from minesurveys.remarks import warn_user
 from minesurveys.vector.level_fields import by_levels
 from minesurveys.vector.shapes import Shapes
-from pipeline.errors import InputError
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.vector.enclosed import workings_of
 
