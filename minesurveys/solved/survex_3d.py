@@ -1,4 +1,4 @@
-"""Reader of Survex's solved surveys (.3d): the header, and the items of versions 3 to 8."""
+"""Reader of Survex's solved surveys (.3d): the header, and the items of version 8, which Survex writes since 2013."""
 
 from __future__ import annotations
 
@@ -13,21 +13,18 @@ from minesurveys.solved.found_items import FoundItems
 from minesurveys.solved.model import LegStyle, SolvedSurvey
 
 _MAGIC = b"Survex 3D Image File\n"
-_VERSIONS = {f"v{number}".encode(): number for number in range(3, 9)}
-_EXTENDED, _EXTENDED_TITLE = 0x80, " (extended)"
+_VERSION = b"v8"
+_EXTENDED = 0x80
 _ERROR_BYTES = 20
-_KEPT = 0x20  # of a leg's code in version 8: the label stays
+_KEPT = 0x20  # of a leg's code: the label stays
 _LEG_BITS, _STATION_BITS = 0x07, 0x7F
-_DATE_BYTES = {0x10: 0, 0x11: 2, 0x12: 3, 0x13: 4}  # version 8
-_OLD_DATE_BYTES = {0x20: 2, 0x21: 3, 0x23: 4, 0x24: 0}  # version 7
-_OLDEST_DATE_BYTES = {0x20: 4, 0x21: 8}  # versions 4 to 6
+_DATE_BYTES = {0x10: 0, 0x11: 2, 0x12: 3, 0x13: 4}
 
 
 @dataclass(frozen=True)
 class _Header:
     """What stands before the items."""
 
-    version: int
     title: str
     crs: str | None
     date: str
@@ -51,17 +48,17 @@ def read_3d(path: Path) -> SolvedSurvey:
     Raises
     ------
     InputError
-        If the file is no `.3d` of versions 3 to 8, ends early, holds a reserved code, or exceeds a limit. The
+        If the file is no `.3d` of version 8, ends early, holds a reserved code, or exceeds a limit. The
         message names the file and the byte.
 
     References
     ----------
-    Survex, "Survex 3d Format Specification (v8+)" and "(v3-v7)", 3dformat.htm and 3dformat-old.htm.
+    Survex, "Survex 3d Format Specification (v8+)", 3dformat.htm.
     """
     cursor = Cursor(path, read_text_bytes(path))
     header = _read_header(cursor)
     found = FoundItems(path)
-    _ItemReader(cursor, found, header.version).read()
+    _ItemReader(cursor, found).read()
     return found.survey(header.title, header.crs, header.date)
 
 
@@ -69,35 +66,34 @@ def _read_header(cursor: Cursor) -> _Header:
     if cursor.take(min(len(_MAGIC), len(cursor.data))) != _MAGIC:
         raise InputError(f"{cursor.path}: not a Survex .3d file (it does not begin with {_MAGIC[:-1].decode()!r})")
     named = cursor.line()
-    version = _VERSIONS.get(named)
-    if version is None:
+    if named != _VERSION:
         name = named[:12].decode("latin-1")
         raise InputError(
-            f"{cursor.path}: .3d version {name!r}; v3 to v8 are read; Survex's survexport converts an older file to DXF"
+            f"{cursor.path}: .3d version {name!r}; v8 is read, which Survex writes since 2013: solve the .svx again, "
+            "or Survex's survexport converts the file to Compass's .plt"
         )
     texts = cursor.line().split(b"\0")
-    title = (texts[0] if version >= 8 else b"\0".join(texts))[:1000].decode("utf-8", "replace")
-    crs = texts[1][:1000].decode("utf-8", "replace") if version >= 8 and len(texts) > 1 and texts[1] else None
+    title = texts[0][:1000].decode("utf-8", "replace")
+    crs = texts[1][:1000].decode("utf-8", "replace") if len(texts) > 1 and texts[1] else None
     date = cursor.line()[:100].decode("utf-8", "replace")
-    if cursor.byte() & _EXTENDED if version >= 8 else title.endswith(_EXTENDED_TITLE):
+    if cursor.byte() & _EXTENDED:
         raise InputError(f"{cursor.path}: an extended elevation, which is a drawing; give the survey itself")
-    return _Header(version, title, crs, date)
+    return _Header(title, crs, date)
 
 
 class _ItemReader:
-    """A reading of versions 3 to 8: the position in the file, and the label that every item changes a little."""
+    """A reading of items: the position in the file, and the label that every item changes a little."""
 
-    def __init__(self, cursor: Cursor, found: FoundItems, version: int) -> None:
-        self.cursor, self.found, self.version = cursor, found, version
+    def __init__(self, cursor: Cursor, found: FoundItems) -> None:
+        self.cursor, self.found = cursor, found
         self.label = bytearray()
 
     def read(self) -> None:
-        step = self._read_new if self.version >= 8 else self._read_old
-        while step(self.cursor.byte()):
+        while self._read_item(self.cursor.byte()):
             self.found.count_item()
 
-    def _read_new(self, code: int) -> bool:
-        """Read one item of version 8; return whether more follow."""
+    def _read_item(self, code: int) -> bool:
+        """Read one item; return whether more follow."""
         if code <= 0x04:
             if code == 0 and self.found.style == LegStyle.NORMAL:
                 return False
@@ -123,40 +119,9 @@ class _ItemReader:
             self._refuse(code)
         return True
 
-    def _read_old(self, code: int) -> bool:
-        """Read one item of versions 3 to 7; return whether more follow."""
-        dates = {3: {}, 7: _OLD_DATE_BYTES}.get(self.version, _OLDEST_DATE_BYTES)
-        if code == 0:
-            if not self.label:
-                return False
-            self.label.clear()
-        elif code == 0x0F:
-            self.found.move(self.cursor.place())
-        elif code < 0x20:
-            trim_old_label(self.cursor, self.label, code)
-        elif code in dates:
-            self.cursor.take(dates[code])
-        elif code == 0x22 and self.version >= 6:
-            self.cursor.take(_ERROR_BYTES)
-            self.found.close()
-        elif 0x30 <= code <= 0x33 and self.version >= 5:
-            read_old_label(self.cursor, self.label)
-            self._section(code)
-        elif 0x40 <= code <= 0x7F:
-            read_old_label(self.cursor, self.label)
-            self._station(code & _STATION_BITS & 0x1F)
-        elif 0x80 <= code <= 0xBF:
-            read_old_label(self.cursor, self.label)
-            self._leg(code)
-        else:
-            self._refuse(code)
-        return True
-
     def _refuse(self, code: int) -> None:
         at = self.cursor.at - 1
-        raise InputError(
-            f"{self.cursor.path}: byte {at}: code 0x{code:02x} is reserved in version {self.version}; it is broken"
-        )
+        raise InputError(f"{self.cursor.path}: byte {at}: code 0x{code:02x} is reserved; it is broken")
 
     def _name(self) -> str:
         return self.label.decode("utf-8", "replace")
@@ -209,7 +174,7 @@ class Cursor:
 
 
 def read_label(cursor: Cursor, label: bytearray) -> None:
-    """Change the label as an item of version 8 states: remove bytes from its end, then add bytes."""
+    """Change the label as an item states: remove bytes from its end, then add bytes."""
     first = cursor.byte()
     if first:
         remove, add = first >> 4, first & 0x0F
@@ -217,29 +182,6 @@ def read_label(cursor: Cursor, label: bytearray) -> None:
         remove, add = _count(cursor), _count(cursor)
     _remove(cursor, label, remove)
     _add(cursor, label, add)
-
-
-def read_old_label(cursor: Cursor, label: bytearray) -> None:
-    """Add the bytes of an item of versions 3 to 7 to the label."""
-    size = cursor.byte()
-    if size == 0xFE:
-        size += struct.unpack("<H", cursor.take(2))[0]
-    elif size == 0xFF:
-        (size,) = struct.unpack("<I", cursor.take(4))
-    _add(cursor, label, size)
-
-
-def trim_old_label(cursor: Cursor, label: bytearray, code: int) -> None:
-    """Shorten the label as the codes 0x01 to 0x1f of versions 3 to 7 state."""
-    if code >= 0x10:
-        _remove(cursor, label, code - 15)
-        return
-    _remove(cursor, label, min(16, len(label)))
-    for _ in range(code):
-        dot = label.rfind(b".", 0, max(len(label) - 1, 0))  # the label may end with a dot, which was kept before
-        if dot < 0:
-            raise InputError(f"{cursor.path}: byte {cursor.at}: more of a label is removed than it has")
-        del label[dot + 1 :]
 
 
 def _count(cursor: Cursor) -> int:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from pydantic import TypeAdapter
-from shapely import MultiPolygon
 
 from minesurveys.errors import InputError
 from minesurveys.formats import is_solved, solver_limits
@@ -34,7 +34,7 @@ from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.mine_survey import MineSurvey, survey_arrays, survey_of_arrays
 from pipeline.store.registry import read_registry
-from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
+from pipeline.survey.draw import WIDEST_M, MineReading, draw_plan, draw_workings, frame_around, frame_of
 from pipeline.survey.drawing.picture import (
     fill_walls,
     keep_workings,
@@ -71,23 +71,6 @@ class Reading:
     georeference: Georeference = METRIC
     heights: Heights | None = None
     legs: SurveyedLegs | None = None
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """A survey as a plan with its frame and scale, boxes of the plan (px) that show no workings, and its workings.
-
-    Workings are those of a survey in metres; None where stage 2 finds them in the plan.
-    """
-
-    plan: Image
-    frame: Frame
-    scale: Scale
-    georeference: Georeference
-    shape: DrawnPlan | VolumeShape
-    heights: Heights | None = None
-    boxes: list[Box] = field(default_factory=list)
-    workings: MultiPolygon | None = None
 
 
 def read_survey(params: SurveyParams) -> MineSurvey:
@@ -133,22 +116,21 @@ def _subject(params: SurveyParams) -> str:
 
 def read_unlimited(params: SurveyParams) -> MineSurvey:
     """Read a survey in this process."""
-    files: list[str] = []
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
         case "solid" | "cloud":
             read = _read_solid(params)
+        case "grid":
+            read = read_grid(params)
         case _:
-            found = read_grid(params) if params.kind == "grid" else read_vector_survey(params)
-            files, scale = found.files, Scale(found.frame.px_per_m, "map" if params.kind == "grid" else "drawn")
-            place = found.georeference
-            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, found.heights, [], found.workings)
-    stated = _stated_heights(params, read)
+            read = read_vector_survey(params)
+    plan = read.draw_plan()
+    stated = _stated_heights(params, read, plan)
     if stated is not None and not isinstance(read.shape, DrawnPlan):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
-    registry, files = read_registry(), _sources(params, files)
+    registry, files = read_registry(), _sources(params, read.files)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
     }
@@ -157,7 +139,7 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
         params.name,
         params.kind,
         read.frame,
-        read.scale,
+        read.scale or Scale(read.frame.px_per_m, "map" if params.kind == "grid" else "drawn"),
         read.boxes,
         entrance_m,
         dict(params.labels_m),
@@ -167,10 +149,10 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
         heights,
         entrance_z_m,
     )
-    return MineSurvey(survey, read.plan, read.shape, None if read.workings is None else Workings(read.workings))
+    return MineSurvey(survey, plan, read.shape, None if read.workings is None else Workings(read.workings))
 
 
-def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
+def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> MineReading:
     # trimesh, ezdxf and open3d take a second each to load, and few surveys are solids or clouds
     from pipeline.survey.clouds.draw import mark_left_out
     from pipeline.survey.clouds.read import ScanReading, read_scan
@@ -178,11 +160,9 @@ def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
 
     found = read_scan(params) if params.kind == "cloud" else read_solid(params)
     frame = frame_of(params.file, found.workings, params)
-    plan = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
-    if isinstance(found, ScanReading):
-        plan = mark_left_out(plan, frame, found.volume)
-    scale = Scale(frame.px_per_m, "drawn")
-    return _Drawn(plan, frame, scale, found.georeference, found.solid, workings=found.workings)
+    drawn = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
+    plan = mark_left_out(drawn, frame, found.volume) if isinstance(found, ScanReading) else drawn
+    return MineReading(found.workings, found.georeference, frame, partial(np.asarray, plan), shape=found.solid)
 
 
 def _entrance(
@@ -197,10 +177,10 @@ def _entrance(
     return (east, north), elevation[0] - shape.datum_m if elevation else None
 
 
-def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:
+def _stated_heights(params: SurveyParams, read: MineReading, plan: Image) -> Heights | None:
     """Return the heights that the survey section states, None if it states none."""
     if params.heights is not None:
-        return read_heights(Path(params.heights), read.georeference, read.plan, read.frame)
+        return read_heights(Path(params.heights), read.georeference, plan, read.frame)
     return Heights(grade=params.grade) if isinstance(params.grade, float) else None
 
 
@@ -220,7 +200,7 @@ def require_extent(path: str, plan: Image, px_per_m: float) -> None:
         )
 
 
-def _read_scaled(params: Scaled) -> _Drawn:
+def _read_scaled(params: Scaled) -> MineReading:
     """Read a survey whose scale must be measured, and choose its scale."""
     reading = plan_of_stations(params) if params.kind == "stations" else read_plan(params)
     params = params if params.kind == "stations" else in_reduced_px(params)
@@ -242,7 +222,8 @@ def _read_scaled(params: Scaled) -> _Drawn:
             )
             for col0, row0, col1, row1 in boxes
         ]
-    return _Drawn(plan, frame, scale, reading.georeference, DrawnPlan(reading.legs), reading.heights, boxes)
+    drawn, shape = partial(np.asarray, plan), DrawnPlan(reading.legs)
+    return MineReading(None, reading.georeference, frame, drawn, reading.heights, shape, scale=scale, boxes=boxes)
 
 
 def plan_of_stations(params: StationSurveyParams) -> Reading:
