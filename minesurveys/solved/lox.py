@@ -17,7 +17,6 @@ from minesurveys.limits import FILE, reader_limits
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey, StationFlag
 
-LOX = ".lox"
 _TEXT = [("at", "<u4"), ("size", "<u4")]
 _SURVEY = np.dtype([("id", "<u4"), ("name", _TEXT), ("parent", "<u4"), ("title", _TEXT)])
 _STATION = np.dtype(

@@ -25,7 +25,6 @@ from minesurveys.survex.adjustment import (
     warn_of_computed,
     warn_of_misclosures,
 )
-from minesurveys.survex.large_network import fix_junctions
 from minesurveys.survex.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
@@ -110,26 +109,16 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
         source = written.write(folder)
         result = folder / f"{path.stem}.3d"
         command = [program, "-q", "-o", str(result), str(source)]
-        loops = fix_junctions(source, program, _run)
         status, output = _run(command)
-        if loops and status != 0:  # refused with its junctions fixed: Survex reports on the project itself
-            loops, source = 0, written.write(folder)
-            status, output = _run(command)
         is_computed = status == 0 and bool(computed_declinations(output))
         if declination_deg is not None and is_computed:
             survey = read_3d(result)
-            written.write(folder)  # without junctions of the computed declination
             state_declination(declination_deg, survey, [file for file in folder.rglob("*") if file.is_file()])
-            fix_junctions(source, program, _run)
             status, output = _run(command)
         elif declination_deg is not None:
             warn_user("--declination changes nothing: no declination is computed", of=path.name, option="--declination")
         if status != 0 or not result.is_file():
             raise InputError(_problem(path, source, status, output, written))
-        if loops:
-            warn_user(
-                "loops are closed by sparse least squares with the weights of Survex", of=path.name, count=f"{loops:,}"
-            )
         _require_sound(path, source, output, written)
         warn_of_computed(path, _version(output), computed_declinations(output))
         doubt = warn_of_misclosures(path, read_traverses(result.with_suffix(".err")), written.message)
