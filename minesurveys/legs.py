@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from minesurveys.errors import InputError
-from minesurveys.types import Points2, Source
+from minesurveys.frames import Points2, Source
 
 _SHAFT_M = 1e-6  # in plan
 

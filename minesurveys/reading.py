@@ -15,6 +15,7 @@ from minesurveys.clouds.cloud_formats import holds_points, read_blocks
 from minesurveys.clouds.point_blocks import PointBlock, Wanted
 from minesurveys.errors import InputError
 from minesurveys.formats import FileKind, format_of, shape_reader
+from minesurveys.frames import Image
 from minesurveys.grid.nav2 import Nav2Map
 from minesurveys.guard.plain_file import read_text_bytes, require_plain_file
 from minesurveys.limits import reader_limits
@@ -22,7 +23,6 @@ from minesurveys.pictures.georeference import Placement, find_placement
 from minesurveys.solids.files import Triangles, read_triangles
 from minesurveys.solved.model import SolvedSurvey
 from minesurveys.solved_surveys import solve_file
-from minesurveys.types import Image
 from minesurveys.vector.missing_elevations import fill_elevations
 from minesurveys.vector.other_kinds import POINT, warn_of_others
 from minesurveys.vector.shapes import Shapes, require_simple

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.errors import InputError
+from minesurveys.frames import Georeference, Heights
 from minesurveys.guard.csv_text import number_of, read_csv_text, separator_of
 from minesurveys.guard.plain_file import require_at_most
-from minesurveys.types import Georeference, Heights
 from minesurveys.vector.shapes import REACH_M
 
 _COLUMNS = ["easting_m", "northing_m", "elevation_m"]

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 from shapely import MultiPolygon, Polygon
 
-from minesurveys.types import METRIC, Georeference, Heights
-from minesurveys.types import Image as Image
-from minesurveys.types import Mask as Mask
-from minesurveys.types import Points2 as Points2
+from minesurveys.frames import METRIC, Georeference, Heights
+from minesurveys.frames import Image as Image
+from minesurveys.frames import Mask as Mask
+from minesurveys.frames import Points2 as Points2
 
 Points3 = Float64[np.ndarray, "n 3"]
 Place = tuple[float, float, float]  # m

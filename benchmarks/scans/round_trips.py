@@ -14,7 +14,7 @@ from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.resume import Row
 from benchmarks.scans.solid_files import write
 from benchmarks.scans.truth import mesh_of, truth_of
-from minesurveys.types import METRES
+from minesurveys.frames import METRES
 from pipeline.errors import MineError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams

@@ -10,12 +10,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from minesurveys.errors import InputError, ParamsError
+from minesurveys.frames import Mask
 from minesurveys.grid.occupancy import CellRules, Mode, occupancy_of
 from minesurveys.guard.plain_yaml import load_plain_yaml
 from minesurveys.limits import reader_limits
 from minesurveys.pictures.image import decode_pixels
 from minesurveys.remarks import warn_user
-from minesurveys.types import Mask
 
 _UNKNOWN_GREY = 205  # what map_saver writes for unknown cells
 _EXPECTED = {

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from minesurveys.errors import InputError
+from minesurveys.frames import Image
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.pictures.picture_header import (
     PictureHeader,
@@ -18,7 +19,6 @@ from minesurveys.pictures.picture_header import (
     turn_upright,
 )
 from minesurveys.remarks import warn_user
-from minesurveys.types import Image
 
 _NUMBERS_AS_TEXT = (b"P1", b"P2", b"P3")  # PNM files whose pixels are decimal numbers
 _DEPTHS = (255, 1023, 4095, 16383, 65535)  # white in pictures of 16 bits, which may hold fewer

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from minesurveys.errors import InputError
+from minesurveys.frames import Image
 from minesurveys.guard.plain_file import read_text_bytes
 from minesurveys.pictures.page_unit import points_per_unit
 from minesurveys.pictures.picture_header import MAX_SIDE_PX
 from minesurveys.remarks import warn_user
-from minesurveys.types import Image
 
 if TYPE_CHECKING:
     import pypdfium2

@@ -16,9 +16,9 @@ from ezdxf.filemanagement import readfile
 from ezdxf.render.mesh import MeshBuilder
 
 from minesurveys.errors import InputError
+from minesurveys.frames import METRES
 from minesurveys.solids.polygons import triangles_of
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
-from minesurveys.types import METRES
 from minesurveys.vector.dxf import READING_ERRORS
 from minesurveys.vector.dxf_polylines import drop_frame_points, mesh_of_polygon_mesh, unit_of
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from minesurveys.errors import InputError
 from minesurveys.formats import format_of
+from minesurveys.frames import Unit
 from minesurveys.solids.stated_metres import StatedMeshes, in_named_unit
-from minesurveys.types import Unit
 
 
 @dataclass(frozen=True)

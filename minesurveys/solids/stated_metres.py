@@ -12,8 +12,8 @@ import numpy as np
 
 from minesurveys.coordinates.map_axes import metres_of_unit
 from minesurveys.errors import InputError
+from minesurveys.frames import METRES, Unit
 from minesurveys.remarks import warn_user
-from minesurveys.types import METRES, Unit
 
 _HEAD, _STL_HEAD = 10_000, 80  # bytes in which comments state a unit
 _COMMENTS = re.compile(rb"^(?:#|comment\b|obj_info\b).*$", re.MULTILINE)

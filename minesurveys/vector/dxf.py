@@ -26,11 +26,11 @@ from shapely import LineString, Point
 
 from minesurveys.coordinates.strays import require_together
 from minesurveys.errors import InputError
+from minesurveys.frames import METRES
 from minesurveys.guard.plain_file import read_text_bytes, require_at_most
 from minesurveys.guard.plain_number import plain_number
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.remarks import warn_user
-from minesurveys.types import METRES
 from minesurveys.vector.dxf_blocks import absent_drawings, count_kinds, mend_blocks, shown
 from minesurveys.vector.dxf_polylines import drop_frame_points, unit_of
 from minesurveys.vector.other_kinds import XREF

@@ -8,8 +8,8 @@ from ezdxf.document import Drawing
 from ezdxf.entities.polyline import Polyline, Polymesh
 from ezdxf.render.mesh import MeshBuilder
 
+from minesurveys.frames import Unit
 from minesurveys.remarks import warn_user
-from minesurveys.types import Unit
 
 _FRAME_POINT = 16  # flag of a vertex: it controls a fitted curve or surface, and lies beside it
 _UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 21: "ft", 22: "in"}  # $INSUNITS; the US survey

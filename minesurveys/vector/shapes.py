@@ -20,9 +20,9 @@ from minesurveys.coordinates.map_axes import (
     warn_of_turn,
 )
 from minesurveys.errors import InputError
+from minesurveys.frames import METRES, Georeference
 from minesurveys.guard.plain_file import require_at_most
 from minesurveys.limits import FILE, reader_limits
-from minesurveys.types import METRES, Georeference
 from minesurveys.vector.crossings import count_crossings
 
 REACH_M = 10_000.0  # larger coordinates would lose precision in the world's text and its octree

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from minesurveys.formats import FileKind
+from minesurveys.frames import Unit
 from minesurveys.refusals import in_own_words
-from minesurveys.types import Unit
 from pipeline.errors import InputError
 from pipeline.params.base import Params
 from pipeline.params.survey import GRADES_NEED, BoxPx, Columns, Elevation, Grade, Grey, PieceOption, StartM

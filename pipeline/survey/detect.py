@@ -11,11 +11,11 @@ import shapely
 
 from minesurveys.errors import InputError, one_line
 from minesurveys.formats import FileKind, kind_of, solver_limits
+from minesurveys.frames import METRES, Georeference, Unit
 from minesurveys.guard.plain_file import require_plain_file
 from minesurveys.guard.reading_process import Payload, run_limited
 from minesurveys.reading import read_shapes
 from minesurveys.remarks import Remark, collect_remarks, hand_on, warn_user
-from minesurveys.types import METRES, Georeference, Unit
 from minesurveys.vector.shapes import Shapes
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.params.stated import StatedOptions, require_read

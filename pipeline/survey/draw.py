@@ -13,8 +13,8 @@ from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import InputError
+from minesurveys.frames import Georeference, Heights
 from minesurveys.pictures.picture_header import MAX_SIDE_PX
-from minesurveys.types import Georeference, Heights
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.survey.base import DrawnSurveyParams
 from pipeline.types import DrawnFloors, DrawnPlan, Frame, Image, Scale, VolumeShape

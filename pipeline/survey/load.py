@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from minesurveys.errors import InputError
 from minesurveys.formats import is_solved, solver_limits
+from minesurveys.frames import METRIC, Georeference, Heights
 from minesurveys.grid.nav2 import nav2_picture
 from minesurveys.guard.reading_process import Payload, run_limited
 from minesurveys.legs import SurveyLeg
@@ -20,7 +21,6 @@ from minesurveys.pictures.georeference import find_placement, placement_files
 from minesurveys.pictures.image import read_image
 from minesurveys.remarks import collect_remarks
 from minesurveys.solids.surpac_solid import DTM, strings_beside
-from minesurveys.types import METRIC, Georeference, Heights
 from pipeline.params.floor_rules import FloorRules
 from pipeline.params.survey import (
     CloudSurveyParams,

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from minesurveys.errors import InputError
-from minesurveys.types import Heights
+from minesurveys.frames import Heights
 
 _NEAR_M = 20.0  # of a start from the line of its drift; the widest drifts and rooms are 40 m wide
 

@@ -16,12 +16,12 @@ from minesurveys.coordinates.map_axes import MapAxes, axes_of, coordinate_system
 from minesurveys.coordinates.stray_heights import STRAY_M
 from minesurveys.errors import InputError
 from minesurveys.formats import FileKind, shape_reader, suffixes_of
+from minesurveys.frames import Georeference, Heights
 from minesurveys.guard.plain_file import read_text_bytes, require_at_most
 from minesurveys.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
 from minesurveys.remarks import warn_user
 from minesurveys.solids.landxml import LANDXML, read_landxml_floor
 from minesurveys.spots import read_spots
-from minesurveys.types import Georeference, Heights
 from minesurveys.vector.geodata import companions
 from minesurveys.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules

@@ -13,12 +13,12 @@ from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import NAMED, InputError, one_line
 from minesurveys.formats import is_solved
+from minesurveys.frames import METRIC, Georeference
 from minesurveys.legs import SurveyLeg
 from minesurveys.reading import read_shapes
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
 from minesurveys.solved_surveys import survey_files
-from minesurveys.types import METRIC, Georeference
 from minesurveys.vector.geodata import companions
 from minesurveys.vector.geojson import read_geojson
 from minesurveys.vector.level_fields import level_elevations, warn_of_overlaps

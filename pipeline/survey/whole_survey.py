@@ -14,12 +14,12 @@ from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import InputError, first_few, one_line
+from minesurveys.frames import Source
 from minesurveys.legs import SurveyLeg, shots_of
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
 from minesurveys.solved_surveys import entrances_of, names_of, solve_file, ties_of
 from minesurveys.stations.table import survey_of_legs
-from minesurveys.types import Source
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.passages.legs import legs_of, pack_legs

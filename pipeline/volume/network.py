@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from minesurveys.frames import Source
 from minesurveys.legs import SurveyLeg
-from minesurveys.types import Source
 from pipeline.errors import InputError
 from pipeline.survey.passages.relief import heights_along, known_of
 from pipeline.survey.passages.sections import LEAST_M, narrow_sections, sections_of

@@ -19,6 +19,7 @@ from minesurveys.guard import reading_process as child
 from minesurveys.guard.reading_process import Payload, run_limited
 from pipeline.errors import GeometryError, InputError
 from pipeline.scans.cloud import read_here
+from pipeline.survey.detect import detect_here
 from tests.project import ROOT
 
 SCRATCH = 1_000_000  # bytes
@@ -162,7 +163,7 @@ def test_a_task_with_a_scratch_folder_writes_there_up_to_its_limit_and_leaves_no
     if fresh:
         with pytest.raises(InputError, match=r"a\.3d: "):
             run_limited(
-                detect, {"path": str(tmp_path / "a.3d"), "stated": {}}, "a.3d", fresh=True, scratch_bytes=SCRATCH
+                detect_here, {"path": str(tmp_path / "a.3d"), "stated": {}}, "a.3d", fresh=True, scratch_bytes=SCRATCH
             )
     else:
         assert run_limited(write_temporary, {"size": 1000}, "a.svx", scratch_bytes=SCRATCH).values == 1000

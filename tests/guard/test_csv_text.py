@@ -2,9 +2,9 @@ import codecs
 
 import pytest
 
+from minesurveys.frames import METRIC
 from minesurveys.guard.csv_text import read_csv_text
 from minesurveys.spots import read_spots
-from minesurveys.types import METRIC
 from pipeline.errors import InputError
 from pipeline.survey.solved.station_table import read_stations
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from minesurveys.types import Heights
+from minesurveys.frames import Heights
 from minexplore.bundle import COVER_M, HFIELDS, BundleError, decode_msh, is_cover, is_rough_floor
 from minexplore.extra.placing.place import place
 from minexplore.physics.local_models import LocalModels

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from minesurveys.types import Source
+from minesurveys.frames import Source
 from pipeline.report.chart import ChartGrid
 from pipeline.report.figures.known import facets_by_known
 from pipeline.report.figures.legs import DrawnLegs, quads_from_above, section_chart

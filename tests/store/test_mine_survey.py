@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from minesurveys.types import Heights
+from minesurveys.frames import Heights
 from pipeline.errors import ArtifactError
 from pipeline.store.mine_survey import MineModel, MineSurvey, open_survey, survey_arrays, survey_files, survey_of_arrays
 from pipeline.types import ClosedMesh, DrawnFloors, DrawnPlan, FloorMesh, SurveyedLegs, Workings, text_array

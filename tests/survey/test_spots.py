@@ -2,8 +2,8 @@
 
 import pytest
 
+from minesurveys.frames import METRIC
 from minesurveys.spots import read_spots
-from minesurveys.types import METRIC
 from pipeline.errors import InputError
 
 HEAD = "easting_m,northing_m,elevation_m\n"

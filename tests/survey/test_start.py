@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from minesurveys.types import Heights
+from minesurveys.frames import Heights
 from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import first_anchor
 from pipeline.survey.start import start_in_plan

@@ -11,7 +11,7 @@ import shapely
 from rasterio.transform import from_origin
 from shapely import LineString
 
-from minesurveys.types import Heights
+from minesurveys.frames import Heights
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams

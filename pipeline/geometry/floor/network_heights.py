@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.types import Heights
+from minesurveys.frames import Heights
 from pipeline.errors import GeometryError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.solved_heights import solve_heights

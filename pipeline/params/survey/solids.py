@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from minesurveys.types import Unit
+from minesurveys.frames import Unit
 from pipeline.params.survey.base import FileSurveyParams
 from pipeline.params.survey.values import PlaceM
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minesurveys.types import Source
+from minesurveys.frames import Source
 from pipeline.report.chart import Chart, ChartGrid, ChartStation
 from pipeline.report.figures.levels import long_axis, times_as_high
 

@@ -11,7 +11,7 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from shapely import Polygon
 
-from minesurveys.types import METRIC, Georeference
+from minesurveys.frames import METRIC, Georeference
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.report.chart import Chart, ChartGrid, ChartStation
 from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, name_axes, new_figure

@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from minesurveys.types import METRIC, Georeference
+from minesurveys.frames import METRIC, Georeference
 from minexplore.bundle import ROOF
 from pipeline.report.figures.deviation import add_deviation
 from pipeline.report.figures.scene import add_bands, coloured, look_at

@@ -17,8 +17,8 @@ from minesurveys.coordinates.origin import origin_of
 from minesurveys.coordinates.precision import require_fine, steps_seen
 from minesurveys.coordinates.strays import require_together
 from minesurveys.errors import InputError
+from minesurveys.frames import METRES
 from minesurveys.guard.reading_process import Payload
-from minesurveys.types import METRES
 from minesurveys.vector.shapes import REACH_M
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 

@@ -10,8 +10,8 @@ import numpy as np
 from shapely import MultiPolygon
 
 from minesurveys.errors import InputError, first_few
+from minesurveys.frames import METRES, Georeference
 from minesurveys.remarks import warn_user
-from minesurveys.types import METRES, Georeference
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.clouds.points import ScanFile, ScanPoints, read_points, turned
 from pipeline.survey.clouds.thinned import ThinnedCloud

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from minesurveys.frames import METRES, Unit
 from minesurveys.remarks import warn_user
-from minesurveys.types import METRES, Unit
 from pipeline.survey.clouds.normals import planes_of
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import REACH, cells_at, grown, is_in, keys_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minesurveys.types import Georeference
+from minesurveys.frames import Georeference
 from minesurveys.vector.shapes import REACH_M
 from pipeline.types import Points2
 

@@ -9,8 +9,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.frames import Georeference
 from minesurveys.remarks import warn_user
-from minesurveys.types import Georeference
 from minesurveys.vector.shapes import Shapes
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.levels.areas import areas_of

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from minesurveys.coordinates.stray_heights import require_elevations
 from minesurveys.errors import InputError, one_line
-from minesurveys.types import Georeference
+from minesurveys.frames import Georeference
 from minesurveys.vector.shapes import Shapes
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from minesurveys.frames import Source
 from minesurveys.legs import SurveyLeg
 from minesurveys.remarks import warn_user
-from minesurveys.types import Source
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.legs import along_stations
 

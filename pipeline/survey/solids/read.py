@@ -16,10 +16,10 @@ from minesurveys.coordinates.origin import origin_of
 from minesurveys.coordinates.precision import require_fine, steps_seen
 from minesurveys.coordinates.strays import require_together
 from minesurveys.errors import InputError, first_few
+from minesurveys.frames import METRES, Georeference
 from minesurveys.guard.plain_file import read_text_bytes, require_at_most
 from minesurveys.remarks import warn_user
 from minesurveys.solids.files import read_triangles
-from minesurveys.types import METRES, Georeference
 from minesurveys.vector.shapes import REACH_M
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.scans.meshes.uncrossed import UncrossedMesh, arrays_of, uncrossed

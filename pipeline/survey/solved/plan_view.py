@@ -11,12 +11,12 @@ import networkx as nx
 import numpy as np
 
 from minesurveys.errors import InputError
+from minesurveys.frames import Source
 from minesurveys.guard.plain_file import require_at_most
 from minesurveys.legs import SurveyLeg, cut_at_shafts
 from minesurveys.limits import reader_limits
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegFlag, LegStyle, SolvedSurvey
-from minesurveys.types import Source
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
     Rows,

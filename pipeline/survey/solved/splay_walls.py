@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import lil_matrix
 from scipy.sparse.linalg import spsolve
 
+from minesurveys.frames import Source
 from minesurveys.solved.model import LegFlag, SolvedSurvey
-from minesurveys.types import Source
 from pipeline.survey.passages.legs import along_stations, says_enough
 
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from minesurveys.frames import Source
 from minesurveys.legs import SurveyLeg
-from minesurveys.types import Source
 from pipeline.survey.solved.splay_hits import AT_STATION_M, ShotSplays, SplayHits
 
 _APART_M = 0.15  # between sections, at least

@@ -17,10 +17,10 @@ from shapely.geometry.base import BaseGeometry
 
 from minesurveys.coordinates.stray_heights import require_elevations
 from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.frames import Georeference
 from minesurveys.guard.plain_file import require_at_most
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
-from minesurveys.types import Georeference
 from minesurveys.vector.level_fields import by_levels
 from minesurveys.vector.shapes import REACH_M, Shapes, locate
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules

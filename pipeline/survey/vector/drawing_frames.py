@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from shapely import LineString
 
 from minesurveys.errors import InputError, one_line
+from minesurveys.frames import METRES
 from minesurveys.remarks import warn_user
-from minesurveys.types import METRES
 from minesurveys.vector.shapes import Shapes
 
 _FRAME = 0.9  # of the drawing's extent, both ways: a rectangle this large round other lines is a frame

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from minesurveys.errors import first_few
-from minesurveys.types import Source
+from minesurveys.frames import Source
 from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
 from pipeline.params.compile3d import Compile3dParams

@@ -29,8 +29,6 @@ def commands_of(page):
 ELSEWHERE = {
     r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
     r"make test": "this is the test run",
-    r"pip install ./minesurveys": "tests/house/test_packaging.py builds its wheel",
-    r"python examples/read_survey.py .*": "tests/house/docs/test_examples.py",
     r"make corpus": "benchmarks/tests/test_corpus.py, with few worlds",
     r"(python3 -m venv own|own/bin/.*)": "tests/minexplore/test_wheel_clients.py, with a small mine",
     r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",

@@ -62,6 +62,10 @@ def test_a_survey_is_read_without_the_pipeline(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "856 stations" in done.stdout
     assert "coordinate system epsg:27700" in done.stdout
+    page = (ROOT / "minesurveys/README.md").read_text()
+    (block,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.M | re.S)
+    done = subprocess.run([sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "856 stations epsg:27700\n", done.stderr
     program = "import sys, minesurveys.reading; print(*{name.partition('.')[0] for name in sys.modules})"
     loaded = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True).stdout.split()
     assert "minesurveys" in loaded

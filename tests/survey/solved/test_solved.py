@@ -9,13 +9,13 @@ import pytest
 import shapely
 
 from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, place, ring_3d
+from minesurveys.frames import Source
 from minesurveys.guard import plain_file
 from minesurveys.solved.model import LegFlag, LegStyle, StationFlag
 from minesurveys.solved.project_files import project_files
 from minesurveys.solved.survex_3d import read_3d
 from minesurveys.solved_surveys import solve_file, survey_files
 from minesurveys.survex import cavern
-from minesurveys.types import Source
 from pipeline.errors import InputError
 from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.passages.workings import build_workings

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minesurveys.frames import Source
 from minesurveys.legs import SurveyLeg
 from minesurveys.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey
 from minesurveys.solved.node_links import read_node_links
 from minesurveys.solved_surveys import survey_files
-from minesurveys.types import Source
 from pipeline.errors import InputError
 from pipeline.survey.passages.relief import roofs_of, usual_roof_m
 from pipeline.survey.solved.plan_view import plan_legs

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
+from minesurveys.frames import Source
 from minesurveys.solved.model import LegFlag, Passage, SolvedSurvey
-from minesurveys.types import Source
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.union import pieces_of, unite

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from minesurveys.frames import Source
 from minesurveys.legs import SurveyLeg
-from minesurveys.types import Source
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.survey.passages.legs import legs_of
 from pipeline.survey.passages.relief import known_of
