@@ -7,7 +7,7 @@ the group `minesurveys.formats`: its name is the suffix without the dot, its obj
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -58,8 +58,10 @@ class Format:
         Takes the file and the most megapixels; returns (rows, cols, 3) uint8 BGR.
     grid : str
         Takes the file; returns a `Nav2Map`.
+    files : str
+        Takes the file; returns all files that are read with it, itself first. None are named by other formats.
     solved : bool
-        The survey may name other files, and Survex needs time and temporary files to solve it.
+        Survex may solve it, which needs time and temporary files.
     has_fields : bool
         Shapes have properties.
     """
@@ -72,6 +74,7 @@ class Format:
     points: str = ""
     picture: str = ""
     grid: str = ""
+    files: str = ""
     solved: bool = False
     has_fields: bool = False
 
@@ -81,15 +84,17 @@ _OCTREE = "minesurveys.clouds.octomap_clouds:octomap_blocks"
 _LAS = "minesurveys.clouds.las.blocks:las_blocks"
 _SCENE = "minesurveys.solids.scenes:read_scene"
 _PICTURE = Format(FileKind.PICTURE, picture="minesurveys.pictures.image:read_pixels")
-_NAV2 = Format(FileKind.GRID, grid="minesurveys.grid.nav2:read_nav2_map")
+_NAV2 = Format(FileKind.GRID, grid="minesurveys.grid.nav2:read_nav2_map", files="minesurveys.grid.nav2:files_of_map")
 _GEOJSON = Format(FileKind.VECTOR, shapes="minesurveys.vector.geojson:read_geojson", has_fields=True)
 _GEODATA = Format(FileKind.VECTOR, shapes="minesurveys.vector.geodata:read_geodata", has_fields=True)
+_SHAPEFILE = replace(_GEODATA, files="minesurveys.vector.geodata:files_of_shapefile")
 _KML = Format(FileKind.VECTOR, shapes="minesurveys.vector.earth.kml:read_kml", has_fields=True)
 _LANDXML = Format(FileKind.SOLID, meshes="minesurveys.solids.landxml:read_landxml")
 _USD = Format(FileKind.SOLID, meshes="minesurveys.solids.usd:read_usd")
-_THERION = Format(FileKind.STATIONS, survex="minesurveys.therion.convert:to_survex", solved=True)
-_WALLS = Format(FileKind.STATIONS, survex="minesurveys.walls.project:copy_of", solved=True)
-_COMPASS = "minesurveys.compass.convert:to_survex"
+_SOLVED = Format(FileKind.STATIONS, files="minesurveys.solved_surveys:survey_files", solved=True)
+_THERION = replace(_SOLVED, survex="minesurveys.therion.convert:to_survex")
+_WALLS = replace(_SOLVED, survex="minesurveys.walls.project:copy_of")
+_COMPASS = replace(_SOLVED, survex="minesurveys.compass.convert:to_survex")
 
 FORMATS: dict[str, Format] = {
     **dict.fromkeys((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".gif"), _PICTURE),
@@ -102,12 +107,17 @@ FORMATS: dict[str, Format] = {
     ),
     ".str": Format(FileKind.VECTOR, shapes="minesurveys.vector.surpac:read_surpac"),
     **dict.fromkeys((".geojson", ".json"), _GEOJSON),
-    **dict.fromkeys((".gpkg", ".shp"), _GEODATA),
+    ".gpkg": _GEODATA,
+    ".shp": _SHAPEFILE,
     **dict.fromkeys((".kml", ".kmz"), _KML),
     ".gpx": Format(FileKind.VECTOR, shapes="minesurveys.vector.earth.gpx:read_gpx", has_fields=True),
     **dict.fromkeys((".obj", ".stl", ".glb"), Format(FileKind.SOLID, meshes=_SCENE)),
     ".ply": Format(FileKind.SOLID, meshes="minesurveys.solids.scenes:read_ply"),
-    ".dtm": Format(FileKind.SOLID, meshes="minesurveys.solids.surpac_solid:read_dtm"),
+    ".dtm": Format(
+        FileKind.SOLID,
+        meshes="minesurveys.solids.surpac_solid:read_dtm",
+        files="minesurveys.solids.surpac_solid:files_of_dtm",
+    ),
     **dict.fromkeys((".xml", ".landxml"), _LANDXML),
     ".dae": Format(FileKind.SOLID, meshes="minesurveys.solids.collada:read_collada"),
     **dict.fromkeys((".usd", ".usda", ".usdc"), _USD),
@@ -120,13 +130,13 @@ FORMATS: dict[str, Format] = {
     **dict.fromkeys((".bt", ".ot"), Format(FileKind.CLOUD, points=_OCTREE)),
     ".zip": Format(FileKind.CLOUD),  # of clouds in any of these formats
     ".csv": Format(FileKind.STATIONS, legs="minesurveys.stations.table:read_station_survey", points=_TEXT),
-    ".plt": Format(FileKind.STATIONS, legs="minesurveys.stations.compass:read_plt", solved=True),
-    ".svx": Format(FileKind.STATIONS, survex="minesurveys.survex.survex_text:project_copy", solved=True),
-    ".3d": Format(FileKind.STATIONS, legs="minesurveys.solved.survex_3d:read_3d", solved=True),
+    ".plt": replace(_SOLVED, legs="minesurveys.stations.compass:read_plt"),
+    ".svx": replace(_SOLVED, survex="minesurveys.survex.survex_text:project_copy"),
+    ".3d": replace(_SOLVED, legs="minesurveys.solved.survex_3d:read_3d"),
     **dict.fromkeys((".th", PROJECT), _THERION),
-    ".lox": Format(FileKind.STATIONS, legs="minesurveys.solved.lox:read_lox", solved=True),
-    ".dat": Format(FileKind.STATIONS, survex=_COMPASS, points=_TEXT, solved=True),
-    **dict.fromkeys((".mak", ".clp"), Format(FileKind.STATIONS, survex=_COMPASS, solved=True)),
+    ".lox": replace(_SOLVED, legs="minesurveys.solved.lox:read_lox"),
+    ".dat": replace(_COMPASS, points=_TEXT),
+    **dict.fromkeys((".mak", ".clp"), _COMPASS),
     **dict.fromkeys((".wpj", ".srv"), _WALLS),
 }
 
@@ -179,8 +189,20 @@ def suffixes_of(kind: FileKind) -> tuple[str, ...]:
     return tuple(suffix for suffix, found in FORMATS.items() if found.kind is kind)
 
 
+def files_of(path: Path) -> list[Path]:
+    """Return the files that are read with a file, itself first, without reading it whole.
+
+    Raises
+    ------
+    InputError
+        If its format is not supported, or a file that it names is missing or lies outside its folder.
+    """
+    named = format_of(path).files
+    return resolve_name(named)(path) if named else [path]
+
+
 def is_solved(path: Path) -> bool:
-    """Return whether a file is a survey in three dimensions, which Survex may solve or which names other files."""
+    """Return whether a file is a survey in three dimensions that Survex may solve."""
     found = FORMATS.get(suffix_of(path))
     return found is not None and found.solved
 

@@ -122,15 +122,15 @@ def _warn_of_unknown(path: Path, header: _MapFile, pixels: np.ndarray, cells: np
         )
 
 
-def nav2_picture(path: Path) -> Path:
-    """Return the picture of a map: the one that its YAML file names, or the one of that name beside it.
+def files_of_map(path: Path) -> list[Path]:
+    """Return a map and its picture: the one that its YAML file names, or the one of that name beside it.
 
     Raises
     ------
     InputError
         If the YAML file does not describe a map, or the picture is missing or outside its folder.
     """
-    return _picture_of(path, _read_map_file(path))
+    return [path, _picture_of(path, _read_map_file(path))]
 
 
 def _picture_of(path: Path, header: _MapFile) -> Path:

@@ -10,12 +10,11 @@ from minesurveys.errors import InputError
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 from minesurveys.vector.surpac import read_records
 
-DTM = ".dtm"
 _CORNERS = slice(1, 4)  # of a record: its number, three points, three neighbours
 
 
-def strings_beside(path: Path) -> Path:
-    """Return the string file of a triangulation: its name with .str.
+def files_of_dtm(path: Path) -> list[Path]:
+    """Return a triangulation and its string file: its name with .str.
 
     Raises
     ------
@@ -24,7 +23,7 @@ def strings_beside(path: Path) -> Path:
     """
     for suffix in (".str", ".STR"):
         if (beside := path.with_suffix(suffix)).is_file():
-            return beside
+            return [path, beside]
     raise InputError(f"{path}: {path.with_suffix('.str').name} is not beside it; it holds the points of the triangles")
 
 
@@ -41,7 +40,7 @@ def read_dtm(path: Path, data: bytes) -> StatedMeshes:
     """
     if b"\0" in data:
         raise InputError(f"{path}: a binary Surpac triangulation; save it in Surpac as a text file")
-    beside = strings_beside(path)
+    _, beside = files_of_dtm(path)
     records = [point for _, point in read_records(beside)]
     objects = _objects(path, data.decode("latin-1").splitlines())
     points = [point for point in records if point is not None]

@@ -174,9 +174,7 @@ def _plain_database(path: Path) -> bytes:
     return bytes(data)
 
 
-def companions(path: Path) -> list[Path]:
-    """Return the companion files of a Shapefile (.shx, .dbf, .prj, .cpg); none for other formats."""
-    if path.suffix.lower() != ".shp":
-        return []
+def files_of_shapefile(path: Path) -> list[Path]:
+    """Return a Shapefile and its companions (.shx, .dbf, .prj, .cpg)."""
     same_stem = (p for p in sorted(path.parent.iterdir()) if p.stem == path.stem and p.is_file())
-    return [p for p in same_stem if p.suffix.lower() in (".shx", ".dbf", ".prj", ".cpg")]
+    return [path, *(p for p in same_stem if p.suffix.lower() in (".shx", ".dbf", ".prj", ".cpg"))]

@@ -12,15 +12,13 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from minesurveys.errors import InputError
-from minesurveys.formats import is_solved, solver_limits
+from minesurveys.formats import files_of, is_solved, solver_limits
 from minesurveys.frames import METRIC, Georeference, Heights
-from minesurveys.grid.nav2 import nav2_picture
 from minesurveys.guard.reading_process import Payload, run_limited
 from minesurveys.legs import SurveyLeg
 from minesurveys.pictures.georeference import find_placement, placement_files
 from minesurveys.pictures.image import read_image
 from minesurveys.remarks import collect_remarks
-from minesurveys.solids.surpac_solid import DTM, strings_beside
 from pipeline.params.floor_rules import FloorRules
 from pipeline.params.survey import (
     CloudSurveyParams,
@@ -365,10 +363,9 @@ def _sources(params: SurveyParams, read: list[str] | None = None) -> list[str]:
             georeference = placement_files(Path(params.image)) if params.scale.source == "georeference" else []
             files += [file.as_posix() for file in georeference]
         case "grid":
-            files = read or [params.map, nav2_picture(Path(params.map)).as_posix()]
+            files = read or [file.as_posix() for file in files_of(Path(params.map))]
         case "solid":
-            beside = [strings_beside(Path(params.file)).as_posix()] if params.file.lower().endswith(DTM) else []
-            files = [params.file, *beside]
+            files = [file.as_posix() for file in files_of(Path(params.file))]
         case "cloud":
             files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:

@@ -15,14 +15,13 @@ from minesurveys.coordinates.local_plan import require_lengths
 from minesurveys.coordinates.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
 from minesurveys.coordinates.stray_heights import STRAY_M
 from minesurveys.errors import InputError
-from minesurveys.formats import FileKind, shape_reader, suffixes_of
+from minesurveys.formats import FORMATS, FileKind, files_of, shape_reader, suffixes_of
 from minesurveys.frames import Georeference, Heights
 from minesurveys.guard.plain_file import read_text_bytes, require_at_most
 from minesurveys.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
 from minesurveys.remarks import warn_user
 from minesurveys.solids.landxml import LANDXML, read_landxml_floor
 from minesurveys.spots import read_spots
-from minesurveys.vector.geodata import companions
 from minesurveys.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.relief import warn_of_level
@@ -91,8 +90,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
 
 def height_files(path: Path) -> list[str]:
     """Return a file of heights and its companions."""
-    prj = prj_beside(path)
-    return [file.as_posix() for file in (path, *companions(path), *([] if prj is None else [prj]))]
+    prj, files = prj_beside(path), files_of(path) if path.suffix.lower() in FORMATS else [path]
+    return [file.as_posix() for file in (*files, *([] if prj is None else [prj]))]
 
 
 def wall_heights(

@@ -12,14 +12,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import NAMED, InputError, one_line
-from minesurveys.formats import is_solved
+from minesurveys.formats import files_of
 from minesurveys.frames import METRIC, Georeference
 from minesurveys.legs import SurveyLeg
 from minesurveys.reading import read_shapes
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
-from minesurveys.solved_surveys import survey_files
-from minesurveys.vector.geodata import companions
 from minesurveys.vector.geojson import read_geojson
 from minesurveys.vector.level_fields import level_elevations, warn_of_overlaps
 from minesurveys.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights
@@ -228,6 +226,4 @@ def vector_files(params: VectorSurvey) -> list[str]:
             return []
         case "variant":
             return [params.workings]
-    path = Path(params.file)
-    files = survey_files(path) if is_solved(path) else [path, *companions(path)]
-    return [file.as_posix() for file in files]
+    return [file.as_posix() for file in files_of(Path(params.file))]
