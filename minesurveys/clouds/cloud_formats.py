@@ -39,10 +39,16 @@ def run_on_cloud(task: Task, arguments: dict[str, Any], path: Path) -> Payload:
 
 
 def holds_points(path: Path) -> bool:
-    """Return whether a file is a cloud: by its format, as a table of points, or as a PLY file without faces."""
+    """Return whether a file is a cloud: by its format, as a table of points, or as a PLY file without faces.
+
+    It reads no more than the first bytes, so that a process without limits may ask.
+    """
     suffix = path.suffix.lower()
     if suffix == ".ply":
-        return not read_ply_header(path).get("face")
+        with path.open("rb") as stream:
+            head = stream.read(_PLY_HEAD).partition(b"end_header")[0]
+        faces = [line.split() for line in head.splitlines() if line.startswith(b"element face")]
+        return all(words[2:3] == [b"0"] for words in faces)
     return has_point_rows(path) if suffix == ".csv" else kind_of(path) is FileKind.CLOUD
 
 

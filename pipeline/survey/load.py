@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from minesurveys.errors import InputError
-from minesurveys.formats import files_of, is_solved, solver_limits
+from minesurveys.formats import files_of, format_of, solver_limits
 from minesurveys.frames import METRIC, Georeference, Heights
 from minesurveys.guard.reading_process import Payload, run_limited
 from minesurveys.legs import SurveyLeg
@@ -341,8 +341,8 @@ def _choose_scale(params: Scaled, reading: Reading, poses: PoseScale | None, rat
 
 def sources(params: SurveyParams) -> list[str]:
     """List the input files of a survey section, with their companion files."""
-    names_others = params.kind == "grid" or (params.kind == "passages" and is_solved(Path(params.file)))
-    if not names_others:
+    is_generated = params.kind in ("procedural", "variant")
+    if is_generated or not format_of(Path(_subject(params))).files:
         return _sources(params)
     return run_limited(sources_here, {"params": params.model_dump(mode="json")}, _subject(params)).values
 
