@@ -114,8 +114,6 @@ class RobotCamera:
             names = [model.geom(number).name for number in range(model.ngeom)]
             self._labels = np.array([self._label(name) for name in names], dtype=np.uint8)
             self._shades = np.array([is_shade(name) for name in names])
-            scanners = [name == "robot_0_scanner" for name in names]
-            self._clear = set(np.flatnonzero(self._shades | np.array(scanners)).tolist())
         return self._renderer
 
     def _label(self, geom: str) -> int:
@@ -152,6 +150,6 @@ class RobotCamera:
             camera.pos, camera.forward, camera.up = eye.place_m, eye.axes[:, 0], eye.axes[:, 2]
         if clear:
             add_haze(model, renderer.scene)
-            let_light_pass(renderer.scene, self._clear)
+            let_light_pass(renderer.scene, self._view.clear)
         drawn: np.ndarray = renderer.render()
         return drawn

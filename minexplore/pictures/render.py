@@ -86,7 +86,7 @@ class Renderer:
             names = [self.model.geom(geom).name for geom in range(self.model.ngeom)]
             # A lamp stands so near above its scanner that the scanner's shadow would be a wedge before the robot.
             scanners = {f"robot_{i}_scanner" for i in range(self.robots)}
-            self._clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
+            self.clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
             self._fovy_deg = float(self.model.vis.global_.fovy)
             self._at = np.stack([qpos_address(self.model, f"robot_{i}", self.robot.JOINTS) for i in range(self.robots)])
         self.data.qpos[self._at] = qpos[:, : self._at.shape[1]]  # behind these are the springs of castors
@@ -123,7 +123,7 @@ class Renderer:
         with far_hidden(model, data, data.xpos[body]):
             self._renderer.update_scene(data, camera, option)
         add_haze(model, self._renderer.scene)
-        let_light_pass(self._renderer.scene, self._clear)
+        let_light_pass(self._renderer.scene, self.clear)
         return self._renderer.render().copy()
 
     def _behind(self, data: mujoco.MjData, body: int) -> mujoco.MjvCamera:
