@@ -15,6 +15,7 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
 from minexplore.pictures.shown import shown_spec
+from minexplore.pictures.sight import draw_seen
 from minexplore.rotations import quaternion
 from minexplore.sensing.coverage import CellGrid
 from minexplore.world import World
@@ -113,6 +114,7 @@ class Renderer:
         model, data = self.place(qpos)
         if self._renderer is None:
             self._renderer = new_renderer(model, self.size_px, max_geom=2 * model.ngeom + 1000)
+        renderer = self._renderer
         option = mujoco.MjvOption()
         option.geomgroup[:] = 0
         option.geomgroup[shown_groups(self.world)] = 1
@@ -121,10 +123,10 @@ class Renderer:
         model.vis.global_.fovy = self._fovy_deg if name == "chase" else _FRONT_FOVY_DEG
         light_nearest(model, data, data.xpos[body])
         with far_hidden(model, data, data.xpos[body]):
-            self._renderer.update_scene(data, camera, option)
-        add_haze(model, self._renderer.scene)
-        let_light_pass(self._renderer.scene, self.clear)
-        return self._renderer.render().copy()
+            draw_seen(renderer, lambda: renderer.update_scene(data, camera, option))
+        add_haze(model, renderer.scene)
+        let_light_pass(renderer.scene, self.clear)
+        return renderer.render().copy()
 
     def _behind(self, data: mujoco.MjData, body: int) -> mujoco.MjvCamera:
         camera = _looking_along(data.xmat[body].reshape(3, 3)[:, 0])

@@ -58,11 +58,12 @@ def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
         "--steps",
         "10",
         "--video",
-        str(tmp_path),
+        str(tmp_path / "videos"),
     )
     assert done.returncode == 0, done.stderr
     assert "coverage" in done.stdout
-    assert list(tmp_path.glob("*.mp4"))
+    assert "Overwriting" not in done.stdout + done.stderr  # as Gymnasium warns of a folder that is there
+    assert list((tmp_path / "videos").glob("*.mp4"))
 
 
 @pytest.mark.parametrize("name", ["World", "GoTo", "MineXplore/GoTo-v0"])
