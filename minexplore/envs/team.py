@@ -9,9 +9,9 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from minexplore.envs.robot_batch import RobotBatch
+from minexplore.envs.sensed.others import BeamsAmong, OtherRobots, SurfacesAmong
 from minexplore.physics.team_stepper import TeamStepper
 from minexplore.sensing.coverage import mark
-from minexplore.sensing.others import BeamsAmong, OtherRobots, SurfacesAmong
 from minexplore.tasks.exploration import StepOutcome
 from minexplore.tasks.starts import EpisodeStart
 
