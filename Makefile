@@ -45,7 +45,7 @@ check: setup  ## lint, types, import contracts, dvc.yaml up to date
 
 clean:  ## remove what `make all` wrote and compiled modules; worlds of your own, exports and training runs stay
 	@$(PY) -m pipeline clean
-	@find minexplore pipeline stages baselines benchmarks tests -path '*/__pycache__/*.pyc' -delete
+	@find minesurveys minexplore pipeline stages baselines benchmarks tests -path '*/__pycache__/*.pyc' -delete
 
 # One stage and those before it: make contours OVERRIDES="contours.tolerance_m=0.15"
 $(STAGES): setup

@@ -37,6 +37,7 @@ _ROBOTS = (1, 2, 4)
 _FIGURES = ("coverage", "speed_up", "contact_steps")  # of a record, a value for each size of team
 _BAND_S = 2.0  # of the times at which the spawn's limit is computed
 _UNSEEN = "MineXplore/Family-"
+_KNOWN = ("pose_m_rad", "height_m", "pitch_rad", "roll_rad")  # what a team knows of an info
 Key = tuple[str, int]  # environment and seed
 
 
@@ -50,8 +51,8 @@ class TeamEpisode:
         The share of reachable cells that the team has seen, at the start and after each control step.
     contact_steps : int
         Steps of all robots in contact with rock.
-    starts_m : (n, 2)
-        Where the robots start.
+    starts_m : (n, 3)
+        Where the robots start, mine frame; the height is 0 in a level mine.
     """
 
     coverage: np.ndarray
@@ -60,26 +61,18 @@ class TeamEpisode:
 
 
 def drive_team(env_id: str, robots: int, seed: int) -> TeamEpisode:
-    """Drive one episode of a team.
-
-    Raises
-    ------
-    BaselineError
-        If the mine has heights.
-    """
+    """Drive one episode of a team."""
     env = MineParallelEnv(robots, **gymnasium.spec(env_id).kwargs)
     try:
-        if env.world.has_heights:
-            raise BaselineError(f"{env_id}: its mine has heights; the team's map knows level mines only")
-        policy = AssignedFrontiers(robots, env.task, env.robot)
+        policy = AssignedFrontiers(robots, env.task, env.robot, env.world.has_heights)
         observation, info = env.reset(seed=seed)
         agents, contacts = env.possible_agents, 0
-        starts_m = np.stack([info[a]["pose_m_rad"][:2] for a in agents])
+        starts_m = np.stack([[*info[a]["pose_m_rad"][:2], info[a].get("height_m", 0.0)] for a in agents])
         curve = [info[agents[0]]["team_coverage"]]
         while env.agents:
             rows = np.stack([observation[a] for a in agents])
-            poses = np.stack([info[a]["pose_m_rad"] for a in agents])
-            commands = policy.act(beam_ranges(rows, env.task), poses)
+            infos = {name: np.stack([info[a][name] for a in agents]) for name in _KNOWN if name in info[agents[0]]}
+            commands = policy.act(beam_ranges(rows, env.task), infos)
             observation, _, _, _, info = env.step(dict(zip(agents, commands, strict=True)))
             curve.append(info[agents[0]]["team_coverage"])
             contacts += sum(bool(info[a]["collision"]) for a in agents)

@@ -23,14 +23,15 @@ from pathlib import Path
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table
+from minesurveys.errors import DoubtError, UnexpectedError, lacks_memory, printable
+from minesurveys.formats import FORMATS, kind_of
+from minesurveys.guard.process_limits import has_limits
+from minesurveys.limits import reader_limits
+from minesurveys.remarks import Remark, collect_remarks
 from pipeline.commands.options import add_options, stated_options
-from pipeline.errors import DoubtError, MineError, UnexpectedError, lacks_memory, printable
-from pipeline.guard.process_limits import has_limits
-from pipeline.params.reader_limits import reader_limits
+from pipeline.errors import MineError
 from pipeline.params.stated import StatedOptions, option
-from pipeline.remarks import Remark, collect_remarks
 from pipeline.store.files import write_atomically
-from pipeline.survey.formats import FORMATS, kind_of
 
 VERDICTS = ("read", "built", "asked", "refused", "failed")
 TABLE = Path("artifacts/bench/files.md")

@@ -32,7 +32,6 @@ _BY_NAME = {
     "stages/__main__.py": "stages/*.py",
     "minexplore/sensors/table.py": "minexplore/sensors/kinds/*.py",
     "minexplore/physics/robots.py": "minexplore/physics/*.py",
-    "pipeline/guard/process_limits.py": "pipeline/survey/load.py",
     "baselines/base/environments.py": "minexplore/backends.py",
     "benchmarks/proof_figures.py": "stages/*.py",
     "benchmarks/speed/time_pipeline.py": "pipeline/__main__.py",

@@ -29,7 +29,8 @@ from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.samples import SAMPLES
 from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.resume import Row
-from pipeline.errors import MineError, UnexpectedError
+from minesurveys.errors import UnexpectedError
+from pipeline.errors import MineError
 
 _COUNT = 40  # cases of a reader, hostile ones first
 Case = tuple[str, Callable[[], Files]]  # its name, and the function that makes its files

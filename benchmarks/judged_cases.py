@@ -80,7 +80,9 @@ class JudgedCases:
         add_options(parser, 2)
         given = parser.parse_args()
         wanted = list(self.cases[: given.count])
-        code = os.environ.get(CODE) or code_sha256("minexplore", "pipeline", "stages", "baselines", "benchmarks")
+        code = os.environ.get(CODE) or code_sha256(
+            "minesurveys", "minexplore", "pipeline", "stages", "baselines", "benchmarks"
+        )
         work = Work(self.name, _imported(self.judge), Row, code, memory_gb=_MEMORY_GB, label=_label_of)
         try:
             found = map_pieces(work, wanted, where_of(given))

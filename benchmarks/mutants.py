@@ -23,7 +23,7 @@ from benchmarks.resume import run_benchmark
 from pieces.work import add_options, where_of
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
-from pipeline.params.reading.composed import composed_section
+from pipeline.params.composed import composed_section
 from pipeline.params.validation import CertificateParams, Limit, ValidationParams
 from pipeline.proof.validator import Validator
 from pipeline.store.codecs import decode
@@ -109,7 +109,17 @@ def break_chain(root: Path) -> dict:
     """Change a hash in the chain of manifests and return whether the check names the broken link."""
     row = {"fault": "hash chain broken", "expected": "refused: in the inputs of contours", "found": "", "caught": False}
     with tempfile.TemporaryDirectory() as folder:
-        for name in ("artifacts", "conf", "data", "pipeline", "stages", "minexplore", "dvc.yaml", "params.yaml"):
+        for name in (
+            "artifacts",
+            "conf",
+            "data",
+            "minesurveys",
+            "pipeline",
+            "stages",
+            "minexplore",
+            "dvc.yaml",
+            "params.yaml",
+        ):
             (Path(folder) / name).symlink_to((root / name).resolve())
         (Path(folder) / "artifacts").unlink()
         shutil.copytree(root / "artifacts", Path(folder) / "artifacts", ignore=shutil.ignore_patterns("bench*"))

@@ -52,7 +52,7 @@ def run_pipeline(folder: Path, config: dict[str, Any]) -> None:
     if stamp.is_file() and stamp.read_text() == key:
         return
     write_atomically(folder / "artifacts/params.json", params.encode())
-    for name in ("conf", "data", "minexplore", "pipeline", "stages"):
+    for name in ("conf", "data", "minesurveys", "minexplore", "pipeline", "stages"):
         link = folder / name
         if not link.exists():
             link.symlink_to(Path(os.path.relpath(name, folder)))

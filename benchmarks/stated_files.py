@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from baselines.base.markdown import markdown_table
+from minesurveys.remarks import collect_remarks
 from pipeline.build.dry_run import DryRun, dry_run
 from pipeline.commands.options import add_options, stated_options
 from pipeline.errors import MineError
-from pipeline.remarks import collect_remarks
 from pipeline.store.files import write_atomically
 from pipeline.types import DrawnFloors, SurveyedLegs
 

@@ -13,7 +13,7 @@ def _end_at_once(kind: int, frame: object) -> None:
 
 
 _command = next((word for option, word in pairwise(sys.orig_argv) if option == "-m"), "")
-if _command.partition(".")[0] in ("pipeline", "stages") and not _command.startswith("pipeline.guard."):
+if _command.partition(".")[0] in ("pipeline", "stages"):
     for _kind in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(_kind) != signal.SIG_IGN:
             signal.signal(_kind, _end_at_once)

@@ -20,12 +20,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationResolutionError, OmegaConfBaseException
 from pydantic import ValidationError
 
+from minesurveys.guard.plain_yaml import require_plain_yaml
 from minexplore.physics.robot import RobotParams
 from pipeline.errors import ParamsError, run_command
+from pipeline.params.composed import root_overrides
 from pipeline.params.config import Config
 from pipeline.params.floor_rules import FloorRules
-from pipeline.params.reading.composed import root_overrides
-from pipeline.params.reading.plain_yaml import require_plain_yaml
 from pipeline.params.refusals import describe_refusals
 from pipeline.places import CODE_HASHES, COMPOSED, CONF, ROOT_PARAMS, require_project
 from pipeline.store.files import write_atomically

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.remarks import Remark
+from minesurveys.remarks import Remark
 from pipeline.survey.detection.detected_section import Detection
 from pipeline.survey.drawing.workings import WIDTHS_M
 

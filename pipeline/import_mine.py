@@ -10,18 +10,18 @@ from pathlib import Path
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.errors import ArtifactError, InputError, MineError, ParamsError
+from minesurveys.errors import InputError, MineError, ParamsError, one_line
+from minesurveys.guard.plain_file import require_plain_file
+from minesurveys.limits import FILE, reader_limits
+from minesurveys.refusals import in_own_words
+from minesurveys.remarks import hand_on, warn_user
+from pipeline.errors import ArtifactError
 from pipeline.findings import findings_of
-from pipeline.guard.plain_file import require_plain_file
-from pipeline.guard.reading_process import one_line
 from pipeline.own_mines import DATA, WORDS, require_kept, require_name, require_same, survey_file
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.params.reader_limits import FILE, reader_limits
-from pipeline.params.refusals import in_own_words
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SurveyParams
 from pipeline.places import WRITTEN_BY_NEW
-from pipeline.remarks import hand_on, warn_user
 from pipeline.store.files import missing_folders, write_atomically
 from pipeline.store.hashing import absence_of, sha256_bytes, sha256_file
 from pipeline.store.registry import OWN_REGISTRY, read_registry, register, unregister

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import yaml
 
+from minesurveys.guard.plain_file import require_plain_file
 from minexplore import is_built_in
 from pipeline.errors import InputError, ParamsError
-from pipeline.guard.plain_file import require_plain_file
 from pipeline.params.stated import StatedOptions
 from pipeline.places import CONF, WRITTEN_BY_NEW
 

@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from minesurveys.remarks import record_remarks
 from pipeline.errors import ArtifactError, MineError, ParamsError, run_command
-from pipeline.params.reading.composed import composed_section, root_overrides
+from pipeline.params.composed import composed_section, root_overrides
 from pipeline.places import ROOT_PARAMS
-from pipeline.remarks import record_remarks
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import recover_folder, replace_folder
 from pipeline.store.hashing import sha256_bytes, sha256_file

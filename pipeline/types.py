@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
 from shapely import MultiPolygon, Polygon
 
-Image = UInt8[np.ndarray, "rows cols *channels"]
-Mask = Bool[np.ndarray, "rows cols"]
-Points2 = Float64[np.ndarray, "n 2"]
+from minesurveys.frames import METRIC, Georeference, Heights
+from minesurveys.frames import Image as Image
+from minesurveys.frames import Mask as Mask
+from minesurveys.frames import Points2 as Points2
+
 Points3 = Float64[np.ndarray, "n 3"]
 Place = tuple[float, float, float]  # m
 Piece = str | Place  # of a survey: the name of a station in it, or a place
@@ -71,45 +72,10 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Georeference:
-    """The map from a file's coordinates to the mine frame: metres = (coordinates - `origin`) * `metres_per_unit`.
-
-    `crs` is the reference system that the file names, None for a local grid. Degrees are first projected by
-    `projection`. `turned_deg` is the counter-clockwise turn of a picture that brings north up.
-    """
-
-    unit: str
-    metres_per_unit: float
-    origin: tuple[float, float] = (0.0, 0.0)
-    crs: str | None = None
-    projection: str | None = None
-    turned_deg: float = 0.0
-
-
-METRIC = Georeference("m", 1.0)  # a local grid in metres, like the mine frame
-
-
-@dataclass(frozen=True)
 class Workings:
     """Workings seen from above (m, mine frame)."""
 
     polygons: MultiPolygon
-
-
-@dataclass(frozen=True)
-class Heights:
-    """What a survey says of the floor's height: lines along which it is known, spots, or a grade from the entrance.
-
-    Lines and spots are (x, y, z) in m, plan; z is the elevation less `datum_m`. A `grade` is rise over run along the
-    drifts, away from the entrance. Spots that are `sampled` are points of a surface, linear between them, that holds in
-    the drifts.
-    """
-
-    lines: list[list[tuple[float, float, float]]] = field(default_factory=list)
-    spots: list[tuple[float, float, float]] = field(default_factory=list)
-    grade: float | None = None
-    sampled: bool = False
-    datum_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -170,14 +136,6 @@ class SurveyedLegs:
     def __len__(self) -> int:
         """Return the number of legs."""
         return len(self.first) - 1
-
-
-class Source(IntEnum):
-    """How a distance from a station to a wall, the roof or the floor is known."""
-
-    ASSUMED = 0
-    INTERPOLATED = 1
-    MEASURED = 2
 
 
 def text_array(lines: Sequence[str]) -> np.ndarray:

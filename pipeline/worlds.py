@@ -7,10 +7,10 @@ import re
 from pathlib import Path
 from typing import Any
 
+from minesurveys.errors import one_line
 from minexplore.bundle import RECORD
 from minexplore.unfinished import command_to_end
 from pipeline.errors import ArtifactError
-from pipeline.guard.reading_process import one_line
 from pipeline.metrics.limits import flatten, format_limit, is_time
 from pipeline.params.config import Config
 from pipeline.params.validation import Limit, ValidationParams

@@ -13,6 +13,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.remarks import warn_user
 from pipeline.errors import GeometryError, ParamsError
 from pipeline.geometry.floor.network_heights import plan_floors
 from pipeline.geometry.floor.simplified_outline import (
@@ -31,7 +32,6 @@ from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams
 from pipeline.progress import progress
-from pipeline.remarks import warn_user
 from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, correct_by_sweeps, read_sweeps

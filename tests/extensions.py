@@ -20,10 +20,10 @@ def obstacle_table(count: int) -> str:
 '''
 
 
-def blocks(title: str) -> list[str]:
-    """Return the Python blocks of a section of the page."""
+def blocks(title: str, language: str = "python") -> list[str]:
+    """Return the blocks of a language in a section of the page."""
     section = PAGE.read_text().split(f"\n## {title}\n")[1].split("\n## ")[0]
-    return re.findall(r"^```python\n(.*?)^```", section, flags=re.M | re.S)
+    return re.findall(rf"^```{language}\n(.*?)^```", section, flags=re.M | re.S)
 
 
 def _without_last_line(block: str) -> str:
@@ -41,15 +41,14 @@ def changes() -> dict[str, Change]:
     measure = metric[metric.index("def steepest_grade") : metric.index("def drive")].rstrip() + "\n"
     return {
         "a survey format": {
-            "pipeline/survey/wkt.py": _without_last_line(blocks("A survey format")[0]).replace(
-                "from pipeline.params.stated import FileKind\nfrom pipeline.survey.formats import FORMATS, Format\n", ""
+            "minesurveys/wkt.py": _without_last_line(blocks("A survey format")[0]).replace(
+                "from minesurveys.formats import FileKind, Format\n", ""
             ),
-            "pipeline/survey/formats.py": [
+            "minesurveys/formats.py": [
                 _after(
-                    "from pipeline.survey.vector.surpac import read_surpac\n",
-                    "from pipeline.survey.wkt import read_wkt\n",
-                ),
-                _after("FORMATS: dict[str, Format] = {\n", '    ".wkt": Format(FileKind.VECTOR, shapes=read_wkt),\n'),
+                    "FORMATS: dict[str, Format] = {\n",
+                    '    ".wkt": Format(FileKind.VECTOR, shapes="minesurveys.wkt:read_wkt"),\n',
+                )
             ],
             "benchmarks/fuzzing/samples.py": [
                 _after("Files]] = {\n", '    "wkt": lambda: {"m.wkt": b"POLYGON ((0 0, 60 0, 60 5, 0 5, 0 0))\\n"},\n')

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 _PRELOADED = ["pipeline.compose", "pipeline.__main__", "open3d"]
-_PRELOADED += ["pipeline.survey.vector.dxf", "pipeline.report.page", "scipy.signal"]  # commands load them on demand
+_PRELOADED += ["minesurveys.vector.dxf", "pipeline.report.page", "scipy.signal"]  # commands load them on demand
 _PRELOADED += ["baselines.evaluate", "baselines.score", "tests.preloaded"]
 
 

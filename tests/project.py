@@ -47,7 +47,7 @@ def _project_files() -> list[str]:
 
 def _compiled() -> list[str]:
     """Return the paths of what Python has compiled: each copy would compile 600 modules anew."""
-    packages = ("minexplore", "pieces", "pipeline", "stages", "baselines", "benchmarks")
+    packages = ("minesurveys", "minexplore", "pieces", "pipeline", "stages", "baselines", "benchmarks")
     found = (path for name in packages for path in (ROOT / name).rglob("__pycache__/*.pyc"))
     return [path.relative_to(ROOT).as_posix() for path in found]
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.survey.passages.legs import SurveyLeg
-from pipeline.survey.solved.model import SolvedSurvey
+from minesurveys.legs import SurveyLeg
+from minesurveys.solved.model import SolvedSurvey
+from minesurveys.solved_surveys import solve_file
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved_surveys import solve_file
 
 
 def position_of(survey: SolvedSurvey) -> dict[str, np.ndarray]:

@@ -46,11 +46,11 @@ def find_id(name: str) -> str:
     raise BaselineError(f"env = {name!r}: valid choices are {', '.join(named)}{family}{mines}")
 
 
-def require_trainable(name: str, observation: str = "beams") -> None:
-    """Refuse to train in a mine that policies are judged by, with another robot than the default one, or by a flat map.
+def require_trainable(name: str) -> None:
+    """Refuse to train in a mine that policies are judged by, or with another robot than the default one.
 
     These mines are of the splits validation and test, and variants of the embedded mine; the name in the world's
-    record decides, so that another id or a moved folder changes nothing. The `observation` map is of level mines.
+    record decides, so that another id or a moved folder changes nothing.
 
     Raises
     ------
@@ -70,8 +70,6 @@ def require_trainable(name: str, observation: str = "beams") -> None:
         raise BaselineError(
             f"{env_id}: world {world.record['name']} is of the split {judged[1]}, which nothing is trained in"
         )
-    if observation == "map" and world.has_heights:
-        raise BaselineError(f"{env_id}: observation = 'map' is of level mines, this one has heights; want beams")
 
 
 def built_ids(split: str, count: int) -> list[str]:

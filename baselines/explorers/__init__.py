@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from baselines.explorers.frontier import InformationGain, NearestFrontier
+from baselines.explorers.graph_explorer import GraphExplorer
+from baselines.explorers.graph_gain import GraphInformationGain
 from baselines.explorers.in_volume import NearestFrontierInVolume
-from baselines.explorers.over_heights import (
-    DepthFirstOverHeights,
-    FrontierTourOverHeights,
-    InformationGainOverHeights,
-    NearestFrontierOverHeights,
-    TwoLevelOverHeights,
-)
 from baselines.explorers.random_walk import RandomWalk
 from baselines.explorers.reactive import Reactive
 from baselines.explorers.tour import DepthFirst, FrontierTour, TwoLevel
@@ -38,13 +34,17 @@ class Explorer:
         return self.over_heights or self.level if heights else self.level
 
 
+def _on_graph(kind: type[GraphExplorer]) -> Explorer:
+    return Explorer(kind, partial(kind, heights=True))
+
+
 EXPLORERS: dict[str, Explorer] = {
     "random": Explorer(RandomWalk),
     "reactive": Explorer(Reactive),
     "wall-following": Explorer(WallFollowing),
-    "nearest-frontier": Explorer(NearestFrontier, NearestFrontierOverHeights, NearestFrontierInVolume),
-    "information-gain": Explorer(InformationGain, InformationGainOverHeights),
-    "frontier-tour": Explorer(FrontierTour, FrontierTourOverHeights),
-    "depth-first": Explorer(DepthFirst, DepthFirstOverHeights),
-    "two-level": Explorer(TwoLevel, TwoLevelOverHeights),
+    "nearest-frontier": Explorer(NearestFrontier, partial(GraphExplorer, heights=True), NearestFrontierInVolume),
+    "information-gain": Explorer(InformationGain, partial(GraphInformationGain, heights=True)),
+    "frontier-tour": _on_graph(FrontierTour),
+    "depth-first": _on_graph(DepthFirst),
+    "two-level": _on_graph(TwoLevel),
 }

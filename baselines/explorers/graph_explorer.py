@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from baselines.base.beams import beam_ranges
-from baselines.explorers.maps.map_graph import MapGraph, map_graph, worth_driving_to
-from baselines.explorers.maps.own_map import OwnMap
+from baselines.explorers.ground import GoalCell, Ground, new_ground, stances_in
+from baselines.explorers.maps.map_graph import MapGraph
 from baselines.explorers.pursuit import PathFollower
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
@@ -21,8 +20,6 @@ GIVE_UP_STEPS = 60  # control steps beside a frontier that stays unseen
 BESIDE_M = 3.0
 STILL_M, STILL_STEPS = 1.0, 80  # a goal is given up, too, while the robot stays so long within a metre of one place
 _FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens
-
-GoalCell = tuple[int, ...]  # as the graph's `cells` have it: column and row of a coverage cell, and perhaps its layer
 
 
 @dataclass(frozen=True)
@@ -56,79 +53,22 @@ class Situation:
     present: int
 
 
-class Ground(Protocol):
-    """What a robot knows of the ground by its beams, and the graph that it plans on."""
-
-    map: Any
-
-    def add(self, stance: Any, bearings: np.ndarray, ranges: np.ndarray, far_m: float) -> None:
-        """Add beams (k,) rad from ahead, m; a range of `far_m` is a beam that hit nothing."""
-
-    def graph(self, given_up: list[GoalCell], centre: np.ndarray, reach_m: float) -> MapGraph | None:
-        """Return the graph with the frontier within reach of a place (2,) m that was not given up, or None."""
-
-    def has_seen(self, cell: GoalCell) -> bool:
-        """Return whether a cell is seen."""
-
-    def count_seen(self) -> int:
-        """Return how many coverage cells are seen."""
-
-    def doubts(self) -> Iterator[Callable[[], bool]]:
-        """Return what may be tried where no frontier is near: each opens ground, and returns whether it did."""
-
-
-class LevelGround:
-    """A map of one level, from true poses (x m, y m, heading rad)."""
-
-    def __init__(self, task: TaskParams, robot: RobotParams) -> None:
-        """Start with an empty map."""
-        self.map = OwnMap(task.cell_m)
-        self._radius_m = robot.radius_m
-
-    def add(self, stance: Any, bearings: np.ndarray, ranges: np.ndarray, far_m: float) -> None:
-        """Add beams; see `Ground`."""
-        self.map.add(stance[:2], stance[2] + bearings, ranges, far_m)
-
-    def graph(self, given_up: list[GoalCell], centre: np.ndarray, reach_m: float) -> MapGraph | None:
-        """Return the graph of the map; see `Ground`."""
-        keep = worth_driving_to(self.map, [(col, row) for col, row in given_up], centre, reach_m)
-        graph = map_graph(self.map, self._radius_m, keep)
-        return graph if len(graph.cells) else None
-
-    def has_seen(self, cell: GoalCell) -> bool:
-        """Return whether a cell is seen."""
-        col, row = np.array(cell) - self.map.low
-        return bool(self.map.seen[row, col])
-
-    def count_seen(self) -> int:
-        """Return how many coverage cells are seen."""
-        return int(self.map.seen.sum())
-
-    def doubts(self) -> Iterator[Callable[[], bool]]:
-        """Return nothing: on one level rock is rock."""
-        return iter(())
-
-
 class GraphExplorer:
     """Drives to the cluster of the frontier that `choose` selects.
 
-    The map is built from the beams and the true pose, and it is planned on as a graph.
+    The map is built from the beams and the true pose, in layers in a mine with heights, and planned on as a graph.
     """
 
     commit_steps = 0  # control steps for which a goal is kept, whatever `choose` says, while it is a frontier
 
-    def __init__(self, count: int, task: TaskParams, robot: RobotParams) -> None:
+    def __init__(self, count: int, task: TaskParams, robot: RobotParams, heights: bool = False) -> None:
         """Start with empty maps."""
-        self._task, self._robot = task, robot
+        self._task, self._robot, self._heights = task, robot, heights
         self._follower = PathFollower(task, robot)
         self._drivers = [self._new_driver() for _ in range(count)]
 
-    def new_ground(self) -> Ground:
-        """Return an empty map."""
-        return LevelGround(self._task, self._robot)
-
     def _new_driver(self) -> Driver:
-        return Driver(self.new_ground(), self._task.region_m)
+        return Driver(new_ground(self._task, self._robot, self._heights), self._task.region_m)
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
         """Empty the maps of robots (k,)."""
@@ -138,13 +78,8 @@ class GraphExplorer:
     def act(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2)."""
         poses, ranges = info["pose_m_rad"], beam_ranges(observation, self._task)
-        return np.array(
-            [self._drive(*each) for each in zip(self._drivers, self.stances(info), poses, ranges, strict=True)]
-        )
-
-    def stances(self, info: dict[str, Any]) -> Any:
-        """Return how each robot stands (n,), as its ground takes it: here the poses."""
-        return info["pose_m_rad"]
+        stances = stances_in(info, self._heights)
+        return np.array([self._drive(*each) for each in zip(self._drivers, stances, poses, ranges, strict=True)])
 
     def _drive(self, driver: Driver, stance: Any, pose: np.ndarray, ranges: np.ndarray) -> tuple[float, float]:
         driver.ground.add(stance, self._follower.bearings, ranges, self._task.range_m[1])
@@ -210,7 +145,7 @@ class Driver:
 
     def _situation(self, place: np.ndarray) -> Situation | None:
         given_up = [cell for cell, steps in self._beside.items() if steps > GIVE_UP_STEPS]
-        graph = self.ground.graph(given_up, place if self._start is None else self._start, self._region_m)
+        (graph,) = self.ground.graphs(given_up, place if self._start is None else self._start, self._region_m)
         if graph is None:
             return None
         robot = graph.nearest(place)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from baselines.base.beams import beam_bearings
-from baselines.explorers.maps.map_graph import Cell, MapGraph, map_graph, worth_driving_to
-from baselines.explorers.maps.own_map import OwnMap
+from baselines.explorers.ground import GoalCell, new_ground, stances_in
+from baselines.explorers.maps.map_graph import MapGraph
 from baselines.explorers.pursuit import PathFollower
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
@@ -17,41 +20,66 @@ _UNREACHABLE_M = 1e6
 _MATE_M = 0.8  # a beam that ends this near to a robot of the team has hit it, and not rock
 _GIVE_UP_STEPS = 100  # control steps beside a cell of the frontier that stays unseen
 _BESIDE_M = 3.0
+_FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Ways from n robots to k clusters of the frontier.
+
+    Attributes
+    ----------
+    graphs : (n,)
+        The graph as each robot plans on it, or None.
+    nodes : (n, k) int
+        Each cluster's nearest node.
+    lengths : (n, k) m
+        To these nodes, 1e6 where no way leads.
+    before : (n,) of arrays
+        The node before each node on the way, see `MapGraph.costs_from`.
+    """
+
+    graphs: list[MapGraph | None]
+    nodes: np.ndarray
+    lengths: np.ndarray
+    before: list[np.ndarray]
 
 
 class AssignedFrontiers:
     """Clusters of the frontier go to robots so that the sum of path lengths is least (as Burgard et al. 2005 compare).
 
-    All robots map together, by the beams and the true poses of all. A robot without a cluster shares its nearest one.
+    All robots map together, by the beams and the true poses of all, in layers in a mine with heights. A robot without a
+    cluster shares its nearest one.
     """
 
-    def __init__(self, count: int, task: TaskParams, robot: RobotParams) -> None:
+    def __init__(self, count: int, task: TaskParams, robot: RobotParams, heights: bool = False) -> None:
         """Start with an empty map."""
-        self._task, self._robot = task, robot
+        self._task, self._robot, self._heights = task, robot, heights
         self._bearings, self._follower = beam_bearings(task), PathFollower(task, robot)
         self._count = count
         self.reset()
 
     def reset(self) -> None:
         """Begin a new episode."""
-        self.map = OwnMap(self._task.cell_m)
+        self.ground = new_ground(self._task, self._robot, self._heights, self._count)
         self._paths: list[np.ndarray | None] = [None] * self._count
-        self._beside: dict[Cell, int] = {}
+        self._beside: dict[GoalCell, int] = {}
         self._start = np.zeros(2)
         self._step = 0
 
-    def act(self, ranges: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    def act(self, ranges: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Return commands (n, 2) in [-1, 1].
 
         Parameters
         ----------
         ranges : (n, beams) m
-        poses : (n, 3)
-            x, y, m, and yaw, rad, in the mine frame.
+        info : dict
+            `pose_m_rad` (n, 3); in a mine with heights `height_m`, `pitch_rad` and `roll_rad` (n,) as well.
         """
-        for robot, pose in enumerate(poses):
+        poses = info["pose_m_rad"]
+        for robot, stance in enumerate(stances_in(info, self._heights)):
             free = self._without_mates(robot, poses, ranges[robot])
-            self.map.add(pose[:2], pose[2] + self._bearings[free], ranges[robot][free], self._task.range_m[1])
+            self.ground.add(stance, self._bearings[free], ranges[robot][free], self._task.range_m[1], robot)
         if self._step == 0:
             self._start = poses[0, :2]
         if self._step % _REPLAN_STEPS == 0:
@@ -70,28 +98,41 @@ class AssignedFrontiers:
         return (np.linalg.norm(ends[:, None] - mates, axis=2) > _MATE_M).all(axis=1)
 
     def _plan(self, poses: np.ndarray) -> None:
-        """Assign clusters to robots and take the paths to them."""
-        given_up = [cell for cell, steps in self._beside.items() if steps > _GIVE_UP_STEPS]
-        keep = worth_driving_to(self.map, given_up, self._start, self._task.region_m)
-        graph = map_graph(self.map, self._robot.radius_m, keep)
-        numbers = np.unique(graph.cluster[graph.cluster > 0])
+        """Assign clusters to robots and take the paths to them; where none is near, doubt rock that may be a floor."""
+        ways = self._ways(poses)
+        for doubt in self.ground.doubts():
+            if ways.lengths.min(axis=1, initial=_UNREACHABLE_M).max() > _FAR_M and doubt():
+                self._beside.clear()
+                ways = self._ways(poses)
         self._paths = [None] * self._count
-        if not len(numbers):
+        if not ways.lengths.size:
             return
-        costs, before = graph.costs_from([graph.nearest(pose[:2]) for pose in poses])
-        goals = [np.flatnonzero(graph.cluster == number) for number in numbers]
-        nearest = np.array([[members[row[members].argmin()] for members in goals] for row in costs])  # (n, clusters)
-        lengths = np.minimum(np.take_along_axis(costs, nearest, axis=1), _UNREACHABLE_M)
-        chosen = lengths.argmin(axis=1)
-        robots, clusters = linear_sum_assignment(lengths)
-        chosen[robots] = np.where(lengths[robots, clusters] < _UNREACHABLE_M, clusters, chosen[robots])
+        chosen = ways.lengths.argmin(axis=1)
+        robots, clusters = linear_sum_assignment(ways.lengths)
+        chosen[robots] = np.where(ways.lengths[robots, clusters] < _UNREACHABLE_M, clusters, chosen[robots])
         for robot, cluster in enumerate(chosen.tolist()):
-            if lengths[robot, cluster] < _UNREACHABLE_M:
-                node = int(nearest[robot, cluster])
-                self._paths[robot] = graph.path(poses[robot, :2], before[robot], node)
-                self._count_steps_beside(graph, node, lengths[robot, cluster])
+            graph, length_m, node = ways.graphs[robot], ways.lengths[robot, cluster], int(ways.nodes[robot, cluster])
+            if graph is not None and length_m < _UNREACHABLE_M:
+                self._paths[robot] = graph.path(poses[robot, :2], ways.before[robot], node)
+                self._count_steps_beside(graph, node, length_m)
+
+    def _ways(self, poses: np.ndarray) -> Ways:
+        """Return the ways of all robots to all clusters."""
+        given_up = [cell for cell, steps in self._beside.items() if steps > _GIVE_UP_STEPS]
+        graphs = self.ground.graphs(given_up, self._start, self._task.region_m)
+        graph = next((each for each in graphs if each is not None), None)
+        members = [] if graph is None else [np.flatnonzero(graph.cluster == k) for k in np.unique(graph.cluster) if k]
+        nodes, lengths = np.zeros((2, self._count, len(members)))
+        lengths[:] = _UNREACHABLE_M
+        before = [np.zeros(0)] * self._count
+        for robot, own in enumerate(graphs if members else []):
+            if own is not None:
+                costs, before[robot] = (row[0] for row in own.costs_from([own.nearest(poses[robot, :2])]))
+                nodes[robot] = [cells[costs[cells].argmin()] for cells in members]
+                lengths[robot] = np.minimum([costs[cells].min() for cells in members], _UNREACHABLE_M)
+        return Ways(graphs, nodes.astype(int), lengths, before)
 
     def _count_steps_beside(self, graph: MapGraph, node: int, length_m: float) -> None:
         if length_m < _BESIDE_M:
-            cell = (int(graph.cells[node, 0]), int(graph.cells[node, 1]))
+            cell = tuple(graph.cells[node].tolist())
             self._beside[cell] = self._beside.get(cell, 0) + _REPLAN_STEPS

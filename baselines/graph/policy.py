@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from baselines.explorers.graph_explorer import STILL_M, Driver, GraphExplorer, Situation
-from baselines.explorers.over_heights import OverHeights
 from baselines.graph.checkpoint import read_network
 from baselines.graph.choosing import LearnedChoice
 from baselines.graph.features import Context
@@ -20,7 +19,7 @@ from minexplore.task import TaskParams
 class GraphPolicy(GraphExplorer):
     """Drives to the cluster of the frontier that a network scores highest; it needs neither torch nor Ray."""
 
-    def __init__(self, path: Path, count: int, task: TaskParams, robot: RobotParams) -> None:
+    def __init__(self, path: Path, count: int, task: TaskParams, robot: RobotParams, heights: bool = False) -> None:
         """Read the network.
 
         Raises
@@ -34,7 +33,7 @@ class GraphPolicy(GraphExplorer):
         self._anchors, self._poses = np.full((count, 2), np.inf), np.zeros((count, 3))
         self._starts, self._forward = np.zeros((count, 2)), np.zeros(count)
         self._floor = FloorSpeeds(task, count)
-        super().__init__(count, task, robot)
+        super().__init__(count, task, robot, heights)
 
     def reset(self, robots: np.ndarray, seeds: np.ndarray) -> None:
         """Empty the maps of robots (k,)."""
@@ -63,7 +62,3 @@ class GraphPolicy(GraphExplorer):
         left_s = (self._task.max_steps - self._steps[robot]) * step_s
         pose, start, floor = self._poses[robot], self._starts[robot], self._floor.of(robot)
         return self._choice(situation, Context(driver.ground.count_seen(), pose, start, left_s, still_s, held_s, floor))
-
-
-class GraphPolicyOverHeights(OverHeights, GraphPolicy):
-    """`GraphPolicy` on a map of layers."""

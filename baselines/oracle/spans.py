@@ -67,13 +67,8 @@ def network_over_spans(problem: CoverageProblem, band_s: float) -> TimeNetwork:
     band_s : float
     """
     spans = spans_of(problem.world)
-    links = span_links(spans, problem.robot.radius_m - _SINK_M)
-    spawn = np.array(problem.world.record["spawn"]["anchor_m"])
+    links, (start,), times = arrival_over_spans(problem, np.array(problem.world.record["spawn"]["anchor_m"])[None])
     numbers = np.flatnonzero(links.standing)
-    start = int(np.linalg.norm(spans.roomiest_m[numbers] - spawn, axis=1).argmin())
-    times = dijkstra(links.graph(slowness(problem.world, problem.task)), directed=False, indices=start) / metric_of(
-        spans
-    )
     is_reached = np.isfinite(times)
     band = np.where(is_reached, np.where(is_reached, times, 0.0) // band_s, -1).astype(int)
     regions = _regions(band, links.pairs)
@@ -96,6 +91,21 @@ def network_over_spans(problem: CoverageProblem, band_s: float) -> TimeNetwork:
     arrival = np.full(len(links.standing), np.inf)
     arrival[numbers] = times
     return TimeNetwork(graph, root, band_s, credit, {**places, root: numbers[[start]]}, links.standing, arrival)
+
+
+def arrival_over_spans(problem: CoverageProblem, starts_m: np.ndarray) -> tuple[SpanLinks, list[int], np.ndarray]:
+    """Return where a robot can be, where it starts, and the least time (k,), s, to each such span from a start.
+
+    Starts (n, 3) m are in the mine frame; those returned are indices of the nearest of the k spans to stand on. A time
+    is infinite where no way leads.
+    """
+    spans = spans_of(problem.world)
+    links = span_links(spans, problem.robot.radius_m - _SINK_M)
+    places = spans.roomiest_m[links.standing]
+    starts = [int(np.linalg.norm(places - start, axis=1).argmin()) for start in starts_m]
+    graph = links.graph(slowness(problem.world, problem.task))
+    times = dijkstra(graph, directed=False, indices=starts, min_only=True) / metric_of(spans)
+    return links, starts, times
 
 
 def spans_of(world: World) -> FloorSpans:

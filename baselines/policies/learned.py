@@ -75,7 +75,7 @@ class LearnedPolicy:
         """Return commands (n, 2)."""
         features = observation.astype(np.float64)
         if self._maps is not None:
-            features = np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
+            features = np.hstack([observation, self._maps.observe(observation, info)])
         features = self._recur(features) if self.model.kind == "lstm" else self._layers(features, f"{_ENCODER}net.")
         head = _linear(features, self._arrays[f"{_HEAD}weight"], self._arrays[f"{_HEAD}bias"])
         mean, log_sd = head[:, :2], self._arrays["pi.log_std"] if "pi.log_std" in self._arrays else head[:, 2:]

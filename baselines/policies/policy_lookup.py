@@ -18,7 +18,7 @@ from baselines.base.errors import BaselineError
 from baselines.base.result_file import CHECKPOINTS, MOST_POLICY, POLICY
 from baselines.explorers import EXPLORERS
 from baselines.graph import checkpoint as graph_checkpoint
-from baselines.graph.policy import GraphPolicy, GraphPolicyOverHeights
+from baselines.graph.policy import GraphPolicy
 from baselines.policies.learned import LearnedPolicy
 from baselines.policies.learned import trained_in as ppo_trained_in
 from baselines.policies.policy_source import find_source, read_source, require_checkpoint, source_sha256
@@ -71,7 +71,7 @@ def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = N
     Raises
     ------
     BaselineError
-        If there is no policy of that name, or it does not know such mines or robots; the message lists the choices.
+        If there is no policy of that name, or it does not know such robots; the message lists the choices.
     """
     robot = robot or RobotParams()
     if name in EXPLORERS and fits(name, robot):
@@ -86,15 +86,8 @@ def make_policy(name: str, count: int, task: TaskParams, robot: Robot | None = N
     path = find_checkpoint(name)
     graph = graph_checkpoint.format_of(path) == graph_checkpoint.FORMAT
     if graph:
-        kind = GraphPolicyOverHeights if heights else GraphPolicy
-        return kind(path, count, task, cast(RobotParams, robot))  # it uses what all on wheels have
-    learned = LearnedPolicy(path, count, task)
-    if heights and learned.observation == "map":
-        raise BaselineError(
-            f"policy = {name!r}: its map is of level mines; in a mine with heights valid choices are "
-            f"{', '.join(EXPLORERS)}, module:Class, graph explorers, and what is trained with observation=beams"
-        )
-    return learned
+        return GraphPolicy(path, count, task, cast(RobotParams, robot), heights)  # it uses what all on wheels have
+    return LearnedPolicy(path, count, task)
 
 
 def fits(name: str, robot: Robot) -> bool:

@@ -159,7 +159,7 @@ def _export(algorithm: Any, settings: TrainSettings, facts: dict[str, Any], run:
 def main() -> None:
     """Compose the settings from the command line and train."""
     settings = compose_settings(sys.argv[1:])
-    first = training_mines(settings.env, settings.mines, settings.observation)[0]
+    first = training_mines(settings.env, settings.mines)[0]
     make_env(first, 1).close()  # a world that is not built is refused before Ray starts
     facts = train(settings, TRAINED / settings.name)
     print(json.dumps(facts))

@@ -74,20 +74,20 @@ class TrainingEnv(VectorWrapper):
         if self._maps is None:
             return observation
         self._maps.forget(started)
-        return np.hstack([observation, self._maps.observe(observation, info["pose_m_rad"])])
+        return np.hstack([observation, self._maps.observe(observation, info)])
 
 
-def training_mines(env: str, mines: int, observation: str) -> list[str]:
+def training_mines(env: str, mines: int) -> list[str]:
     """Return the ids of the mines to train in: of `MineXplore/Family-v0` the first mines of the training split.
 
     Raises
     ------
     BaselineError
-        If the id is unknown, a mine is not built, one that policies are judged by, or has heights that a map lacks.
+        If the id is unknown, a mine is not built, or one that policies are judged by.
     """
     ids = built_ids("train", mines) if env == FAMILY else [env]
     for env_id in ids:
-        require_trainable(env_id, observation)
+        require_trainable(env_id)
     return ids
 
 
@@ -100,9 +100,7 @@ def make_training_env(context: dict[str, Any]) -> TrainingEnv:
         As `training_mines`, or if a world cannot be loaded, or the robots cannot be spread evenly over the mines.
     """
     robots = context.get("num_envs", 1)
-    ids = training_mines(context["env"], context["mines"], context["observation"])[
-        :robots
-    ]  # of one robot RLlib asks the spaces only
+    ids = training_mines(context["env"], context["mines"])[:robots]  # of one robot RLlib asks the spaces only
     if robots % len(ids):
         raise BaselineError(f"robots = {robots}, mines = {len(ids)}: want as many robots in each mine")
     mines = [make_env(env_id, robots // len(ids)) for env_id in ids]

@@ -33,7 +33,9 @@ def test_a_patch_turns_with_the_robot():
     place = np.array([1.0, 1.0])
     poses = np.array([[*place, 0.0], [*place, np.pi / 2]])
     room = (-3.0, -3.0, 30.0, 5.0)
-    patches = maps.observe(np.stack([seen_from(place, yaw, room)[0] for yaw in (0.0, np.pi / 2)]), poses)
+    patches = maps.observe(
+        np.stack([seen_from(place, yaw, room)[0] for yaw in (0.0, np.pi / 2)]), {"pose_m_rad": poses}
+    )
     one, other = patches.reshape(2, 3, 16, len(RINGS_M) - 1)
     np.testing.assert_allclose(np.roll(one[0], -4, axis=0), other[0])  # what lay ahead lies to the right
     assert one[0, 0, :2].min() == 1  # the room, open for 29 m ahead and seen as far as 10
@@ -46,7 +48,7 @@ def test_a_patch_turns_with_the_robot():
 def test_a_patch_forgets_with_its_robot_alone():
     maps = MapObserver(2, TaskParams())
     observation = np.stack([seen_from(np.zeros(2), 0.0, (-4.0, -4.0, 4.0, 4.0))[0]] * 2)
-    maps.observe(observation, np.zeros((2, 3)))
+    maps.observe(observation, {"pose_m_rad": np.zeros((2, 3))})
     maps.forget(np.array([1]))
     assert maps.seen[0].any()
     assert not maps.seen[1].any()

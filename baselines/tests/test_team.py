@@ -1,5 +1,6 @@
 import json
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -15,6 +16,8 @@ from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from pieces.results import PiecesError
 from pieces.work import HERE
+
+VECTOR = "minexplore.envs.vector:MineVectorEnv"
 
 
 @pytest.mark.slow
@@ -32,9 +35,10 @@ def test_a_robot_of_the_team_is_not_mapped_as_rock():
     poses = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, np.pi]])
     ranges = np.full((2, 16), 10.0)
     ranges[:, 0] = 3.8  # each sees the other one ahead
-    policy.act(ranges, poses)
-    row, col = policy.map.at(np.array([[3.8, 0.0], [0.2, 0.0]]), policy.map.fine_m)
-    assert (policy.map.fine[row, col] != ROCK).all()
+    policy.act(ranges, {"pose_m_rad": poses})
+    own = policy.ground.map
+    row, col = own.at(np.array([[3.8, 0.0], [0.2, 0.0]]), own.fine_m)
+    assert (own.fine[row, col] != ROCK).all()
 
 
 def test_the_speed_up_compares_times_to_the_same_coverage():
@@ -42,6 +46,25 @@ def test_the_speed_up_compares_times_to_the_same_coverage():
     assert speed_up(one, team) == pytest.approx(2.0)
     assert speed_up(one, one) == 1.0
     assert np.isnan(speed_up(team, one))
+
+
+def test_a_team_explores_a_mine_with_heights_and_no_sooner_than_is_possible(ramp):
+    """On two levels, so that the robots map in different layers."""
+    env_id = "MineXplore/TeamRamp-v0"
+    kwargs = {"world": str(ramp), "task": {"max_steps": 300, "terrain": False}}
+    gymnasium.register(env_id, "minexplore.envs.env:MineEnv", vector_entry_point=VECTOR, kwargs=kwargs)
+    try:
+        episode, env = drive_team(env_id, 2, 0), make_env(env_id, 1)
+        within_reach = cells_within_reach(CoverageProblem.of(env.robots), episode.starts_m, 1.0)
+        total = env.robots.grid.total
+        env.close()
+    finally:
+        del gymnasium.registry[env_id]
+    assert episode.contact_steps == 0
+    assert episode.coverage[-1] > 3 * episode.coverage[0]
+    seen = np.round(episode.coverage * total)
+    assert within_reach[-1] == total
+    assert all(seen[10 * second] <= within_reach[second] for second in range(min(30, len(within_reach))))
 
 
 @pytest.mark.slow

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from baselines.base.markdown import markdown_table
+from minesurveys.solved.model import LegFlag, SolvedSurvey
+from minesurveys.solved_surveys import solve_file
 from pipeline.params.compile3d import VolumeParams
-from pipeline.survey.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import splays_by_node
-from pipeline.survey.solved_surveys import solve_file
 from pipeline.survey.whole_survey import built_piece, whole_legs
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import Volume

@@ -22,11 +22,11 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table
+from minesurveys.solved.model import SolvedSurvey
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.solved_surveys import solve_file
 from pipeline.errors import MineError
 from pipeline.store.files import write_atomically
-from pipeline.survey.solved.model import SolvedSurvey
-from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import solve_file
 
 TABLE = Path("artifacts/bench/survey-programs.md")
 _TIME_S = 20

@@ -36,7 +36,7 @@ def build(folder: Path, members: list[CorpusMember], where: Where = HERE) -> lis
         "corpus",
         partial(build_member, folder, sum(not member.words for member in members if member != DEFAULT)),
         None,
-        code_sha256("minexplore", "pipeline", "stages", "benchmarks"),
+        code_sha256("minesurveys", "minexplore", "pipeline", "stages", "benchmarks"),
         kept=None,  # the folder states what it has
         memory_gb=_MEMORY_GB,
         label=lambda member: member.name,

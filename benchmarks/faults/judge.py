@@ -87,7 +87,7 @@ def judge_many(seeds: list[int], where: Where = HERE) -> list[Verdict]:
     Outcomes: refused by an expected error; harmless, with an equal compiled model and equal rays; other rock, where
     only meshes of the rough rock differ and stay closed and within bounds; missed; or crashed by another error.
     """
-    code = code_sha256("minexplore", "pipeline", "stages", "benchmarks")
+    code = code_sha256("minesurveys", "minexplore", "pipeline", "stages", "benchmarks")
     return map_pieces(Work("mutants", judge_seed, Verdict, code), seeds, where)
 
 

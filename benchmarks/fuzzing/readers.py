@@ -85,11 +85,11 @@ def _read_cloud(path: Path) -> None:
     import open3d  # noqa: F401
     import trimesh  # noqa: F401
 
-    from pipeline.guard.reading_process import run_limited
-    from pipeline.scans.cloud import CloudLimits
+    from minesurveys.guard.reading_process import run_limited
+    from pipeline.scans.cloud import CloudLimits, read_here
 
     limits = asdict(CloudLimits(0.01, (0.5, 50.0), 1_000_000, (1.0, 12.0), 400.0))
-    run_limited("cloud", {"path": str(path), "units": "m", "limits": limits}, str(path))
+    run_limited(read_here, {"path": str(path), "units": "m", "limits": limits}, str(path))
 
 
 def _read_sweep(path: Path) -> None:
@@ -109,8 +109,8 @@ def _read_section(path: Path) -> None:
     from omegaconf.errors import OmegaConfBaseException
     from pydantic import TypeAdapter, ValidationError
 
+    from minesurveys.guard.plain_yaml import require_plain_yaml
     from pipeline.errors import ParamsError
-    from pipeline.params.reading.plain_yaml import require_plain_yaml
     from pipeline.params.survey import SurveyParams
 
     require_plain_yaml(path)

@@ -16,8 +16,8 @@ from benchmarks.judged_cases import JudgedCases, largest, least
 from benchmarks.resume import Row
 from benchmarks.scans.sample import Scan, scan_of
 from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, truth_of
+from minesurveys.clouds.point_blocks import PointBlock
 from pipeline.errors import MineError
-from pipeline.scans.point_blocks import PointBlock
 from pipeline.survey.clouds.thinned import spacing_of, thin
 from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
 from pipeline.survey.detection.cloud import resolution

@@ -14,13 +14,13 @@ from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.resume import Row
 from benchmarks.scans.solid_files import write
 from benchmarks.scans.truth import mesh_of, truth_of
+from minesurveys.frames import METRES
 from pipeline.errors import MineError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid
-from pipeline.survey.vector.shapes import METRES
 from pipeline.types import ClosedMesh
 
 MINES = 5

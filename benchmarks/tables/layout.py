@@ -26,7 +26,7 @@ from stages.__main__ import STAGES
 
 BEFORE = "9d8be4aa"  # the last commit before the folders were cut
 PAGE = Path("docs/evidence/parts/layout.md")
-PRODUCT = ("minexplore", "pipeline", "stages", "baselines")
+PRODUCT = ("minesurveys", "minexplore", "pipeline", "stages", "baselines")
 MOST_MODULES = 15
 ARTIFACTS = {"plan": {"plan"}, "topology": {"topology", "DriftNetwork"}, "free_space": {"free_space", "FreeSpace"}}
 

@@ -17,9 +17,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from baselines.base.markdown import markdown_table, write_table
-from pipeline.survey.passages.legs import SurveyLeg
+from minesurveys.legs import SurveyLeg
 from pipeline.survey.passages.workings import build_workings
-from pipeline.survey.stations.table import read_stations
+from pipeline.survey.solved.station_table import read_stations
 
 TABLE = Path("docs/evidence/parts/random-bends.md")
 KINDS = ("2 m to each wall", "0.5 to 3 m to each wall", "stations on the left wall, 1 to 4 m to the right one")

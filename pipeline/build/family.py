@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from minesurveys.guard.process_limits import has_limits
 from minexplore.sealed.json_text import describe_json_error
 from minexplore.splits import SEEDS, STYLES, mine_name
 from pieces.results import PiecesError
@@ -20,7 +21,6 @@ from pipeline.build.splits import LIST, Listed
 from pipeline.build.world import make_world
 from pipeline.compose import compose
 from pipeline.errors import ArtifactError, InputError, LimitError
-from pipeline.guard.process_limits import has_limits
 from pipeline.metrics.limits import flatten
 from pipeline.places import CONF
 from pipeline.stage import ARTIFACTS

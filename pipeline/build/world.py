@@ -10,12 +10,13 @@ from typing import Any
 
 import yaml
 
+from minesurveys.errors import describe_shortage, lacks_memory
+from minesurveys.remarks import hand_on
 from minexplore.unfinished import CONTINUE, PARAMS
-from pipeline.errors import MemoryShortageError, MineError, describe_shortage, lacks_memory
+from pipeline.errors import MemoryShortageError, MineError
 from pipeline.params.config import Config
 from pipeline.places import CODE_HASHES, COMPOSED
 from pipeline.progress import counted
-from pipeline.remarks import hand_on
 from pipeline.stage import ARTIFACTS, MANIFEST, check_again, is_fresh, make_artifacts, written_by
 from pipeline.store.files import recover_folder, write_atomically
 from pipeline.store.hashing import read_text_file

@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Callable
 
-from pipeline.guard.plain_number import plain_number
+from minesurveys.guard.plain_number import plain_number
 
 
 def number(text: str) -> float:

@@ -31,7 +31,8 @@ def new(
 
     What was guessed, dropped or assumed is listed once, at the end, also if the file is refused.
     """
-    from pipeline.errors import DoubtError, InputError
+    from minesurveys.errors import DoubtError
+    from pipeline.errors import InputError
     from pipeline.own_mines import require_name
     from pipeline.store.locks import hold_lock
     from pipeline.worlds import WORLDS
@@ -56,7 +57,7 @@ def new(
 @contextmanager
 def _remarks_listed(source: Path) -> Iterator[None]:
     """List the remarks of what runs in a table on standard error, also if it fails; not if it is interrupted."""
-    from pipeline.remarks import collect_remarks
+    from minesurveys.remarks import collect_remarks
 
     with collect_remarks() as remarks:
         failure = None
@@ -113,11 +114,11 @@ def _make(
     overrides: list[str],
     detected: Path | None,
 ) -> None:
+    from minesurveys.remarks import hand_on, record_remarks
     from minexplore.ends import uninterrupted
     from pipeline.compose import compose, floor_rules_of
     from pipeline.errors import LimitError
     from pipeline.import_mine import draft_import, import_mine
-    from pipeline.remarks import hand_on, record_remarks
     from pipeline.report.remarks import read_detected, write_detected
     from pipeline.worlds import WORLDS, describe_start, env_id
 
@@ -161,8 +162,9 @@ def _take_back(name: str, imported: Any, pictures: dict[Path, str], error: BaseE
     A refused mine leaves nothing behind. Ctrl-C and a lack of memory or space leave nothing before the file is read,
     and keep the finished stages later.
     """
+    from minesurveys.errors import lacks_resources
     from pipeline.build.world import remove_world
-    from pipeline.errors import MineError, lacks_resources
+    from pipeline.errors import MineError
     from pipeline.import_mine import forget_import
     from pipeline.store.written import take_back
     from pipeline.worlds import WORLDS

@@ -65,8 +65,8 @@ def limits_of_kind(kind: str, overrides: list[str]) -> Any:
 
 def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str]) -> None:
     """Check that a world is what the builder writes and that its rock encloses the workings. Print the certificate."""
+    from pipeline.commands.within_limits import within_limits
     from pipeline.errors import LimitError
-    from pipeline.guard.within_limits import within_limits
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_report
 

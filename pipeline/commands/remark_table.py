@@ -6,8 +6,8 @@ import shutil
 import textwrap
 from itertools import zip_longest
 
-from pipeline.errors import printable
-from pipeline.remarks import Remark
+from minesurveys.errors import printable
+from minesurveys.remarks import Remark
 
 _HEAD = Remark("what", "how many", "overruled by")
 _VALUE, _OPTION = 16, 32  # characters of these columns at most

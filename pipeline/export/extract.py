@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from minesurveys.remarks import warn_user
 from minexplore.bundle import (
     ROCK_TEXTURE,
     BundleError,
@@ -36,7 +37,6 @@ from pipeline.export.scene import (
     hull_triangles,
 )
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.remarks import warn_user
 from pipeline.volume.world.record import VolumeRecord
 
 ROCK = "rock"  # the material of walls and roofs in `mine.xml`

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from minesurveys.refusals import in_own_words
 from minexplore.bundle import (
     COVER_M,
     FITTINGS_BODY,
@@ -36,7 +37,6 @@ from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.visible import Visible, compile_visible, compile_with
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
-from pipeline.params.refusals import in_own_words
 from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn

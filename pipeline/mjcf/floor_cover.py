@@ -11,13 +11,13 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.remarks import warn_user
 from minexplore.bundle import COVER_M, cover_mesh
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.mjcf.simplify import simplify_mesh
 from pipeline.params.fittings import FloorParams
-from pipeline.remarks import warn_user
 from pipeline.types import DriftNetwork, Frame, Mesh
 
 _BEYOND_M = 0.6  # under the rock, whose foot stands that far behind the wall

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from minesurveys.remarks import warn_user
 from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
 from pipeline.geometry.polyline import FloorLine
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
 from pipeline.params.fittings import FurnitureParams
-from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle
 from pipeline.types import DriftNetwork
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from minesurveys.formats import FileKind
+from minesurveys.frames import Unit
+from minesurveys.refusals import in_own_words
 from pipeline.errors import InputError
 from pipeline.params.base import Params
-from pipeline.params.refusals import in_own_words
-from pipeline.params.survey import GRADES_NEED, BoxPx, Columns, Elevation, Grade, Grey, PieceOption, StartM, Unit
+from pipeline.params.survey import GRADES_NEED, BoxPx, Columns, Elevation, Grade, Grey, PieceOption, StartM
 
 _MOST_PX = 1_000_000.0  # of a coordinate in a picture; a side has at most 16,384
 _Px = Annotated[float, Field(ge=-_MOST_PX, le=_MOST_PX)]
@@ -24,18 +25,6 @@ Ratio = Annotated[float, "1:N"]
 """N of a scale 1:N."""
 Elevations = dict[str, Elevation]
 """The elevation of each layer that is a level, m."""
-
-
-class FileKind(StrEnum):
-    """What a survey's file is, in the words of messages."""
-
-    PICTURE = "a picture"
-    PDF = "a PDF"
-    GRID = "an occupancy grid"
-    VECTOR = "a vector file"
-    STATIONS = "a station survey"
-    SOLID = "a solid"
-    CLOUD = "a point cloud"
 
 
 _PICTURES = (FileKind.PICTURE, FileKind.PDF)

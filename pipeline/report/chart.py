@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from pipeline.types import Georeference
+from minesurveys.frames import Georeference
 
 _DIGITS = 2  # of a metre
 ELEVATION = ("elevation", "Elevation")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from pipeline.remarks import Remark, collect_remarks, hand_on
+from minesurveys.remarks import Remark, collect_remarks, hand_on
 from pipeline.store.codecs import decode, encode
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import sha256_bytes

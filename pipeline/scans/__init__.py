@@ -1,1 +1,1 @@
-"""Clouds, sweeps and poses: reading, registration, and correction of a plan by sweeps."""
+"""Sweeps and poses of scanners: reading, registration, and correction of a plan by sweeps."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from pipeline.errors import InputError
+from minesurveys.clouds.cloud_formats import LEAST_POINTS, read_blocks, run_on_cloud
+from minesurveys.errors import InputError
+from minesurveys.guard.reading_process import Payload
 from pipeline.geometry.ray_scene import load_open3d
-from pipeline.guard.reading_process import Payload
-from pipeline.scans.cloud_formats import LEAST_POINTS, read_blocks, run_on_cloud
 
 UNIT_M = {"m": 1.0, "mm": 0.001, "ft": 0.3048}
 
@@ -38,7 +38,7 @@ class CloudLimits:
 def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     """Read a cloud or mesh as points (n, 3) m, gated by range and thinned to one point per voxel.
 
-    A process with the limits of `conf/reader_limits.yaml` reads it. Its time grows with the size of the file.
+    A process with the limits of `minesurveys/limits.yaml` reads it. Its time grows with the size of the file.
 
     Formats: the dataset's `NN_lidar.dat` (a header line, then `time x y z intensity`), XYZ text (`x y z ...`), PLY and
     PCD clouds, LAS and LAZ, and STL, OBJ and PLY meshes, which are sampled uniformly.
@@ -63,7 +63,7 @@ def read_cloud(path: Path, units: str, limits: CloudLimits) -> np.ndarray:
     if not path.is_file():
         raise InputError(f"{path}: {'not a plain file' if path.exists() else 'missing'}")
     arguments = {"path": str(path), "units": units, "limits": asdict(limits)}
-    return run_on_cloud("cloud", arguments, path).arrays["points"]
+    return run_on_cloud(read_here, arguments, path).arrays["points"]
 
 
 def read_here(path: str, units: str, limits: dict[str, Any]) -> Payload:

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.errors import GeometryError, InputError
+from minesurveys.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.scans.poses import CORRECTION_M, CORRECTION_RAD
 from pipeline.scans.registration import Fan, Pose, Registration, Search, range_loss, register_scans

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import shapely
 
-from pipeline.errors import GeometryError, InputError
+from minesurveys.errors import GeometryError, InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.raycast import RayCaster, upright_walls

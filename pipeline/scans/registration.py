@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import GeometryError
+from minesurveys.errors import GeometryError
 
 Pose = tuple[float, float, float]  # x, y (m), heading (rad)
 Fan = tuple[np.ndarray, np.ndarray]  # bearings (n,) rad in the scanner's frame, ranges (n,) m

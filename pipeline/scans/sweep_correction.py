@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline.errors import GeometryError
+from minesurveys.errors import GeometryError
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.geometry.polyline import arc_length
 from pipeline.geometry.raycast import RayCaster, upright_walls

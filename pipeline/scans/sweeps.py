@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.guard.csv_text import read_csv_text
-from pipeline.guard.plain_file import read_text_bytes, require_at_most
-from pipeline.guard.plain_number import plain_number
-from pipeline.params.reader_limits import reader_limits
+from minesurveys.errors import InputError
+from minesurveys.guard.csv_text import read_csv_text
+from minesurveys.guard.plain_file import read_text_bytes, require_at_most
+from minesurveys.guard.plain_number import plain_number
+from minesurveys.limits import reader_limits
 from pipeline.scans.registration import Pose
 
 _LEAST_RETURNS = 30

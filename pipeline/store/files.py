@@ -13,8 +13,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from minesurveys.errors import printable
 from minexplore.ends import uninterrupted
-from pipeline.errors import ArtifactError, printable
+from pipeline.errors import ArtifactError
 from pipeline.store.hashing import read_text_file, sha256_bytes
 from pipeline.store.written import Written, remove_empty, written_files
 

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from minesurveys.remarks import Remark
 from minexplore import __version__
 from pipeline.errors import ArtifactError
-from pipeline.remarks import Remark
 from pipeline.store.files import describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.remarks import warn_user
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
-from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, encode
 from pipeline.surface.chunks import cut_chunks
 from pipeline.surface.mesh.lattice import CrossSection, Lattice, lay_lattice

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
+from minesurveys.refusals import first_refusal
+from minesurveys.remarks import warn_user
 from pipeline.errors import InputError
 from pipeline.metrics.rock.roughness import (
     SurfaceRoughness,
@@ -13,9 +15,7 @@ from pipeline.metrics.rock.roughness import (
     roughness_of_cloud,
     roughness_of_sweeps,
 )
-from pipeline.params.refusals import first_refusal
 from pipeline.params.surface import CloudParams, SurfaceParams, SweepsParams
-from pipeline.remarks import warn_user
 from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
 from pipeline.scans.sweeps import read_sweep
 

@@ -1,1 +1,1 @@
-"""Stage 1: readers of plans, drawings, station surveys, scale bars and poses; the download of the real data."""
+"""Stage 1: what is detected of a survey, and the plan, workings, floors and legs that its content makes."""

@@ -9,34 +9,28 @@ from typing import Any, get_args
 import numpy as np
 import shapely
 
-from pipeline.errors import InputError
-from pipeline.guard.plain_file import require_plain_file
-from pipeline.guard.reading_process import Payload, one_line, run_limited, warn_user
+from minesurveys.errors import InputError, one_line
+from minesurveys.formats import FileKind, kind_of, solver_limits
+from minesurveys.frames import METRES, Georeference, Unit
+from minesurveys.guard.plain_file import require_plain_file
+from minesurveys.guard.reading_process import Payload, run_limited
+from minesurveys.reading import read_shapes
+from minesurveys.remarks import Remark, collect_remarks, hand_on, warn_user
+from minesurveys.vector.shapes import Shapes
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.params.stated import FileKind, StatedOptions, require_read
-from pipeline.params.survey import (
-    CentrelineSurveyParams,
-    GridSurveyParams,
-    PassageSurveyParams,
-    Unit,
-    VectorSurveyParams,
-)
-from pipeline.remarks import Remark, collect_remarks, hand_on
+from pipeline.params.stated import StatedOptions, require_read
+from pipeline.params.survey import CentrelineSurveyParams, GridSurveyParams, PassageSurveyParams, VectorSurveyParams
 from pipeline.survey.detection.cloud import detect_cloud, is_cloud
 from pipeline.survey.detection.detected_section import Detection, section_for
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.detection.solid import detect_solid
 from pipeline.survey.draw import MineReading
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
-from pipeline.survey.formats import kind_of, solver_limits
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
 from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
-from pipeline.survey.vector.shapes import METRES, Shapes
-from pipeline.survey.vector_shapes import read_shapes
 from pipeline.survey.vector_survey import read_vector_survey
-from pipeline.types import Georeference
 
 _STATED_WIDTHS_M = (0.5, 100.0)  # in the unit that a file states: from crawls to stopes; some files state a wrong one
 _DXF, _METRIC = ".dxf", ("m", "cm", "mm")
@@ -51,7 +45,7 @@ _DRAWN = {"layers", "snap_m", "elevations_m", "level_by", "no_elevation", "piece
 
 
 def detect_survey(path: Path, stated: StatedOptions | None = None, rules: FloorRules = FLOOR_RULES) -> Detection:
-    """Detect how a file should be read, in a process with the limits of `conf/reader_limits.yaml`.
+    """Detect how a file should be read, in a process with the limits of `minesurveys/limits.yaml`.
 
     `path`: Path; any file that stage 1 reads, in any folder. `stated`: StatedOptions; what the user states about the
     file; None is nothing.
@@ -68,7 +62,7 @@ def detect_survey(path: Path, stated: StatedOptions | None = None, rules: FloorR
         return detect_cloud(path, stated)
     require_read(path, kind_of(path), stated)
     arguments = {"path": str(path), "stated": stated.values(), "rules": rules.model_dump()}
-    payload = run_limited("detect", arguments, str(path), **solver_limits(path))
+    payload = run_limited(detect_here, arguments, str(path), **solver_limits(path))
     files, picture = [Path(file) for file in payload.values["files"]], payload.arrays.get("detected")
     return Detection(**payload.values | {"files": files, "picture": picture})
 

@@ -1,4 +1,4 @@
-"""A mine in metres as its reader has it, and its plan like a published one: grey workings, red labels, a scale bar."""
+"""A mine as its reader has it, and its plan like a published one: grey workings, red labels, a scale bar."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import numpy as np
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
+from minesurveys.errors import InputError
+from minesurveys.frames import Georeference, Heights
+from minesurveys.pictures.picture_header import MAX_SIDE_PX
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.survey.base import DrawnSurveyParams
-from pipeline.survey.drawing.picture_header import MAX_SIDE_PX
-from pipeline.types import DrawnFloors, DrawnPlan, Frame, Georeference, Heights, Image, VolumeShape
+from pipeline.types import DrawnFloors, DrawnPlan, Frame, Image, Scale, VolumeShape
 
 _OVERSAMPLE = 4
 _LETTER_HEIGHT_M = 12.0
@@ -69,10 +70,11 @@ def frame_of(name: str, workings: BaseGeometry, params: DrawnSurveyParams, size_
 
 @dataclass(frozen=True)
 class MineReading:
-    """A mine in metres as its reader has it.
+    """A mine as its reader has it.
 
-    `workings` (m, mine frame) are the view from above of a shape that is no plan; None of a generated mine whose
-    picture stage 2 traces. `draw_plan` draws the plan, in `frame`. `files` are those that were read.
+    `workings` (m, mine frame) are the view from above of a shape that is no plan; None of a picture, which stage 2
+    traces. `draw_plan` draws the plan, in `frame`. `files` are those that were read. Of a picture `scale` is how it was
+    measured, and `boxes` (px) show no workings.
     """
 
     workings: MultiPolygon | None
@@ -82,6 +84,8 @@ class MineReading:
     heights: Heights | None = None
     shape: DrawnPlan | VolumeShape = field(default_factory=DrawnPlan)
     files: list[str] = field(default_factory=list)
+    scale: Scale | None = None
+    boxes: list[tuple[int, int, int, int]] = field(default_factory=list)
 
     @property
     def width_m(self) -> float:

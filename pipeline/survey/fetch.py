@@ -10,10 +10,11 @@ from pathlib import Path
 
 import requests
 
+from minesurveys.errors import InputError, describe_os_error
 from minexplore.bundle import BundleError
 from minexplore.extra.download import Transfer, keep_file
 from minexplore.limits import UnreadableError, read_plain_file
-from pipeline.errors import InputError, describe_os_error, run_command
+from pipeline.errors import run_command
 from pipeline.store.registry import Entry, read_registry, verify_input
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from pydantic import TypeAdapter
-from shapely import MultiPolygon
 
-from pipeline.errors import InputError
-from pipeline.guard.reading_process import Payload, run_limited
+from minesurveys.errors import InputError
+from minesurveys.formats import files_of, format_of, solver_limits
+from minesurveys.frames import METRIC, Georeference, Heights
+from minesurveys.guard.reading_process import Payload, run_limited
+from minesurveys.legs import SurveyLeg
+from minesurveys.pictures.georeference import find_placement, placement_files
+from minesurveys.pictures.image import read_image
+from minesurveys.remarks import collect_remarks
 from pipeline.params.floor_rules import FloorRules
 from pipeline.params.survey import (
     CloudSurveyParams,
@@ -22,14 +28,11 @@ from pipeline.params.survey import (
     StationSurveyParams,
     SurveyParams,
 )
-from pipeline.remarks import collect_remarks
 from pipeline.scans.poses import PoseScale, scale_from_poses
 from pipeline.scans.sweeps import gate_returns, read_poses, read_returns
 from pipeline.store.mine_survey import MineSurvey, survey_arrays, survey_of_arrays
 from pipeline.store.registry import read_registry
-from pipeline.survey.draw import WIDEST_M, draw_plan, draw_workings, frame_around, frame_of
-from pipeline.survey.drawing.georeference import find_placement, placement_files
-from pipeline.survey.drawing.image import read_image
+from pipeline.survey.draw import WIDEST_M, MineReading, draw_plan, draw_workings, frame_around, frame_of
 from pipeline.survey.drawing.picture import (
     fill_walls,
     keep_workings,
@@ -40,31 +43,15 @@ from pipeline.survey.drawing.picture import (
 )
 from pipeline.survey.drawing.reduction import in_reduced_px, size_read
 from pipeline.survey.drawing.scale import measure_bar
-from pipeline.survey.formats import is_solved, solver_limits
-from pipeline.survey.grid.nav2 import nav2_picture
 from pipeline.survey.grid.plan import read_grid
-from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.relief import floor_of
 from pipeline.survey.passages.workings import build_workings, level_legs
-from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 from pipeline.survey.solved.flatness import require_single
+from pipeline.survey.solved.station_table import read_stations
 from pipeline.survey.start import start_in_plan
-from pipeline.survey.stations.table import read_stations
 from pipeline.survey.surfaces import height_files, read_heights
 from pipeline.survey.vector_survey import read_vector_survey, subject_of, vector_files
-from pipeline.types import (
-    METRIC,
-    DrawnPlan,
-    Frame,
-    Georeference,
-    Heights,
-    Image,
-    Scale,
-    Survey,
-    SurveyedLegs,
-    VolumeShape,
-    Workings,
-)
+from pipeline.types import DrawnPlan, Frame, Image, Scale, Survey, SurveyedLegs, VolumeShape, Workings
 
 Box = tuple[int, int, int, int]
 Scaled = StationSurveyParams | PlanSurveyParams
@@ -84,25 +71,8 @@ class Reading:
     legs: SurveyedLegs | None = None
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """A survey as a plan with its frame and scale, boxes of the plan (px) that show no workings, and its workings.
-
-    Workings are those of a survey in metres; None where stage 2 finds them in the plan.
-    """
-
-    plan: Image
-    frame: Frame
-    scale: Scale
-    georeference: Georeference
-    shape: DrawnPlan | VolumeShape
-    heights: Heights | None = None
-    boxes: list[Box] = field(default_factory=list)
-    workings: MultiPolygon | None = None
-
-
 def read_survey(params: SurveyParams) -> MineSurvey:
-    """Read a survey, in a process with the limits of `conf/reader_limits.yaml` if it comes from a file.
+    """Read a survey, in a process with the limits of `minesurveys/limits.yaml` if it comes from a file.
 
     Raises
     ------
@@ -115,7 +85,7 @@ def read_survey(params: SurveyParams) -> MineSurvey:
     arguments = {"params": params.model_dump(mode="json")}
     subject = _subject(params)
     fresh = params.poses is not None
-    payload = run_limited("survey", arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
+    payload = run_limited(read_here, arguments, subject, fresh=fresh, **solver_limits(Path(subject)))
     return survey_of_arrays(payload.values, payload.arrays)
 
 
@@ -144,22 +114,21 @@ def _subject(params: SurveyParams) -> str:
 
 def read_unlimited(params: SurveyParams) -> MineSurvey:
     """Read a survey in this process."""
-    files: list[str] = []
     match params.kind:
         case "stations" | "plan":
             read = _read_scaled(params)
         case "solid" | "cloud":
             read = _read_solid(params)
+        case "grid":
+            read = read_grid(params)
         case _:
-            found = read_grid(params) if params.kind == "grid" else read_vector_survey(params)
-            files, scale = found.files, Scale(found.frame.px_per_m, "map" if params.kind == "grid" else "drawn")
-            place = found.georeference
-            read = _Drawn(found.draw_plan(), found.frame, scale, place, found.shape, found.heights, [], found.workings)
-    stated = _stated_heights(params, read)
+            read = read_vector_survey(params)
+    plan = read.draw_plan()
+    stated = _stated_heights(params, read, plan)
     if stated is not None and not isinstance(read.shape, DrawnPlan):
         raise InputError(f"{_subject(params)}: survey.heights and survey.grade are not read: it has elevations")
     heights = stated or read.heights
-    registry, files = read_registry(), _sources(params, files)
+    registry, files = read_registry(), _sources(params, read.files)
     licences = {
         name: registry[name.removeprefix("data/")].licence for name in files if name.removeprefix("data/") in registry
     }
@@ -168,7 +137,7 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
         params.name,
         params.kind,
         read.frame,
-        read.scale,
+        read.scale or Scale(read.frame.px_per_m, "map" if params.kind == "grid" else "drawn"),
         read.boxes,
         entrance_m,
         dict(params.labels_m),
@@ -178,10 +147,10 @@ def read_unlimited(params: SurveyParams) -> MineSurvey:
         heights,
         entrance_z_m,
     )
-    return MineSurvey(survey, read.plan, read.shape, None if read.workings is None else Workings(read.workings))
+    return MineSurvey(survey, plan, read.shape, None if read.workings is None else Workings(read.workings))
 
 
-def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
+def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> MineReading:
     # trimesh, ezdxf and open3d take a second each to load, and few surveys are solids or clouds
     from pipeline.survey.clouds.draw import mark_left_out
     from pipeline.survey.clouds.read import ScanReading, read_scan
@@ -189,11 +158,9 @@ def _read_solid(params: SolidSurveyParams | CloudSurveyParams) -> _Drawn:
 
     found = read_scan(params) if params.kind == "cloud" else read_solid(params)
     frame = frame_of(params.file, found.workings, params)
-    plan = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
-    if isinstance(found, ScanReading):
-        plan = mark_left_out(plan, frame, found.volume)
-    scale = Scale(frame.px_per_m, "drawn")
-    return _Drawn(plan, frame, scale, found.georeference, found.solid, workings=found.workings)
+    drawn = draw_workings(found.workings, frame, params.labels_m, params.drawing_grey)
+    plan = mark_left_out(drawn, frame, found.volume) if isinstance(found, ScanReading) else drawn
+    return MineReading(found.workings, found.georeference, frame, partial(np.asarray, plan), shape=found.solid)
 
 
 def _entrance(
@@ -208,10 +175,10 @@ def _entrance(
     return (east, north), elevation[0] - shape.datum_m if elevation else None
 
 
-def _stated_heights(params: SurveyParams, read: _Drawn) -> Heights | None:
+def _stated_heights(params: SurveyParams, read: MineReading, plan: Image) -> Heights | None:
     """Return the heights that the survey section states, None if it states none."""
     if params.heights is not None:
-        return read_heights(Path(params.heights), read.georeference, read.plan, read.frame)
+        return read_heights(Path(params.heights), read.georeference, plan, read.frame)
     return Heights(grade=params.grade) if isinstance(params.grade, float) else None
 
 
@@ -231,7 +198,7 @@ def require_extent(path: str, plan: Image, px_per_m: float) -> None:
         )
 
 
-def _read_scaled(params: Scaled) -> _Drawn:
+def _read_scaled(params: Scaled) -> MineReading:
     """Read a survey whose scale must be measured, and choose its scale."""
     reading = plan_of_stations(params) if params.kind == "stations" else read_plan(params)
     params = params if params.kind == "stations" else in_reduced_px(params)
@@ -253,7 +220,8 @@ def _read_scaled(params: Scaled) -> _Drawn:
             )
             for col0, row0, col1, row1 in boxes
         ]
-    return _Drawn(plan, frame, scale, reading.georeference, DrawnPlan(reading.legs), reading.heights, boxes)
+    drawn, shape = partial(np.asarray, plan), DrawnPlan(reading.legs)
+    return MineReading(None, reading.georeference, frame, drawn, reading.heights, shape, scale=scale, boxes=boxes)
 
 
 def plan_of_stations(params: StationSurveyParams) -> Reading:
@@ -373,10 +341,10 @@ def _choose_scale(params: Scaled, reading: Reading, poses: PoseScale | None, rat
 
 def sources(params: SurveyParams) -> list[str]:
     """List the input files of a survey section, with their companion files."""
-    names_others = params.kind == "grid" or (params.kind == "passages" and is_solved(Path(params.file)))
-    if not names_others:
+    is_generated = params.kind in ("procedural", "variant")
+    if is_generated or not format_of(Path(_subject(params))).files:
         return _sources(params)
-    return run_limited("sources", {"params": params.model_dump(mode="json")}, _subject(params)).values
+    return run_limited(sources_here, {"params": params.model_dump(mode="json")}, _subject(params)).values
 
 
 def sources_here(params: dict[str, Any]) -> Payload:
@@ -395,10 +363,9 @@ def _sources(params: SurveyParams, read: list[str] | None = None) -> list[str]:
             georeference = placement_files(Path(params.image)) if params.scale.source == "georeference" else []
             files += [file.as_posix() for file in georeference]
         case "grid":
-            files = read or [params.map, nav2_picture(Path(params.map)).as_posix()]
+            files = read or [file.as_posix() for file in files_of(Path(params.map))]
         case "solid":
-            beside = [strings_beside(Path(params.file)).as_posix()] if params.file.lower().endswith(DTM) else []
-            files = [params.file, *beside]
+            files = [file.as_posix() for file in files_of(Path(params.file))]
         case "cloud":
             files = [params.file, *([params.trajectory] if params.trajectory else [])]
         case _:

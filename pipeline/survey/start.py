@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from pipeline.errors import InputError
-from pipeline.types import Heights
+from minesurveys.errors import InputError
+from minesurveys.frames import Heights
 
 _NEAR_M = 20.0  # of a start from the line of its drift; the widest drifts and rooms are 40 m wide
 

@@ -11,22 +11,21 @@ import pyproj
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
-from pipeline.guard.plain_file import read_text_bytes, require_at_most
-from pipeline.guard.reading_process import warn_user
+from minesurveys.coordinates.local_plan import require_lengths
+from minesurveys.coordinates.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
+from minesurveys.coordinates.stray_heights import STRAY_M
+from minesurveys.errors import InputError
+from minesurveys.formats import FORMATS, FileKind, files_of, shape_reader, suffixes_of
+from minesurveys.frames import Georeference, Heights
+from minesurveys.guard.plain_file import read_text_bytes, require_at_most
+from minesurveys.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
+from minesurveys.remarks import warn_user
+from minesurveys.solids.landxml import LANDXML, read_landxml_floor
+from minesurveys.spots import read_spots
+from minesurveys.vector.shapes import REACH_M, Shapes, require_size
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.params.stated import FileKind
-from pipeline.survey.coordinates.local_plan import require_lengths
-from pipeline.survey.coordinates.map_axes import MapAxes, axes_of, coordinate_system, horizontal, warn_of_heights
-from pipeline.survey.formats import shape_reader, suffixes_of
-from pipeline.survey.height_raster import RASTER_DRIVERS, HeightPoints, prj_beside, read_raster
 from pipeline.survey.passages.relief import warn_of_level
-from pipeline.survey.passages.stray_heights import STRAY_M
-from pipeline.survey.solids.landxml import LANDXML, read_landxml_floor
-from pipeline.survey.spots import read_spots
-from pipeline.survey.vector.geodata import companions
-from pipeline.survey.vector.shapes import REACH_M, Shapes, require_size
-from pipeline.types import Frame, Georeference, Heights, Image
+from pipeline.types import Frame, Image
 
 HEIGHT_SUFFIXES = (".csv", *RASTER_DRIVERS, *LANDXML, *suffixes_of(FileKind.VECTOR))
 _APART_M = 1.0  # of the points that a surface is sampled at
@@ -91,8 +90,8 @@ def read_heights(path: Path, georeference: Georeference, plan: Image, frame: Fra
 
 def height_files(path: Path) -> list[str]:
     """Return a file of heights and its companions."""
-    prj = prj_beside(path)
-    return [file.as_posix() for file in (path, *companions(path), *([] if prj is None else [prj]))]
+    prj, files = prj_beside(path), files_of(path) if path.suffix.lower() in FORMATS else [path]
+    return [file.as_posix() for file in (*files, *([] if prj is None else [prj]))]
 
 
 def wall_heights(
@@ -248,7 +247,7 @@ def _read_drawing(path: Path, step: float) -> tuple[HeightPoints, bool]:
     The last value is whether there are lines.
     """
     if path.suffix.lower() == ".dxf":
-        from pipeline.survey.vector.dxf import read_dxf  # see pipeline/survey/formats.py
+        from minesurveys.vector.dxf import read_dxf  # see minesurveys/formats.py
 
         content = read_dxf(path, None, with_heights=True)
     else:

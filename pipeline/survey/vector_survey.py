@@ -11,12 +11,20 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import NAMED, InputError
+from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.formats import files_of
+from minesurveys.frames import METRIC, Georeference
+from minesurveys.legs import SurveyLeg
+from minesurveys.reading import read_shapes
+from minesurveys.remarks import warn_user
+from minesurveys.solved.model import SolvedSurvey
+from minesurveys.vector.geojson import read_geojson
+from minesurveys.vector.level_fields import level_elevations, warn_of_overlaps
+from minesurveys.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights
 from pipeline.geometry.generated.generate import generate_workings
 from pipeline.geometry.generated.perturb import perturb_workings
 from pipeline.geometry.generated.rough_walls import roughen_walls
 from pipeline.geometry.outline.enclosure import as_polygons
-from pipeline.guard.reading_process import one_line, warn_user
 from pipeline.params.survey import (
     CentrelineSurveyParams,
     PassageSurveyParams,
@@ -25,23 +33,16 @@ from pipeline.params.survey import (
     VectorSurveyParams,
 )
 from pipeline.survey.draw import MineReading, draw_picture, reading_of
-from pipeline.survey.formats import is_solved
 from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
-from pipeline.survey.passages.legs import SurveyLeg, legs_of, require_no_crossing
+from pipeline.survey.passages.legs import legs_of, require_no_crossing
 from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
 from pipeline.survey.passages.workings import build_workings, level_legs
-from pipeline.survey.solved.model import SolvedSurvey
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
-from pipeline.survey.vector.geodata import companions
-from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.level_fields import warn_of_overlaps
+from pipeline.survey.vector.enclosed import workings_of
 from pipeline.survey.vector.plan_doubts import refusal_of_layers
-from pipeline.survey.vector.shapes import REACH_M, Shapes, locate, require_simple, with_heights, workings_of
-from pipeline.survey.vector_shapes import elevations_of, read_shapes
 from pipeline.survey.whole_survey import (
     built_piece,
     footprint,
@@ -50,11 +51,7 @@ from pipeline.survey.whole_survey import (
     read_whole,
     seen_from_above,
 )
-from pipeline.types import (
-    METRIC,
-    DrawnPlan,
-    Georeference,
-)
+from pipeline.types import DrawnPlan
 
 VectorSurvey = (
     VectorSurveyParams | PassageSurveyParams | CentrelineSurveyParams | ProceduralSurveyParams | VariantSurveyParams
@@ -109,7 +106,7 @@ def _read_walls(params: VectorSurveyParams, content: Shapes | None) -> MineReadi
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     content = with_heights(path, content, params.unit)
     shapes, georeference = locate(path, content, params.unit, params.origin)
-    found = read_levels(path, content, shapes, georeference, params, elevations_of(path, content, params))
+    found = read_levels(path, content, shapes, georeference, params, _elevations_of(path, content, params))
     if found.levels is not None:
         return reading_of(params.file, found.levels.polygons, params, georeference, shape=found.levels.shape)
     if params.piece is not None:
@@ -157,7 +154,7 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     path = Path(params.file)
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     content = with_heights(path, content, params.unit)
-    elevations = elevations_of(path, content, params)
+    elevations = _elevations_of(path, content, params)
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None, params
     )
@@ -169,6 +166,15 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
         return reading_of(params.file, as_polygons(built), params, georeference, shape=shape)
     surveyed = built_piece(path, survey, legs, params.piece)
     return reading_of(params.file, seen_from_above(path, surveyed), params, georeference, shape=surveyed)
+
+
+def _elevations_of(
+    path: Path, content: Shapes, params: VectorSurveyParams | CentrelineSurveyParams
+) -> dict[str, float] | None:
+    """Return the elevation of each layer that is a level, m: as stated, or as a property of the shapes states it."""
+    if params.level_by is None:
+        return params.elevations_m
+    return level_elevations(path, content, params.level_by, params.elevations_m)
 
 
 def _level_workings(
@@ -220,6 +226,4 @@ def vector_files(params: VectorSurvey) -> list[str]:
             return []
         case "variant":
             return [params.workings]
-    path = Path(params.file)
-    files = survey_files(path) if is_solved(path) else [path, *companions(path)]
-    return [file.as_posix() for file in files]
+    return [file.as_posix() for file in files_of(Path(params.file))]

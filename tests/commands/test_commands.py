@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from pipeline.errors import ArtifactError, InputError, ParamsError, lacks_memory, run_command
+from minesurveys.errors import lacks_memory
+from pipeline.errors import ArtifactError, InputError, ParamsError, run_command
 from pipeline.own_mines import require_name
 from pipeline.params.validation import ValidationParams
 from pipeline.report.results import read_metrics

@@ -24,7 +24,7 @@ def project(tmp_path, monkeypatch):
 
 
 def test_a_mine_whose_configuration_cannot_be_written_leaves_no_file_and_no_folder(project, capsys, monkeypatch):
-    monkeypatch.setattr("pipeline.remarks._printed", set())  # a process prints a remark once
+    monkeypatch.setattr("minesurveys.remarks._printed", set())  # a process prints a remark once
     before = {path for path in project.rglob("*") if path.parent != project / "conf"}
     with pytest.raises(ArtifactError, match=r"conf/survey/x\.yaml: cannot be written"):
         import_mine(draft_import("x", Path("own.csv"), StatedOptions()), "drawn", "CC0")

@@ -193,7 +193,7 @@ def test_a_file_with_a_name_that_configuration_would_evaluate_is_refused(owned):
 
 def test_the_second_of_two_commands_for_one_world_is_refused_and_an_interrupt_ends_the_first(owned, tmp_path):
     project = owned[0].copy(tmp_path / "copy")
-    set_values(project.folder / "conf/reader_limits.yaml", {"notice_s": 1})
+    set_values(project.folder / "minesurveys/limits.yaml", {"notice_s": 1})
     before = state_of(project)
     # The view counts for ever, so the command runs until it is interrupted.
     (project.folder / "slow.gpkg").write_bytes(HOSTILE["geopackage"]["view that counts without end"]()["mine.gpkg"])

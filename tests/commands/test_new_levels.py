@@ -10,7 +10,7 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from pipeline.geometry.polyline import arc_length
 from pipeline.store.codecs import decode
-from pipeline.survey.stations.table import read_stations
+from pipeline.survey.solved.station_table import read_stations
 from pipeline.types import FloorMesh
 from tests.heights import UNDER, levels, seam, shelves, spiral, table
 from tests.project import ROOT, Project

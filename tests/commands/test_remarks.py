@@ -2,9 +2,9 @@
 
 import pytest
 
+from minesurveys.remarks import Remark, collect_remarks, hand_on, warn_user
 from pipeline.commands.remark_table import remark_table
 from pipeline.findings import findings_of
-from pipeline.remarks import Remark, collect_remarks, hand_on, warn_user
 from pipeline.survey.detection.detected_section import Detection
 from tests.project import ROOT
 

@@ -2,11 +2,11 @@ import codecs
 
 import pytest
 
+from minesurveys.frames import METRIC
+from minesurveys.guard.csv_text import read_csv_text
+from minesurveys.spots import read_spots
 from pipeline.errors import InputError
-from pipeline.guard.csv_text import read_csv_text
-from pipeline.survey.spots import read_spots
-from pipeline.survey.stations.table import read_stations
-from pipeline.types import METRIC
+from pipeline.survey.solved.station_table import read_stations
 
 HEADER = "leg,station,easting_m,northing_m,left_m,right_m\n"
 TABLE = HEADER + "Größe,Schürf1,0,0,2,3\nGröße,Schürf2,10,0,2,3\n"

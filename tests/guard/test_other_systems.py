@@ -8,15 +8,16 @@ import sys
 import pytest
 import shapely
 
+from minesurveys.errors import describe_shortage
 from pieces.work import HERE
 from pipeline.build.family import Member, make_family
-from pipeline.errors import InputError, describe_shortage
+from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
 from tests.mines import TEE
 from tests.project import ROOT
 
 POSIX = {"fcntl", "grp", "pty", "pwd", "resource", "syslog", "termios", "tty"}
-PACKAGES = ("minexplore", "pieces", "pipeline", "stages", "baselines")
+PACKAGES = ("minesurveys", "minexplore", "pieces", "pipeline", "stages", "baselines")
 RUN_ON_LINUX = {"baselines/sandbox/policy_process.py"}  # bubblewrap alone starts it
 IMPORTED = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)  # at the top of a module
 # Filelock needs no fcntl on Windows, where it takes another way, so it is imported before.

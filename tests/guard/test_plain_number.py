@@ -2,12 +2,12 @@ import math
 
 import pytest
 
+from minesurveys.guard.plain_number import plain_number
+from minesurveys.pictures.georeference import _six_numbers
+from minesurveys.solved.node_links import _read
+from minesurveys.stations.compass import _feet
 from pipeline.errors import InputError
-from pipeline.guard.plain_number import plain_number
 from pipeline.scans.sweeps import _finite
-from pipeline.survey.drawing.georeference import _six_numbers
-from pipeline.survey.solved.node_links import _read
-from pipeline.survey.stations.compass import _feet
 
 ODD = ["4_0", "\u0664\u0660", "40\u00a0", "0x1f", "1e", "", "1,5", "--1", "1 2", "+-3", "\x0c1"]
 

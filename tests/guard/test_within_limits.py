@@ -6,8 +6,8 @@ import signal
 import numpy as np
 import pytest
 
+from pipeline.commands.within_limits import within_limits
 from pipeline.errors import ArtifactError, InputError
-from pipeline.guard.within_limits import within_limits
 
 GB = 1_000_000_000
 

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.fuzzing.library_words import library_words
 from pipeline.errors import ParamsError
-from pipeline.params.reading.composed import composed_section, root_overrides
+from pipeline.params.composed import composed_section, root_overrides
 
 
 @pytest.mark.parametrize("text", ['{"survey": 3}', '{"survey": {"kind": "plan"}}', '{"a": [', "[]", "[" * 20_000])

@@ -34,13 +34,13 @@ def test_a_changed_module_makes_stale_the_stages_that_import_it_and_no_other(unb
     assert changed("pipeline/errors.py") == {*stages, "report"}
     dag = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
     assert all({"artifacts/code.json": [name]} in dag[name]["params"] for name in (*stages, "report"))
-    assert {"minexplore", "pipeline", "stages"} <= set(dag["compose"]["deps"])
+    assert {"minesurveys", "minexplore", "pipeline", "stages"} <= set(dag["compose"]["deps"])
 
 
 def test_dvc_yaml_names_each_input_of_the_default_world_and_none_of_your_mines(unbuilt, tmp_path):
     project = unbuilt.copy(tmp_path / "mine")
     tracked = {p.relative_to(project.folder).as_posix() for p in (project.folder / "conf").rglob("*.yaml")}
-    read = {name for name in tracked if not name.startswith("conf/train/")} - {"conf/reader_limits.yaml"}
+    read = {name for name in tracked if not name.startswith("conf/train/")}
     (project.folder / "conf/survey/mine.yaml").write_text("# Written by `python -m pipeline new mine`\nkind: plan\n")
     written = project.module("stages").stdout
     deps = {name: stage["deps"] for name, stage in yaml.safe_load(written)["stages"].items()}

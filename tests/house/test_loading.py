@@ -77,7 +77,7 @@ def test_make_lets_python_keep_what_it_has_compiled():
     assert done.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize("folder", ["pipeline", "stages", "tests"])
+@pytest.mark.parametrize("folder", ["minesurveys", "pipeline", "stages", "tests"])
 def test_open3d_is_loaded_in_one_place_alone(folder):
     """Elsewhere it would have threads, for which a forked process waits for ever."""
     files = [path for path in (ROOT / folder).rglob("*.py") if re.search(r"^ *import open3d", path.read_text(), re.M)]

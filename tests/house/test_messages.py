@@ -17,14 +17,15 @@ from pipeline.params.config import Config
 from pipeline.params.survey import SurveyParams
 from tests.project import ROOT, modules_below
 
-READERS = ("pipeline/survey", "pipeline/scans", "pipeline/guard", "pipeline/import_mine.py")
+READERS = ("minesurveys", "pipeline/survey", "pipeline/scans", "pipeline/import_mine.py")
 OTHERS = ("pipeline/geometry/drawing", "pipeline/geometry/outline", "pipeline/geometry/floor", "stages/contours.py")
 OURS = {"InputError", "GeometryError", "ParamsError", "MineError", "DoubtError", "ArtifactError", "DrawingError"}
 # What of a caught exception a message may state: the system's reason, and places in the file.
 STATED = ("strerror", "start", "lineno", "colno")
 OWN_WORDS = {  # an exception of another class whose text is ours, or that no reader of a file raises
-    "pipeline/survey/drawing/georeference.py": "ValueError of `plain_number`",
+    "minesurveys/pictures/georeference.py": "ValueError of `plain_number`",
     "pipeline/survey/fetch.py": "of a download",
+    "minesurveys/limits.py": "of our own file, in our words",
 }
 # Questions about a broken file, which no option answers, and those whose caller names the parameter.
 OF_THE_FILE = re.compile(r"truncated|cut off|quote not closed|begin with the section|is \{\} right\?")
@@ -137,8 +138,13 @@ def test_no_message_quotes_an_exception_of_a_library():
 
 
 def test_no_message_has_the_words_of_pydantic():
-    quoting = {path for path, tree in modules(("pipeline", "stages")) for node in ast.walk(tree) if _is_msg(node)}
-    assert quoting == {"pipeline/params/refusals.py"}
+    quoting = {
+        path
+        for path, tree in modules(("minesurveys", "pipeline", "stages"))
+        for node in ast.walk(tree)
+        if _is_msg(node)
+    }
+    assert quoting == {"minesurveys/refusals.py"}
 
 
 def _is_msg(node: ast.AST) -> bool:

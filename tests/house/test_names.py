@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tests.project import modules_below
 
-PACKAGES = ("pieces", "pipeline", "stages", "minexplore", "baselines", "benchmarks")
+PACKAGES = ("minesurveys", "pieces", "pipeline", "stages", "minexplore", "baselines", "benchmarks")
 _CLASS = re.compile(r"^[ \t]*class[ \t]+(\w+)", re.MULTILINE)
 
 

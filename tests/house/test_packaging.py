@@ -17,7 +17,7 @@ import minexplore
 from tests.project import ROOT, modules_below
 
 PROJECTS = ("pyproject.toml", "packaging/pyproject.toml")
-APART = ("baselines", "benchmarks", "pieces")  # distributions of their own
+APART = ("baselines", "benchmarks", "minesurveys", "pieces")  # distributions of their own
 
 
 def project_of(name):
@@ -58,17 +58,18 @@ def test_a_package_says_that_it_is_typed(package):
 @pytest.mark.parametrize("package", APART)
 def test_a_distribution_apart_has_the_version_of_the_others_and_a_wheel_without_tests(package, tmp_path):
     record = project_of(f"{package}/pyproject.toml")
-    assert record["project"]["name"] == f"minexplore-{package}"
+    project = package if package == "minesurveys" else f"minexplore-{package}"
+    assert record["project"]["name"] == project
     assert record["tool"]["hatch"]["version"]["path"] == "../minexplore/__init__.py"
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT / package, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (wheel,) = tmp_path.glob("*.whl")
-    assert wheel.name.startswith(f"minexplore_{package}-{minexplore.__version__}-")
+    assert wheel.name.startswith(f"{project.replace('-', '_')}-{minexplore.__version__}-")
     names = set(zipfile.ZipFile(wheel).namelist())
     modules = {path.relative_to(ROOT).as_posix() for path in modules_below(package)}
     assert {name for name in names if name.endswith(".py")} == modules
-    assert not [name for name in names if not name.startswith((f"{package}/", f"minexplore_{package}-"))]
+    assert not [name for name in names if not name.startswith((f"{package}/", f"{project.replace('-', '_')}-"))]
 
 
 def test_what_baselines_need_is_what_the_lock_is_made_of():

@@ -11,7 +11,7 @@ import pytest
 
 from tests.project import ROOT
 
-PRODUCT = ("pieces", "pipeline", "stages", "minexplore")
+PRODUCT = ("minesurveys", "pieces", "pipeline", "stages", "minexplore")
 # A banned word and what to write instead.
 BANNED = {
     r"(?i)(?<![a-z])(said|told)(?![a-z])": "warns, lists, refuses, states",
@@ -49,7 +49,7 @@ def painters_that_return_no_picture(text: str) -> list[str]:
 
 @pytest.mark.parametrize(("pattern", "instead"), BANNED.items())
 def test_no_banned_word_stands_in_the_product_or_its_docs(pattern, instead):
-    named = (*PRODUCT, "conf/reader_limits.yaml", "docs/how-to", "docs/reference", "docs/start.md", "docs/security.md")
+    named = (*PRODUCT, "minesurveys/limits.yaml", "docs/how-to", "docs/reference", "docs/start.md", "docs/security.md")
     found = [
         f"{path.relative_to(ROOT)}:{line}" for path in files(named) for line in lines_with(pattern, path.read_text())
     ]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
+from minesurveys.frames import Heights
 from minexplore.bundle import COVER_M, HFIELDS, BundleError, decode_msh, is_cover, is_rough_floor
 from minexplore.extra.placing.place import place
 from minexplore.physics.local_models import LocalModels
@@ -23,7 +24,7 @@ from pipeline.mjcf.rough_floor import rough_tiles
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.store.mine_survey import MineSurvey
-from pipeline.types import DrawnPlan, Heights
+from pipeline.types import DrawnPlan
 from stages.realism import STAGE, write_world
 from tests.composed import compose
 from tests.mines import TEE, BuiltMine, frame_for, require_allowed, sealed, survey_of

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from minesurveys.frames import Source
 from pipeline.report.chart import ChartGrid
 from pipeline.report.figures.known import facets_by_known
 from pipeline.report.figures.legs import DrawnLegs, quads_from_above, section_chart
 from pipeline.survey.passages.legs import legs_of
 from pipeline.survey.passages.relief import known_of
-from pipeline.types import Source
 from pipeline.volume.network import network_of
 from tests.volume_worlds import HEADER, legs_of_table
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pipeline.remarks import Remark, collect_remarks, hand_on, record_remarks, warn_user
+from minesurveys.remarks import Remark, collect_remarks, hand_on, record_remarks, warn_user
 from pipeline.report.remarks import remarks_of, write_detected
 from pipeline.store.codecs import decode, encode
 from pipeline.store.manifest import Manifest

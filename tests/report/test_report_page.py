@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.pictures.look_at_report import find_browser
-from pipeline.types import Source
+from minesurveys.frames import Source
 from tests.project import Project
 from tests.volume_worlds import HEADER
 

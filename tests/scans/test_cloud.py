@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from minesurveys.clouds import cloud_formats
+from minesurveys.clouds.cloud_formats import read_blocks
 from pipeline.errors import InputError
 from pipeline.geometry.ray_scene import load_open3d
-from pipeline.scans import cloud_formats
 from pipeline.scans.cloud import CloudLimits, read_cloud, split_surfaces, without_outliers
-from pipeline.scans.cloud_formats import read_blocks
 
 LIMITS = CloudLimits(
     thin_m=0.05, range_m=(0.5, 50.0), max_points=1_000_000, height_m=(1.0, 12.0), mesh_points_per_m2=400
@@ -123,9 +123,9 @@ def test_a_cloud_with_too_many_points_is_refused(drift, tmp_path):
         read_cloud(tmp_path / "a.dat", "m", CloudLimits(0.01, (0.5, 50.0), 1000, (1.0, 12.0), 400))
 
 
-def test_an_unknown_suffix_is_refused_with_a_list_of_formats(tmp_path):
+def test_a_file_of_another_program_is_refused_with_what_it_exports(tmp_path):
     (tmp_path / "a.rcp").write_bytes(b"x")
-    with pytest.raises(InputError, match=r"no reader for '\.rcp'; there are \.dat"):
+    with pytest.raises(InputError, match=r"\.rcp is not read: Autodesk ReCap exports"):
         read_cloud(tmp_path / "a.rcp", "m", LIMITS)
 
 

@@ -8,9 +8,9 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from minesurveys.clouds.cloud_formats import read_blocks
+from minesurveys.clouds.point_blocks import COLOURS, PointBlock, Wanted, block_of, mean_colours
 from pipeline.errors import InputError
-from pipeline.scans.cloud_formats import read_blocks
-from pipeline.scans.point_blocks import COLOURS, PointBlock, Wanted, block_of, mean_colours
 from pipeline.survey.clouds.points import ScanFile, read_points
 from pipeline.survey.clouds.thinned import thin
 

@@ -6,15 +6,15 @@ import rasterio
 import rasterio.shutil
 from rasterio.transform import from_origin
 
+from minesurveys.clouds.cloud_formats import read_blocks
+from minesurveys.clouds.point_blocks import PLACES, Wanted
+from minesurveys.height_raster import read_raster
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.remarks import collect_remarks
-from pipeline.scans.cloud_formats import read_blocks
-from pipeline.scans.point_blocks import PLACES, Wanted
 from pipeline.survey.clouds.read import read_scan
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.height_raster import read_raster
 from tests.octomap import OCCUPIED, BinaryTree
 from tests.survey.clouds.test_cloud_volume import drift, noisy, sampled
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from minesurveys.clouds.cloud_formats import read_blocks
+from minesurveys.coordinates.precision import require_fine, steps_of_floats, steps_seen
 from pipeline.errors import InputError
 from pipeline.geometry.ray_scene import load_open3d
-from pipeline.scans.checks.precision import require_fine, steps_of_floats, steps_seen
-from pipeline.scans.cloud_formats import read_blocks
 from pipeline.survey.clouds.points import ScanFile, read_here
 from tests.project import shared_file
 
@@ -88,7 +88,7 @@ def pts(*scans):
 
 @pytest.mark.parametrize("block", [7, 1_000_000])
 def test_a_pts_file_of_several_scans_has_a_count_above_each(tmp_path, monkeypatch, capsys, block):
-    monkeypatch.setattr("pipeline.scans.text_clouds._BLOCK", block)
+    monkeypatch.setattr("minesurveys.clouds.text_clouds._BLOCK", block)
     (tmp_path / "a.pts").write_text(pts(POINTS[:50], POINTS[50:50], POINTS[50:180], POINTS[180:]))
     assert read(tmp_path / "a.pts") == pytest.approx(POINTS)
     assert capsys.readouterr().err == ""

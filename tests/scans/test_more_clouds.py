@@ -5,11 +5,11 @@ import zipfile
 import numpy as np
 import pytest
 
+from minesurveys.clouds import zipped_clouds
+from minesurveys.clouds.cloud_formats import read_blocks
+from minesurveys.clouds.text_clouds import has_point_rows
+from minesurveys.limits import reader_limits
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
-from pipeline.scans import zipped_clouds
-from pipeline.scans.cloud_formats import read_blocks
-from pipeline.scans.text_clouds import has_point_rows
 
 POINTS = np.random.default_rng(0).uniform(-5, 5, (200, 3)).round(3)
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from minesurveys.clouds.cloud_formats import read_blocks
+from minesurveys.solids.files import read_triangles
+from minesurveys.solids.polygons import triangles_of
 from pipeline.errors import InputError
-from pipeline.scans.cloud_formats import read_blocks
-from pipeline.scans.meshes.polygons import triangles_of
 from pipeline.survey.solids.closing import close_pieces
-from pipeline.survey.solids.files import read_triangles
 
 # A T of drifts 4 m wide, its first corner where a fan folds over; 1,178 m3.
 PLAN = np.array([(4, 0), (4, 40), (-24, 40), (-24, 44), (28, 44), (28, 40), (8, 40), (8, 0)], float)

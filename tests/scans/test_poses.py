@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import shapely
 
+from minesurveys.pictures.image import read_image
 from pipeline.errors import InputError
 from pipeline.scans.poses import scale_from_poses
 from pipeline.scans.sweeps import Returns, SurveyedPose, gate_returns, read_poses, read_returns, read_sweep
-from pipeline.survey.drawing.image import read_image
 from pipeline.types import Frame
 from tests.mines import plan_of
 

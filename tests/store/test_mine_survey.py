@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
+from minesurveys.frames import Heights
 from pipeline.errors import ArtifactError
 from pipeline.store.mine_survey import MineModel, MineSurvey, open_survey, survey_arrays, survey_files, survey_of_arrays
-from pipeline.types import ClosedMesh, DrawnFloors, DrawnPlan, FloorMesh, Heights, SurveyedLegs, Workings, text_array
+from pipeline.types import ClosedMesh, DrawnFloors, DrawnPlan, FloorMesh, SurveyedLegs, Workings, text_array
 from tests.mines import TEE, frame_for, survey_of
 
 LEGS = SurveyedLegs(

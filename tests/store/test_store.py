@@ -3,6 +3,7 @@ import dataclasses
 import io
 import json
 import os
+import re
 import zipfile
 from pathlib import Path
 
@@ -161,6 +162,8 @@ def test_imports_are_those_that_pythons_parser_finds_in_every_module_of_the_stag
                 wanted |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 wanted |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        named = {node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant)}
+        wanted |= {text.partition(":")[0] for text in named if re.fullmatch(r"[a-z_][\w.]+\.\w+:\w+", str(text))}
         assert _imported_names(source) == wanted, path
 
 

@@ -3,10 +3,10 @@
 import pytest
 import yaml
 
+from minesurveys.limits import FILE
 from pipeline.compose import compose  # of another project than this checkout
 from pipeline.errors import ParamsError
 from pipeline.params.floor_rules import FloorRules
-from pipeline.params.reader_limits import FILE
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.stage import ARTIFACTS, is_fresh
 from pipeline.store.mine_survey import MineModel

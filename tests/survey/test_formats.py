@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from minesurveys.converters import CONVERTED
+from minesurveys.formats import FORMATS, kind_of
 from pipeline.errors import InputError
-from pipeline.survey.converters import CONVERTED
-from pipeline.survey.formats import FORMATS, kind_of
 
 
 @pytest.mark.parametrize(

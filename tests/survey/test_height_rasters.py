@@ -18,9 +18,9 @@ from rasterio.control import GroundControlPoint
 from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.survey import VectorSurveyParams
-from pipeline.remarks import collect_remarks
 from pipeline.survey.load import read_unlimited
 from pipeline.survey.surfaces import height_files
 from tests.project import ROOT

@@ -2,9 +2,9 @@
 
 import pytest
 
+from minesurveys.frames import METRIC
+from minesurveys.spots import read_spots
 from pipeline.errors import InputError
-from pipeline.survey.spots import read_spots
-from pipeline.types import METRIC
 
 HEAD = "easting_m,northing_m,elevation_m\n"
 

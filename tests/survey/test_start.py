@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from minesurveys.frames import Heights
 from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import first_anchor
 from pipeline.survey.start import start_in_plan
-from pipeline.types import Heights, Occupancy
+from pipeline.types import Occupancy
 from tests.composed import compose
 
 # A level drift at an elevation of 520 m.

@@ -14,11 +14,12 @@ from pydantic import Field
 
 import pipeline.commands.options as options_module
 import pipeline.params.stated as stated_module
+from minesurveys.formats import FileKind
 from pipeline.commands.options import add_options, stated_options
 from pipeline.errors import GeometryError, InputError, ParamsError
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.own_mines import require_kept
-from pipeline.params.stated import FileKind, Option, StatedOptions, option, require_read, state
+from pipeline.params.stated import Option, StatedOptions, option, require_read, state
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.load import require_extent
 from tests.mines import TEE, frame_for, plan_of

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from benchmarks.tables.reference import STATEMENTS
-from pipeline.survey.formats import FORMATS
+from minesurveys.formats import FORMATS
 from tests.project import ROOT
 
 # Other suffixes of formats that have rows, and two that state nothing about coordinates.

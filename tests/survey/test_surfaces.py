@@ -11,13 +11,14 @@ import shapely
 from rasterio.transform import from_origin
 from shapely import LineString
 
+from minesurveys.frames import Heights
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.floor.network_heights import floor_lines
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.store.mine_survey import FLOORS
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.load import read_unlimited
-from pipeline.types import DriftNetwork, Heights, Leg
+from pipeline.types import DriftNetwork, Leg
 from stages.contours import trace_free_space
 from tests.composed import compose
 from tests.project import ROOT

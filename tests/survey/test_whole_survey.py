@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from minesurveys.solved.model import LegStyle, SolvedSurvey, StationFlag
+from minesurveys.solved_surveys import entrances_of
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.store.mine_survey import MineModel
 from pipeline.survey.detect import detect_here, detect_survey
-from pipeline.survey.solved.model import LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.solved_surveys import entrances_of
 from pipeline.survey.whole_survey import read_whole
 from pipeline.types import lines_of
 from tests.volume_worlds import HEADER, RAMP, legs_of_table, survey_of_table

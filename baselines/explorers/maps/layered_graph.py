@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import block_diag, coo_matrix, csr_matrix
@@ -33,6 +33,13 @@ class LayeredGraph(MapGraph):
 
     layer: int
     parts: dict[int, MapGraph]
+
+    def in_layer(self, layer: int) -> LayeredGraph | None:
+        """Return the graph for a robot in a layer; None if there is nothing in it."""
+        if layer not in self.parts:
+            return None
+        part = self.parts[layer]
+        return replace(self, own=part.own, clear_m=part.clear_m, layer=layer)
 
     def maps(self, nodes: np.ndarray) -> list[OwnMap]:
         """Return the map of the layer that each of some nodes (k,) is in."""
@@ -84,9 +91,9 @@ class LayerGraphs:
     ) -> LayeredGraph | None:
         """Return the graph, with the frontier that lies within reach of a place (2,) m and was not given up.
 
-        None if there is nothing in the layer that the robot is in.
+        None if there is nothing in any layer.
         """
-        near = {own.layer, *own.beside(own.layer)}
+        near = own.near_robots()
         for layer in [k for k in sorted(own.layers) if k in near or k not in self._parts]:
             mine = own.layers[layer]
             part = OwnMap(mine.cell_m)  # of its own floors: farther away its walls are not whole
@@ -99,7 +106,7 @@ class LayerGraphs:
             keep[rows[known], cols[known]] = False
             self._parts[layer] = map_graph(part, self._radius_m, keep)
         parts = {layer: part for layer, part in sorted(self._parts.items()) if len(part.cells)}
-        return _joined(own, parts) if own.layer in parts else None
+        return _joined(own, parts) if parts else None
 
 
 def _meet(part: MapGraph, one: np.ndarray, two: np.ndarray) -> bool:
@@ -110,7 +117,7 @@ def _meet(part: MapGraph, one: np.ndarray, two: np.ndarray) -> bool:
 def _joined(own: LayeredMap, parts: dict[int, MapGraph]) -> LayeredGraph:
     """Return the graphs of all layers as one, linked where two layers have seen the same cell at the same height."""
     firsts = dict(zip(parts, np.cumsum([0, *(len(part.cells) for part in parts.values())]).tolist(), strict=False))
-    here = parts[own.layer]
+    first, here = next(iter(parts.items()))
     cells = np.vstack([np.column_stack([p.cells, np.full(len(p.cells), k)]) for k, p in parts.items()])
     places = np.vstack([part.places for part in parts.values()])
     clusters, most = [], 0
@@ -132,4 +139,4 @@ def _joined(own: LayeredMap, parts: dict[int, MapGraph]) -> LayeredGraph:
     lengths = np.linalg.norm(places[ours] - places[theirs], axis=1) + _BETWEEN_M
     between = coo_matrix((lengths, (ours, theirs)), shape=(len(cells),) * 2)
     links = csr_matrix(block_diag([part.links for part in parts.values()]) + between)
-    return LayeredGraph(cells, places, links, cluster, here.own, here.clear_m, own.layer, parts)
+    return LayeredGraph(cells, places, links, cluster, here.own, here.clear_m, first, parts)

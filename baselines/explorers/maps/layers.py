@@ -178,26 +178,35 @@ class LayerMap(OwnMap):
 
 
 class LayeredMap:
-    """A robot's map by layers. `layer` is the number of the one that the robot is in; heights count from its start."""
+    """A map by layers; `layer_of` has the layer that each robot is in. Heights count from the first robot's start."""
 
     def __init__(self, cell_m: float) -> None:
         """Start with no layer."""
         self.layers: dict[int, LayerMap] = {}
-        self.layer = 0
+        self.layer_of: dict[int, int] = {}
         self._cell_m = cell_m
         self._start_m: float | None = None
-        self._last = np.full(2, np.nan)  # place
+        self._last: dict[int, np.ndarray] = {}  # each robot's place
 
-    def add_scan(self, stance: Stance, bearings: np.ndarray, ranges: np.ndarray, sensor_m: float, far_m: float) -> None:
+    def add_scan(
+        self,
+        stance: Stance,
+        bearings: np.ndarray,
+        ranges: np.ndarray,
+        sensor_m: float,
+        far_m: float,
+        robot: int = 0,
+    ) -> None:
         """Add beams to the layers that hold the floor where the robot is; see `LayerMap.add_scan`."""
         self._start_m = stance.height_m if self._start_m is None else self._start_m
-        moved, self._last = stance.place - self._last, stance.place
+        moved = stance.place - self._last.get(robot, stance.place)
+        self._last[robot] = stance.place
         if abs(moved @ stance.axes[0, :2]) > _MOVING_M:
             stance = replace(stance, across_m=_ACROSS_M)
-        self.layer = round((stance.height_m - self._start_m) / LAYER_M)
-        for number in range(self.layer - _LINKED, self.layer + _LINKED + 1):
+        layer = self.layer_of[robot] = round((stance.height_m - self._start_m) / LAYER_M)
+        for number in range(layer - _LINKED, layer + _LINKED + 1):
             level_m = self._start_m + number * LAYER_M
-            if number != self.layer and abs(stance.height_m - level_m) >= _HELD_M:
+            if number != layer and abs(stance.height_m - level_m) >= _HELD_M:
                 continue
             if number not in self.layers:
                 self.layers[number] = LayerMap(self._cell_m, level_m)
@@ -210,6 +219,10 @@ class LayeredMap:
     def beside(self, layer: int) -> list[int]:
         """Return the numbers of the other layers that can hold the same floors as one."""
         return [number for number in sorted(self.layers) if 0 < abs(number - layer) <= _LINKED]
+
+    def near_robots(self) -> set[int]:
+        """Return the numbers of the layers that robots are in, and of those beside them."""
+        return {number for layer in self.layer_of.values() for number in (layer, *self.beside(layer))}
 
     def has_own_floor(self, layer: int) -> np.ndarray:
         """Return which coverage cells (rows, cols) of a layer have its own floors."""

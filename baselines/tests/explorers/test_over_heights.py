@@ -5,12 +5,15 @@ import numpy as np
 import pytest
 
 from baselines.base.environments import require_trainable
-from baselines.base.errors import BaselineError
 from baselines.explorers import EXPLORERS, Explorer
+from baselines.explorers.frontier import NearestFrontier
+from baselines.explorers.graph_explorer import GraphExplorer
 from baselines.explorers.maps.layers import LayeredMap, Stance
 from baselines.explorers.maps.own_map import FREE, ROCK, UNKNOWN
 from baselines.explorers.reactive import Reactive
+from baselines.policies.map_observation import MapObserver
 from baselines.policies.policy_lookup import make_policy
+from baselines.ppo.training_env import make_training_env
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.task import TaskParams
@@ -37,7 +40,7 @@ def test_passages_over_each_other_are_in_different_layers():
         assert not (lower and upper)
     assert kinds_at(own, 0, across) == [ROCK, ROCK]
     assert kinds_at(own, 0, along) == [FREE, FREE]
-    assert kinds_at(own, own.layer, along) == [ROCK, ROCK]
+    assert kinds_at(own, own.layer_of[0], along) == [ROCK, ROCK]
 
 
 def test_a_floor_that_rises_is_taken_for_rock_until_it_is_doubted_and_never_where_its_height_is_known():
@@ -57,18 +60,23 @@ def test_a_floor_that_rises_is_taken_for_rock_until_it_is_doubted_and_never_wher
 
 def test_one_table_has_each_explorer_for_level_mines_and_for_mines_with_heights(monkeypatch):
     monkeypatch.setitem(EXPLORERS, "mapless", Explorer(Reactive))
-    for heights, mapped in ((False, "FrontierTour"), (True, "FrontierTourOverHeights")):
-        kinds = [type(make_policy(name, 1, TaskParams(), heights=heights)) for name in ("mapless", "frontier-tour")]
-        assert [kind.__name__ for kind in kinds] == ["Reactive", mapped]
+    for heights, nearest in ((False, NearestFrontier), (True, GraphExplorer)):
+        kinds = [type(make_policy(name, 1, TaskParams(), heights=heights)) for name in ("mapless", "nearest-frontier")]
+        assert kinds == [Reactive, nearest]
 
 
-def test_a_learned_policy_that_maps_in_plan_refuses_a_mine_with_heights():
-    name = "ChileanMineEntrance-map-mlp-42"
-    with pytest.raises(BaselineError, match=f"policy = '{name}': its map is of level mines"):
-        make_policy(name, 1, TaskParams(), heights=True)
+def test_a_map_of_height_layers_shows_the_robots_own_and_keeps_it_on_the_way_from_one_to_the_next():
+    maps, poses = MapObserver(1, TaskParams()), np.zeros((1, 3))
+    wide = np.ones((1, 19), dtype=np.float32)
+    shares = [maps.observe(wide, {"pose_m_rad": poses, "height_m": np.array([h])}) for h in (0.5, 4.5)]
+    np.testing.assert_array_equal(*shares)  # the drift over the first one is seen as if that were not there
+    before = maps.seen.sum()
+    seen = maps.observe(0 * wide, {"pose_m_rad": poses, "height_m": np.array([3.2])})[0, : maps.size // 3]
+    assert seen.max() == 1.0  # the layer that it comes into was drawn from under it and from over it
+    assert maps.seen.sum() == before
 
 
-@pytest.mark.parametrize("name", ["Family-beams-mlp-42", "graph-142"])
+@pytest.mark.parametrize("name", ["Family-beams-mlp-42", "ChileanMineEntrance-map-mlp-42", "graph-142"])
 def test_a_learned_policy_drives_in_a_mine_with_heights(ramp, name):
     env = MineVectorEnv(2, world=ramp, task={"max_steps": 100, **DRY})
     policy = make_policy(name, 2, env.task, env.robot, env.world.has_heights)
@@ -77,7 +85,7 @@ def test_a_learned_policy_drives_in_a_mine_with_heights(ramp, name):
     assert all(episode.path_m > 1.0 for episode in episodes)
 
 
-def test_training_by_beams_takes_a_mine_with_heights_and_by_a_map_does_not(ramp):
+def test_a_mine_with_heights_is_trained_in(ramp):
     env_id = "MineXplore/Ramp-v0"
     gymnasium.register(
         env_id,
@@ -86,8 +94,14 @@ def test_training_by_beams_takes_a_mine_with_heights_and_by_a_map_does_not(ramp)
         kwargs={"world": str(ramp)},
     )
     try:
-        require_trainable(env_id, "beams")
-        with pytest.raises(BaselineError, match=f"{env_id}: observation = 'map' is of level mines"):
-            require_trainable(env_id, "map")
+        require_trainable(env_id)
+        env = make_training_env(
+            {"env": env_id, "mines": 1, "num_envs": 2, "observation": "map", "reward_scale": 1.0, "cell_bonus": 0.0}
+            | {"seed": 0}
+        )
+        first, _ = env.reset(seed=0)
+        assert first.shape == env.observation_space.shape
+        assert np.isfinite(env.step(np.ones((2, 2)))[0]).all()
+        env.close()
     finally:
         del gymnasium.registry[env_id]

@@ -3,7 +3,8 @@ import itertools
 import numpy as np
 import pytest
 
-from baselines.explorers.graph_explorer import Driver, LevelGround
+from baselines.explorers.graph_explorer import Driver
+from baselines.explorers.ground import LevelGround
 from baselines.explorers.maps.map_graph import map_graph, worth_driving_to
 from baselines.explorers.maps.own_map import FINE, FREE, ROCK, OwnMap
 from baselines.explorers.tour import open_tour
@@ -126,7 +127,7 @@ def test_an_explorer_of_the_graph_sees_a_small_mine_and_touches_nothing(tee, nam
 
 def test_a_goal_that_a_robot_cannot_get_to_is_given_up():
     task, place = TaskParams(), np.array([3.0, 3.0])
-    driver = Driver(LevelGround(task, RobotParams()), task.region_m)
+    driver = Driver(LevelGround(task, RobotParams(), 1), task.region_m)
     driver.ground.map = map_of("############# #...........? #...........? ############# #############")
     goals = set()
     for _ in range(500):

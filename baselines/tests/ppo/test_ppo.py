@@ -208,7 +208,9 @@ def test_what_is_exported_acts_as_what_was_trained(settings, tmp_path, overrides
     maps = LearnedPolicy(tmp_path / "p.safetensors", 3, TaskParams())._maps
     for _ in range(4):
         observation = rng.random((3, 19)).astype(np.float32)
-        given = observation if maps is None else np.hstack([observation, maps.observe(observation, poses)])
+        given = (
+            observation if maps is None else np.hstack([observation, maps.observe(observation, {"pose_m_rad": poses})])
+        )
         batch = {"obs": torch.tensor(given)}
         if state:
             batch = {"obs": batch["obs"][:, None], "state_in": state}

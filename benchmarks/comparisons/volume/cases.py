@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from minesurveys.solved_surveys import solve_file
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved_surveys import solve_file
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.network import SurveyNetwork
 from tests.heights import HEADER, levels, spiral, table

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.splays import nearest_hits
-from pipeline.survey.solved.model import LegFlag, SolvedSurvey
+from minesurveys.solved.model import LegFlag, SolvedSurvey
 
 
 def test_each_hit_of_a_wall_is_compared_with_the_nearest_on_its_side_of_the_leg():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.comparisons.survey_programs import compare, read_dump, read_positions
-from pipeline.survey.solved.model import SolvedSurvey
+from minesurveys.solved.model import SolvedSurvey
 
 
 def survey(places: dict[str, tuple], legs: int = 1) -> SolvedSurvey:

@@ -9,11 +9,12 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.frames import Heights
 from pipeline.errors import GeometryError
 from pipeline.geometry.floor.mesh import build_floor
 from pipeline.geometry.floor.solved_heights import solve_heights
 from pipeline.geometry.polyline import arc_length
-from pipeline.types import DriftNetwork, FloorMesh, Heights
+from pipeline.types import DriftNetwork, FloorMesh
 
 _NEAR_M = 15.0  # of a spot from the middle of its drift
 _SAME_M = 0.01

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 from shapely import Polygon
 
+from minesurveys.remarks import warn_user
 from minexplore.bundle import NAV2_PICTURE
 from minexplore.sealed.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.nav2 import nav2_files
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.wall_distance import distances_to_walls
-from pipeline.remarks import warn_user
 from pipeline.types import Frame, Occupancy, Spawn
 
 _BORDER = 0.999  # of the most cells: a grid begins and ends at whole cells, up to two more a row and column

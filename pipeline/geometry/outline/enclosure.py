@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.vector.crossings import edges_of
 from pipeline.errors import GeometryError
-from pipeline.geometry.outline.crossings import edges_of
 
 _MOST_SNAP_M = 10.0  # of survey.snap_m: ends farther apart are no gap in a wall
 _NEIGHBOURS = 8

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from shapely import MultiPolygon, Polygon
 
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.binarize import left_out, pieces_of
 from pipeline.geometry.outline.enclosure import as_polygons
-from pipeline.remarks import warn_user
 from pipeline.types import Frame, Mask
 
 _SLIVER_M2 = 0.01  # smaller islands are rounding where areas meet

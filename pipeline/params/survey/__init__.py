@@ -11,17 +11,7 @@ from pipeline.params.survey.clouds import CloudSurveyParams
 from pipeline.params.survey.generated import ProceduralSurveyParams, VariantSurveyParams
 from pipeline.params.survey.pictures import GridSurveyParams, PlanSurveyParams, StationSurveyParams
 from pipeline.params.survey.solids import SolidSurveyParams
-from pipeline.params.survey.values import (
-    GRADES_NEED,
-    BoxPx,
-    Columns,
-    Elevation,
-    Grade,
-    Grey,
-    PieceOption,
-    StartM,
-    Unit,
-)
+from pipeline.params.survey.values import GRADES_NEED, BoxPx, Columns, Elevation, Grade, Grey, PieceOption, StartM
 from pipeline.params.survey.vectors import CentrelineSurveyParams, PassageSurveyParams, VectorSurveyParams
 
 SurveyParams = Annotated[
@@ -57,7 +47,6 @@ __all__ = [
     "StartM",
     "StationSurveyParams",
     "SurveyParams",
-    "Unit",
     "VariantSurveyParams",
     "VectorSurveyParams",
 ]

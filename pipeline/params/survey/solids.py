@@ -6,8 +6,9 @@ from typing import Literal
 
 from pydantic import Field
 
+from minesurveys.frames import Unit
 from pipeline.params.survey.base import FileSurveyParams
-from pipeline.params.survey.values import PlaceM, Unit
+from pipeline.params.survey.values import PlaceM
 
 
 class SurfaceSurveyParams(FileSurveyParams):

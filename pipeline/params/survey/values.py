@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
@@ -50,7 +50,6 @@ Range = Annotated[tuple[float, float], AfterValidator(_rising)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Grey = Annotated[int, Field(ge=0, le=255)]
 Elevation = Annotated[float, Field(ge=-10_000, le=10_000)]
-Unit = Literal["m", "cm", "mm", "ft", "in"]
 Grade = Annotated[
     Annotated[Annotated[float, Field(ge=-0.36, le=0.36)], Tag("one")]
     | Annotated[dict[str, float], BeforeValidator(_by_name), Field(min_length=1, max_length=10_000), Tag("of_legs")],

@@ -6,8 +6,9 @@ from typing import Literal
 
 from pydantic import Field
 
+from minesurveys.frames import Unit
 from pipeline.params.survey.base import FileSurveyParams
-from pipeline.params.survey.values import Columns, Elevation, PieceOption, PlaceM, PointM, Unit
+from pipeline.params.survey.values import Columns, Elevation, PieceOption, PlaceM, PointM
 
 _ORIGIN = Field(default=None, description="the mine frame's origin in the file's coordinates; null: chosen if needed")
 

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from minesurveys.grid.nav2 import read_nav2_map
 from minexplore.bundle import NAV2_MAP, GeomGroup
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
@@ -18,7 +19,6 @@ from minexplore.task import TaskParams
 from minexplore.world import load_world
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import OpenedBundle, geom_triangles
-from pipeline.survey.grid.nav2 import read_nav2_map
 
 _HEIGHT_M, _RANGE_M = 0.3, 10.0
 _AGREE_M = 0.01

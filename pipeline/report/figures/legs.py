@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minesurveys.frames import Source
 from pipeline.report.chart import Chart, ChartGrid, ChartStation
 from pipeline.report.figures.levels import long_axis, times_as_high
-from pipeline.types import Source
 
 _SIDES = ("left", "right", "up", "down")
 

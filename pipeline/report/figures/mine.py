@@ -11,10 +11,11 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from shapely import Polygon
 
+from minesurveys.frames import METRIC, Georeference
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.report.chart import Chart, ChartGrid, ChartStation
 from pipeline.report.figures.style import GREY, OCHRE, ROCK, STEEL, name_axes, new_figure
-from pipeline.types import METRIC, DriftNetwork, Georeference
+from pipeline.types import DriftNetwork
 
 
 def draw_mine(polygon: Polygon, network: DriftNetwork, record: WorldRecord, place: Georeference = METRIC) -> Figure:

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontManager, fontManager
 from matplotlib.ticker import MaxNLocator
 
-from pipeline.types import Georeference, Image
+from minesurveys.frames import Georeference
+from pipeline.types import Image
 
 ROCK, STEEL, OCHRE, MOSS, GREY = "#7a4b32", "#2f5d8a", "#d28e1f", "#4f7d4b", "#8a8a8a"
 

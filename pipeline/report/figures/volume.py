@@ -13,11 +13,11 @@ from matplotlib import colormaps
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from minesurveys.frames import METRIC, Georeference
 from minexplore.bundle import ROOF
 from pipeline.report.figures.deviation import add_deviation
 from pipeline.report.figures.scene import add_bands, coloured, look_at
 from pipeline.report.figures.style import OCHRE, STEEL, name_axes, new_figure
-from pipeline.types import METRIC, Georeference
 
 _WIDE_IN = 9.0
 _WALL, _ROOF = 1, 2  # labels of facets

@@ -10,7 +10,7 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.errors import InputError
+from minesurveys.errors import InputError
 from pipeline.geometry.facets.crossings import CROSSING_M, crossing_facets
 from pipeline.scans.meshes.crossing_regions import rebuilt_within
 from pipeline.scans.meshes.winding import WindingNumber

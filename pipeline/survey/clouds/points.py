@@ -10,16 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.guard.reading_process import Payload
-from pipeline.scans.checks.precision import require_fine, steps_seen
-from pipeline.scans.checks.strays import require_together
-from pipeline.scans.cloud_formats import read_blocks, run_on_cloud
-from pipeline.scans.point_blocks import PointBlock, Wanted
+from minesurveys.clouds.cloud_formats import read_blocks, run_on_cloud
+from minesurveys.clouds.point_blocks import PointBlock, Wanted
+from minesurveys.clouds.scan_axes import ScanAxes, axes_of_scan
+from minesurveys.coordinates.origin import origin_of
+from minesurveys.coordinates.precision import require_fine, steps_seen
+from minesurveys.coordinates.strays import require_together
+from minesurveys.errors import InputError
+from minesurveys.frames import METRES
+from minesurveys.guard.reading_process import Payload
+from minesurveys.vector.shapes import REACH_M
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
-from pipeline.survey.coordinates.origin import origin_of
-from pipeline.survey.coordinates.scan_axes import ScanAxes, axes_of_scan
-from pipeline.survey.vector.shapes import METRES, REACH_M
 
 MOST_VOXELS = 16_000_000  # with points; 5 km of drifts 4 m wide, at 10 cm
 _LOOKED_AT = 2_000_000  # voxels that the spacing and the size of a scan are measured of
@@ -58,14 +59,14 @@ class ScanPoints:
 
 
 def read_points(file: ScanFile) -> ScanPoints:
-    """Read a scan in a process with the limits of `conf/reader_limits.yaml`; its time grows with the file.
+    """Read a scan in a process with the limits of `minesurveys/limits.yaml`; its time grows with the file.
 
     Raises
     ------
     InputError
         If the file is no cloud of its format, a point is not finite, or it fills too few or too many voxels.
     """
-    payload = run_on_cloud("points", {"file": vars(file)}, Path(file.path))
+    payload = run_on_cloud(read_here, {"file": vars(file)}, Path(file.path))
     arrays = payload.arrays
     total = int(payload.values["total"])
     cloud = ThinnedCloud(arrays["points"], arrays["count"], total, arrays["rgb"], arrays["time"])

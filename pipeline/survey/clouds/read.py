@@ -9,16 +9,16 @@ import manifold3d
 import numpy as np
 from shapely import MultiPolygon
 
-from pipeline.errors import InputError, first_few
-from pipeline.guard.reading_process import warn_user
+from minesurveys.errors import InputError, first_few
+from minesurveys.frames import METRES, Georeference
+from minesurveys.remarks import warn_user
 from pipeline.params.survey import CloudSurveyParams
 from pipeline.survey.clouds.points import ScanFile, ScanPoints, read_points, turned
 from pipeline.survey.clouds.thinned import ThinnedCloud
 from pipeline.survey.clouds.trajectory import Trajectory, read_trajectory
 from pipeline.survey.clouds.volume import NOWHERE, ScannedVolume, volume_of_cloud
 from pipeline.survey.solids.read import MOST_FACETS, view_from_above, warn_of_crossed
-from pipeline.survey.vector.shapes import METRES
-from pipeline.types import ClosedMesh, Georeference
+from pipeline.types import ClosedMesh
 
 _LEAST_OTHER_M3 = 20.0  # the inside of a vehicle is no space of its own
 

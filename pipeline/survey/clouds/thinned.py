@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.errors import InputError
-from pipeline.scans.point_blocks import PointBlock, mean_colours
+from minesurveys.clouds.point_blocks import PointBlock, mean_colours
+from minesurveys.errors import InputError
 from pipeline.survey.clouds.voxels import REACH, cells_at, keys_of
 
 LEAST_POINTS = 100

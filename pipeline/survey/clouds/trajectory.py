@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.guard.plain_file import read_text_bytes, require_at_most
-from pipeline.guard.plain_number import plain_number
+from minesurveys.errors import InputError
+from minesurveys.guard.plain_file import read_text_bytes, require_at_most
+from minesurveys.guard.plain_number import plain_number
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.errors import InputError
+from minesurveys.errors import InputError
 from pipeline.scans.meshes.uncrossed import UncrossedMesh, arrays_of, uncrossed
 from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Flood, Walls, largest_flood

@@ -6,19 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.guard.reading_process import warn_user
-from pipeline.params.stated import FileKind, StatedOptions
+from minesurveys.clouds.cloud_formats import holds_points
+from minesurveys.formats import FileKind, kind_of
+from minesurveys.remarks import warn_user
+from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.scans.text_clouds import has_point_rows
 from pipeline.survey.detection.detected_section import Detection, section_for
-from pipeline.survey.formats import kind_of
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2
 # A voxel by the spacing of points: so each voxel of a wall has one point on average. A voxel of the thickened wall is
 # open if nine are empty, once in e^9 = 8,000. At 0.8 it is once in 300.
 _BY_SPACING = 1.0
 _MOST_VOXELS = 100_000  # of the surface, at which a volume takes a minute
-_HEAD_BYTES = 65_536
 _TABLE = ".csv"  # of stations, or of points
 
 
@@ -27,21 +26,9 @@ def is_cloud(path: Path, stated: StatedOptions) -> bool:
 
     Its format is one of clouds, it is a table of points, or `--voxel` says so of a mesh.
     """
-    kind = kind_of(path)
-    if kind is FileKind.CLOUD:
-        return True
-    if path.suffix.lower() == _TABLE:
-        return stated.columns is None and has_point_rows(path)
-    if kind is not FileKind.SOLID:
+    if path.suffix.lower() == _TABLE and stated.columns is not None:
         return False
-    return stated.voxel_m is not None or (path.suffix.lower() == ".ply" and _has_no_faces(path))
-
-
-def _has_no_faces(path: Path) -> bool:
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES).partition(b"end_header")[0]
-    faces = [line.split() for line in head.splitlines() if line.startswith(b"element face")]
-    return all(words[2:3] == [b"0"] for words in faces)
+    return holds_points(path) or (kind_of(path) is FileKind.SOLID and stated.voxel_m is not None)
 
 
 def detect_cloud(path: Path, stated: StatedOptions) -> Detection:

@@ -11,22 +11,23 @@ import cv2
 import numpy as np
 from pydantic import ValidationError
 
-from pipeline.errors import DoubtError, InputError
+from minesurveys.errors import DoubtError, InputError
+from minesurveys.formats import FileKind, kind_of
+from minesurveys.limits import reader_limits
+from minesurveys.pictures.georeference import find_placement, placement_files
+from minesurveys.pictures.image import read_image
+from minesurveys.pictures.pages import USUAL_DPI, OpenPage, open_page
+from minesurveys.pictures.paper_scale import px_per_m_of, ratio_in
+from minesurveys.refusals import in_own_words
 from pipeline.geometry.outline.binarize import dark_pixels
-from pipeline.params.reader_limits import reader_limits
-from pipeline.params.refusals import in_own_words
-from pipeline.params.stated import FileKind, StatedOptions, option
+from pipeline.params.stated import StatedOptions, option
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.detected_section import Detection
-from pipeline.survey.drawing.georeference import find_placement, placement_files
-from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.light import BETTER_LIGHT, is_light_on_dark
-from pipeline.survey.drawing.paper_scale import px_per_m_of, ratio_in
-from pipeline.survey.drawing.picture import USUAL_DPI, OpenPage, make_ready, open_page, require_few_regions
+from pipeline.survey.drawing.picture import make_ready, require_few_regions
 from pipeline.survey.drawing.reduction import Box, box_in, fitting_reduction
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 from pipeline.survey.drawing.workings import LIKELY_M, draw_detected, find_workings, wall_gap_px
-from pipeline.survey.formats import kind_of
 from pipeline.types import Image, Mask
 
 _IN_PX = ("px_per_m", "bar_box_px", "crop_px", "seeds_px", "wall_gap_px")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from minesurveys.formats import files_of
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
 from pipeline.survey.detection.detected_section import Detection, section_for
-from pipeline.survey.solids.surpac_solid import DTM, strings_beside
 
 
 def detect_solid(path: Path, stated: StatedOptions) -> Detection:
@@ -44,5 +44,4 @@ def detect_solid(path: Path, stated: StatedOptions) -> Detection:
         "up": "axis of the file that points up; null: as the file or its format states, else z",
     }
     width_m = 2 * read.workings.area / read.workings.length
-    beside = [strings_beside(path)] if path.suffix.lower() == DTM else []
-    return Detection(values, remarks, [path, *beside], width_m, has_heights=True)
+    return Detection(values, remarks, files_of(path), width_m, has_heights=True)

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from pipeline.guard.reading_process import warn_user
-from pipeline.params.survey import Unit
+from minesurveys.frames import METRES, Unit
+from minesurveys.remarks import warn_user
 from pipeline.survey.clouds.normals import planes_of
 from pipeline.survey.clouds.thinned import ThinnedCloud, spacing_of
 from pipeline.survey.clouds.voxels import REACH, cells_at, grown, is_in, keys_of
-from pipeline.survey.vector.shapes import METRES
 
 _POINTS, _FACETS, _ACROSS = 200_000, 20_000, 2000  # spread over the rock, with normals, from which it is looked across
 _ALONG = 0.9  # of a normal along an axis

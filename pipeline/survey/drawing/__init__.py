@@ -1,1 +1,1 @@
-"""Pictures of plans: how they stand, what they show, and their scale."""
+"""Pictures of plans: what they show, and their scale."""

@@ -7,7 +7,7 @@ from contextlib import suppress
 import cv2
 import numpy as np
 
-from pipeline.errors import InputError
+from minesurveys.errors import InputError
 from pipeline.geometry.outline.binarize import dark_pixels
 from pipeline.survey.drawing.bar_pieces import (
     FILLED,

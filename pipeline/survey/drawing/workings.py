@@ -8,12 +8,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.errors import DoubtError, GeometryError, InputError
+from minesurveys.errors import DoubtError, GeometryError, InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.drawing.bounded import read_bounded, share_of
 from pipeline.geometry.drawing.doubts import DrawingError
 from pipeline.geometry.drawing.fills import find_ink
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
-from pipeline.guard.reading_process import warn_user
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.drawing.reduction import Box, place_in, size_read

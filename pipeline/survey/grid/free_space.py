@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.errors import DoubtError, InputError
+from minesurveys.errors import DoubtError, InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.components import NEAR_M
-from pipeline.guard.reading_process import warn_user
 from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Image, Mask
 

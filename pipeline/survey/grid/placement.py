@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.survey.vector.shapes import REACH_M
-from pipeline.types import Georeference, Points2
+from minesurveys.frames import Georeference
+from minesurveys.vector.shapes import REACH_M
+from pipeline.types import Points2
 
 _STEP_M = 10.0  # the origin of far coordinates is moved to a multiple of this
 

@@ -11,14 +11,14 @@ import shapely
 from shapely import MultiPolygon
 from skimage.morphology import skeletonize
 
-from pipeline.errors import GeometryError, InputError
+from minesurveys.errors import GeometryError, InputError
+from minesurveys.grid.nav2 import read_nav2_map
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.binarize import disc
 from pipeline.geometry.outline.half_level import trace_half_level
-from pipeline.guard.reading_process import warn_user
 from pipeline.params.survey import GridSurveyParams
 from pipeline.survey.draw import MineReading, reading_of
 from pipeline.survey.grid.free_space import FreeCells, choose_free_space
-from pipeline.survey.grid.nav2 import read_nav2_map
 from pipeline.survey.grid.placement import GridPlacement
 from pipeline.types import Frame, Mask
 

@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import GeometryError, InputError
+from minesurveys.errors import GeometryError, InputError
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.enclosure import enclose_workings
-from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.walls import SAME_M, Wall, beside_each_other, falls, is_steep_in_part, lie_over, sampled
 

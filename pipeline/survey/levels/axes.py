@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from pipeline.errors import NAMED
-from pipeline.guard.reading_process import warn_user
+from minesurveys.errors import NAMED
+from minesurveys.remarks import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.walls import Wall
 from pipeline.types import FloorMesh, SurveyedLegs, text_array

@@ -8,14 +8,14 @@ from pathlib import Path
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import NAMED, InputError
-from pipeline.guard.reading_process import one_line, warn_user
+from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.frames import Georeference
+from minesurveys.remarks import warn_user
+from minesurveys.vector.shapes import Shapes
 from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.levels.areas import areas_of
 from pipeline.survey.levels.floors import DrawnLevels, floors_of_areas
 from pipeline.survey.levels.walls import lie_over, split_steep, walls_in_space
-from pipeline.survey.vector.shapes import Shapes
-from pipeline.types import Georeference
 
 
 @dataclass(frozen=True)

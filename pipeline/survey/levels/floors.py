@@ -11,11 +11,11 @@ import shapely
 from shapely import LinearRing, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError, first_few
+from minesurveys.errors import InputError, first_few
+from minesurveys.remarks import warn_user
 from pipeline.geometry.floor.stitched import FloorPart, StitchedFloors, stitch
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.geometry.rock.partition import triangulate
-from pipeline.guard.reading_process import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.areas import OVERLAP_M2, TOUCH_M, Area, places_in
 from pipeline.survey.levels.axes import shaft_legs

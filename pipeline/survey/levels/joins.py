@@ -10,8 +10,8 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
-from pipeline.guard.reading_process import warn_user
+from minesurveys.errors import InputError
+from minesurveys.remarks import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.levels.areas import TOUCH_M, Area, places_in
 from pipeline.survey.levels.walls import Wall

@@ -12,12 +12,11 @@ from networkx.utils import UnionFind
 from shapely import LineString
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError
-from pipeline.guard.reading_process import one_line
+from minesurveys.coordinates.stray_heights import require_elevations
+from minesurveys.errors import InputError, one_line
+from minesurveys.frames import Georeference
+from minesurveys.vector.shapes import Shapes
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.survey.passages.stray_heights import require_elevations
-from pipeline.survey.vector.shapes import Shapes
-from pipeline.types import Georeference
 
 _PLUMB_M = 0.05  # a line no longer than this in plan is a shaft
 _STEEPEST_FLOOR = 0.577  # 30 deg: nobody draws both walls of a steeper ramp; a vehicle climbs 20 deg at most

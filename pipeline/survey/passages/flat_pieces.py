@@ -8,9 +8,9 @@ import shapely
 from shapely import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError, first_few
+from minesurveys.errors import InputError, first_few
+from minesurveys.remarks import warn_user
 from pipeline.geometry.outline.enclosure import as_polygons
-from pipeline.guard.reading_process import warn_user
 from pipeline.survey.passages.pieces import require_near
 from pipeline.types import Piece
 

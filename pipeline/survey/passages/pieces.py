@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.errors import InputError
-from pipeline.guard.reading_process import one_line
+from minesurveys.errors import InputError, one_line
 from pipeline.types import Piece
 
 _NEAR_M = 10.0  # from a stated place to the station or area that it names

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.guard.reading_process import warn_user
+from minesurveys.frames import Source
+from minesurveys.legs import SurveyLeg
+from minesurveys.remarks import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.survey.passages.legs import SurveyLeg, along_stations
-from pipeline.types import Source
+from pipeline.survey.passages.legs import along_stations
 
 _EVEN_M = 0.01  # smaller differences are rounding
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one

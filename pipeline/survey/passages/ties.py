@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.survey.passages.legs import SurveyLeg, shots_of
+from minesurveys.legs import SurveyLeg, shots_of
 from pipeline.survey.passages.workings import build_workings
 
 

@@ -10,8 +10,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.legs import SurveyLeg
 from pipeline.survey.passages.bends import LegEnd, outer_sectors
-from pipeline.survey.passages.legs import SurveyLeg, pack_legs
+from pipeline.survey.passages.legs import pack_legs
 from pipeline.survey.passages.sections import sections_of
 from pipeline.types import SurveyedLegs
 

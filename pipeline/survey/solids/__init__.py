@@ -1,1 +1,1 @@
-"""Solids of workings, as planning and scanning programs write them: triangles read, closed, and joined to a volume."""
+"""Solids of workings: triangles closed, simplified, and joined to a volume."""

@@ -8,8 +8,8 @@ import manifold3d
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.errors import InputError
-from pipeline.scans.meshes.polygons import cut_by_ears
+from minesurveys.errors import InputError
+from minesurveys.solids.polygons import cut_by_ears
 from pipeline.survey.solids.pieces import edges_of, joined_by_edges, part_pieces
 
 _LEAST_M2 = 1e-12  # twice a triangle's area

@@ -6,7 +6,7 @@ import fast_simplification
 import manifold3d
 import numpy as np
 
-from pipeline.errors import InputError
+from minesurveys.errors import InputError
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.scans.meshes.uncrossed import arrays_of
 

@@ -12,20 +12,21 @@ import trimesh
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
-from pipeline.errors import InputError, first_few
-from pipeline.guard.plain_file import read_text_bytes, require_at_most
-from pipeline.guard.reading_process import warn_user
+from minesurveys.coordinates.origin import origin_of
+from minesurveys.coordinates.precision import require_fine, steps_seen
+from minesurveys.coordinates.strays import require_together
+from minesurveys.errors import InputError, first_few
+from minesurveys.frames import METRES, Georeference
+from minesurveys.guard.plain_file import read_text_bytes, require_at_most
+from minesurveys.remarks import warn_user
+from minesurveys.solids.files import read_triangles
+from minesurveys.vector.shapes import REACH_M
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.scans.checks.precision import require_fine, steps_seen
-from pipeline.scans.checks.strays import require_together
 from pipeline.scans.meshes.uncrossed import UncrossedMesh, arrays_of, uncrossed
-from pipeline.survey.coordinates.origin import origin_of
 from pipeline.survey.solids.closing import ClosedPieces, close_pieces
 from pipeline.survey.solids.decimate import EXACT, decimated, distances
-from pipeline.survey.solids.files import read_triangles
 from pipeline.survey.solids.free_space import PARTED_M, PiecedSpace, Place, free_space_of
-from pipeline.survey.vector.shapes import METRES, REACH_M
-from pipeline.types import ClosedMesh, Georeference
+from pipeline.types import ClosedMesh
 
 MOST_FACETS = 20_000  # parts of the rock, of which MuJoCo reads 1,000 a second
 KEPT_M = 0.001  # of a mesh that is simplified by no more no corner is farther off; a scan's may be

@@ -1,1 +1,1 @@
-"""Surveys in three dimensions: solved by Survex, or read from its result."""
+"""Surveys in three dimensions: the walls of their legs."""

@@ -10,12 +10,13 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.reading_process import warn_user
-from pipeline.params.reader_limits import reader_limits
-from pipeline.survey.passages.legs import SurveyLeg, cut_at_shafts
-from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey
+from minesurveys.errors import InputError
+from minesurveys.frames import Source
+from minesurveys.guard.plain_file import require_at_most
+from minesurveys.legs import SurveyLeg, cut_at_shafts
+from minesurveys.limits import reader_limits
+from minesurveys.remarks import warn_user
+from minesurveys.solved.model import LegFlag, LegStyle, SolvedSurvey
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
     Rows,
@@ -28,7 +29,6 @@ from pipeline.survey.solved.splay_walls import (
     usual_half_width_m,
 )
 from pipeline.survey.solved.wall_sections import with_hits
-from pipeline.types import Source
 
 Nodes = list[int]
 

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.sparse import lil_matrix
 from scipy.sparse.linalg import spsolve
 
+from minesurveys.frames import Source
+from minesurveys.solved.model import LegFlag, SolvedSurvey
 from pipeline.survey.passages.legs import along_stations, says_enough
-from pipeline.survey.solved.model import LegFlag, SolvedSurvey
-from pipeline.types import Source
 
 _PLUMB_M = 1e-6  # in plan: a shorter leg has no direction there
 _JOINT = -1  # no node

@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from pipeline.survey.passages.legs import SurveyLeg
+from minesurveys.frames import Source
+from minesurveys.legs import SurveyLeg
 from pipeline.survey.solved.splay_hits import AT_STATION_M, ShotSplays, SplayHits
-from pipeline.types import Source
 
 _APART_M = 0.15  # between sections, at least
 _SHOULDER = 0.6  # of a section's height, up to which it is as wide as at its station

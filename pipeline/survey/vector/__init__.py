@@ -1,1 +1,1 @@
-"""Vector files: DXF, GeoJSON, GeoPackage and Shapefile, as shapes in metres."""
+"""Drawings: which of their shapes are walls or centrelines of workings."""

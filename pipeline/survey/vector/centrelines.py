@@ -15,15 +15,15 @@ import shapely
 from networkx.utils import UnionFind
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import NAMED, InputError
-from pipeline.guard.plain_file import require_at_most
-from pipeline.guard.reading_process import one_line, warn_user
+from minesurveys.coordinates.stray_heights import require_elevations
+from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.frames import Georeference
+from minesurveys.guard.plain_file import require_at_most
+from minesurveys.remarks import warn_user
+from minesurveys.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
+from minesurveys.vector.level_fields import by_levels
+from minesurveys.vector.shapes import REACH_M, Shapes, locate
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.survey.passages.stray_heights import require_elevations
-from pipeline.survey.solved.model import LegFlag, LegStyle, SolvedSurvey, StationFlag
-from pipeline.survey.vector.level_fields import by_levels
-from pipeline.survey.vector.shapes import REACH_M, Shapes, locate
-from pipeline.types import Georeference
 
 _NEAR_M = 3.0  # warns of an end so near to another line, and not joined
 

@@ -9,9 +9,10 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely import LineString
 
-from pipeline.errors import InputError
-from pipeline.guard.reading_process import one_line, warn_user
-from pipeline.survey.vector.shapes import METRES, Shapes
+from minesurveys.errors import InputError, one_line
+from minesurveys.frames import METRES
+from minesurveys.remarks import warn_user
+from minesurveys.vector.shapes import Shapes
 
 _FRAME = 0.9  # of the drawing's extent, both ways: a rectangle this large round other lines is a frame
 _GRID, _GRID_LINES = 0.6, 3  # of the extent: a straight level or upright line this long is one of a grid; their number

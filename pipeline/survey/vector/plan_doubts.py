@@ -8,11 +8,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.errors import InputError, first_few
-from pipeline.guard.reading_process import one_line, warn_user
+from minesurveys.errors import InputError, first_few, one_line
+from minesurveys.remarks import warn_user
+from minesurveys.vector.level_fields import by_levels
+from minesurveys.vector.shapes import Shapes
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
-from pipeline.survey.vector.level_fields import by_levels
-from pipeline.survey.vector.shapes import Shapes, workings_of
+from pipeline.survey.vector.enclosed import workings_of
 
 _FLAT = 1e-3  # of a section's length, that its points lie beside its plane
 _LEAST_CONTOURS = 5  # closed lines within each other, each lower or each higher than the last

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from pipeline.survey.passages.legs import SurveyLeg
+from minesurveys.legs import SurveyLeg
 from pipeline.survey.passages.relief import usual_roof_m
 from pipeline.volume.network import NEAR_M, SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from minesurveys.errors import first_few
+from minesurveys.remarks import warn_user
 from minexplore.bundle import CELLS, OCTREE, PARTS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
-from pipeline.errors import GeometryError, MineError, first_few
+from pipeline.errors import GeometryError, MineError
 from pipeline.params.compile3d import Compile3dParams, VolumeParams
 from pipeline.places import SPAWN
 from pipeline.progress import progress
-from pipeline.remarks import warn_user
 from pipeline.scans.meshes.uncrossed import uncrossed
 from pipeline.store.codecs import Bundle, encode
 from pipeline.types import ClosedMesh, SurveyedLegs, VolumeShape, lines_of

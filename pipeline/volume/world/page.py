@@ -9,9 +9,10 @@ import networkx as nx
 import numpy as np
 import trimesh
 
+from minesurveys.errors import first_few
+from minesurveys.frames import Source
 from minexplore.bundle import CELLS, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, VolumeFacets
-from pipeline.errors import first_few
 from pipeline.params.compile3d import Compile3dParams
 from pipeline.params.validation import ValidationParams
 from pipeline.proof.groups import applying_limits
@@ -25,7 +26,7 @@ from pipeline.report.results import read_metrics
 from pipeline.store.codecs import decode
 from pipeline.store.manifest import read_params
 from pipeline.store.mine_survey import MineSurvey
-from pipeline.types import ClosedMesh, Source, SurveyedLegs, lines_of
+from pipeline.types import ClosedMesh, SurveyedLegs, lines_of
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import read_volume_record
 from pipeline.volume.world.record import VolumeRecord

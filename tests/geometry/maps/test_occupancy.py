@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import yaml
 
+from minesurveys.remarks import collect_remarks
 from minexplore.sealed.sizes import MOST_CELLS
 from pipeline.errors import GeometryError
 from pipeline.geometry.maps.occupancy import cell_within_bundle, entrance_anchor, nav2_map, occupancy_grid
-from pipeline.remarks import collect_remarks
 from tests.mines import STRAIGHT, TEE
 
 WORLD = (-4.0, -4.0, 104.0, 9.0)

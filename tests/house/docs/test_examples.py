@@ -57,6 +57,21 @@ def test_a_bundle_is_read_without_the_package():
     assert "minexplore" not in (EXAMPLES / "read_bundle.py").read_text()
 
 
+def test_a_survey_is_read_without_the_pipeline(tmp_path):
+    done = run("read_survey.py")
+    assert done.returncode == 0, done.stderr
+    assert "856 stations" in done.stdout
+    assert "coordinate system epsg:27700" in done.stdout
+    page = (ROOT / "minesurveys/README.md").read_text()
+    (block,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.M | re.S)
+    done = subprocess.run([sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "856 stations epsg:27700\n", done.stderr
+    program = "import sys, minesurveys.reading; print(*{name.partition('.')[0] for name in sys.modules})"
+    loaded = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True).stdout.split()
+    assert "minesurveys" in loaded
+    assert not {"pipeline", "stages", "minexplore", "mujoco", "gymnasium", "hydra"} & set(loaded)
+
+
 def test_a_bundle_that_is_one_volume_is_read_and_a_robot_placed_in_it(ramp):
     done = run("read_bundle.py", str(ramp))
     assert done.returncode == 0, done.stderr

@@ -7,23 +7,21 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-import shapely
 
 import minexplore  # noqa: F401  registers the environments
 from baselines.explorers import EXPLORERS
 from baselines.policies.policy_lookup import make_policy
 from minexplore.task import TaskParams
-from pipeline.errors import InputError, LimitError
+from pipeline.errors import LimitError
 from pipeline.metrics.limits import require_limits
 from pipeline.params.validation import Limit
 from pipeline.proof.validator import MEASURES, Validator
-from pipeline.survey.detect import detect_survey
-from pipeline.survey.formats import FORMATS, shape_reader
 from tests.extensions import PAGE, apply, blocks, changes
 from tests.mines import TEE
 from tests.project import ROOT
@@ -64,7 +62,18 @@ def extended(tmp_path_factory):
     """Return a copy of the code in which the changes of all rows are made."""
     folder = tmp_path_factory.mktemp("extended")
     left_out = shutil.ignore_patterns("__pycache__", "results", "worlds", "tests")
-    for name in ("minexplore", "pieces", "pipeline", "stages", "baselines", "benchmarks", "conf", "docs", "data"):
+    for name in (
+        "minesurveys",
+        "minexplore",
+        "pieces",
+        "pipeline",
+        "stages",
+        "baselines",
+        "benchmarks",
+        "conf",
+        "docs",
+        "data",
+    ):
         shutil.copytree(ROOT / name, folder / name, ignore=left_out)
     shutil.copy(ROOT / "params.yaml", folder)
     for change in ROWS.values():
@@ -93,17 +102,36 @@ def test_the_observation_of_the_page_shows_how_the_mine_dips(tee):
     env.close()
 
 
-def test_the_survey_format_of_the_page_is_detected_and_refuses_other_text(tmp_path, monkeypatch):
-    monkeypatch.setitem(FORMATS, ".wkt", None)
-    run_blocks("A survey format")
+def test_the_distribution_of_the_page_adds_its_format_where_it_is_installed(tmp_path):
+    (tmp_path / "wkt_surveys.py").write_text(blocks("A survey format")[0])
+    (tmp_path / "pyproject.toml").write_text(blocks("A survey format", "toml")[0])
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", "dist"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    site = tmp_path / "site"
+    zipfile.ZipFile(wheel).extractall(site)
     (tmp_path / "mine.wkt").write_text(f"{TEE.wkt}\n")
-    detected = detect_survey(tmp_path / "mine.wkt")
-    assert detected.values["kind"] == "vector"
-    assert detected.width_m == pytest.approx(2 * TEE.area / TEE.length)
-    assert shapely.equals(shape_reader(tmp_path / "mine.wkt")(tmp_path / "mine.wkt", None).shapes[0], TEE)
     (tmp_path / "bad.wkt").write_text("POLYGON ((0 0, 1\n")
-    with pytest.raises(InputError, match=r"bad\.wkt: not Well-Known Text"):
-        detect_survey(tmp_path / "bad.wkt")
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, site)))}
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, *words], cwd=tmp_path, env=env, capture_output=True, text=True)
+
+    read = run("-c", "import minesurveys; found = minesurveys.read('mine.wkt'); print(found.unit, *found.shapes)")
+    assert read.stdout == f"m {TEE.wkt}\n", read.stderr
+    program = "from pathlib import Path; from pipeline.survey.detect import detect_survey\nfound = detect_survey(Path("
+    found = run("-c", f"{program}'mine.wkt')); print(found.values['kind'], found.width_m)").stdout.split()
+    assert found[0] == "vector"
+    assert float(found[1]) == pytest.approx(2 * TEE.area / TEE.length)
+    assert "bad.wkt: not Well-Known Text" in run("-c", f"{program}'bad.wkt'))").stderr
+    bare = subprocess.run(
+        [sys.executable, "-c", "import minesurveys; minesurveys.read('mine.wkt')"],
+        cwd=tmp_path,
+        env={**env, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert "mine.wkt: .wkt is not a supported format" in bare.stderr
 
 
 def test_the_metric_of_the_page_is_measured_and_held_to_its_limit(tee, config, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 from tests.project import ROOT
 
 SCRIPTS = sorted((ROOT / "findings").glob("*.sh"))
-CODE = ("pipeline", "minexplore", "stages", "baselines", "benchmarks", "docs")
+CODE = ("minesurveys", "pipeline", "minexplore", "stages", "baselines", "benchmarks", "docs")
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

@@ -77,7 +77,7 @@ def test_what_follows_the_advice_of_a_refusal_is_read(tmp_path, name):
 
 def refusals() -> Iterator[str]:
     """Yield the texts of the readers' errors that name an option of `new`."""
-    for _, tree in modules(("pipeline/survey", "pipeline/scans")):
+    for _, tree in modules(("minesurveys", "pipeline/survey", "pipeline/scans")):
         constants = [node for node in tree.body if isinstance(node, ast.Assign)]
         for node in ast.walk(tree):
             if isinstance(node, ast.Raise) or (isinstance(node, ast.Call) and _name(node) == "InputError"):

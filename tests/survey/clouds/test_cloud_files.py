@@ -9,10 +9,10 @@ import pytest
 import trimesh
 
 from benchmarks.scans.truth import mesh_of, truth_of
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.remarks import collect_remarks
 from pipeline.survey.clouds.points import ScanFile, read_points
 from pipeline.survey.clouds.read import read_scan
 from pipeline.survey.clouds.trajectory import read_trajectory

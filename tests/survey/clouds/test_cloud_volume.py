@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from minesurveys.clouds.point_blocks import PointBlock
 from pipeline.errors import InputError
-from pipeline.scans.point_blocks import PointBlock
 from pipeline.survey.clouds.thinned import ThinnedCloud, thin
 from pipeline.survey.clouds.volume import volume_of_cloud
 

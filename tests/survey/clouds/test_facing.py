@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.scans.point_blocks import PointBlock
+from minesurveys.clouds.point_blocks import PointBlock
 from pipeline.survey.clouds.facing import turned_alike
 from pipeline.survey.clouds.flood import Walls
 from pipeline.survey.clouds.normals import planes_of

@@ -10,10 +10,10 @@ import numpy as np
 import pyproj
 import pytest
 
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.remarks import collect_remarks
 from pipeline.survey.clouds.points import ScanFile, read_points
 from pipeline.survey.clouds.read import read_scan
 from pipeline.survey.detect import detect_survey

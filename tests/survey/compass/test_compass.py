@@ -5,11 +5,11 @@ import shutil
 import numpy as np
 import pytest
 
+from minesurveys.compass.data import read_surveys
+from minesurveys.compass.project import utm_system
+from minesurveys.solved.model import LegFlag, StationFlag
+from minesurveys.solved_surveys import solve_file, survey_files
 from pipeline.errors import InputError
-from pipeline.survey.compass.data import read_surveys
-from pipeline.survey.compass.project import utm_system
-from pipeline.survey.solved.model import LegFlag, StationFlag
-from pipeline.survey.solved_surveys import solve_file, survey_files
 from tests.solved import position_of
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")

@@ -10,12 +10,13 @@ import pytest
 import rasterio
 import shapely
 
+from minesurveys.coordinates.ground import ground_scale, is_true_to_scale
+from minesurveys.pictures.georeference import find_placement
+from minesurveys.vector.geodata import read_geodata
+from minesurveys.vector.shapes import locate
 from pipeline.errors import InputError
-from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.georeference import find_placement
-from pipeline.survey.vector.geodata import read_geodata
-from pipeline.survey.vector.shapes import locate, workings_of
+from pipeline.survey.vector.enclosed import workings_of
 from tests.mines import TEE
 
 _PLACE = (12.0, 55.0)

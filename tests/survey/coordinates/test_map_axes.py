@@ -13,17 +13,17 @@ import rasterio
 import shapely
 from rasterio.transform import Affine
 
+from minesurveys.coordinates.ground import ground_scale, is_true_to_scale
+from minesurveys.coordinates.map_axes import axes_of, metres_of_unit
+from minesurveys.pictures.georeference import find_placement
+from minesurveys.remarks import collect_remarks
+from minesurveys.vector.geodata import read_geodata
+from minesurveys.vector.geojson import read_geojson
+from minesurveys.vector.shapes import locate, with_heights
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CentrelineSurveyParams
-from pipeline.remarks import collect_remarks
-from pipeline.survey.coordinates.ground import ground_scale, is_true_to_scale
-from pipeline.survey.coordinates.map_axes import axes_of, metres_of_unit
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.georeference import find_placement
-from pipeline.survey.vector.geodata import read_geodata
-from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.shapes import locate, with_heights
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.mines import TEE
 

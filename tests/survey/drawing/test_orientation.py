@@ -9,10 +9,10 @@ import rasterio
 from PIL import Image as Pillow
 from rasterio.transform import Affine
 
+from minesurveys.pictures.georeference import find_placement
+from minesurveys.pictures.image import read_image
 from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.georeference import find_placement
-from pipeline.survey.drawing.image import read_image
 from tests.mines import TEE, frame_for, plan_of
 
 

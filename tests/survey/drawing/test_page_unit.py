@@ -9,11 +9,11 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import PdfParser
 
+from minesurveys.pictures.pages import open_page, read_page
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.picture import open_page, read_page
 from tests.project import ROOT
 from tests.survey.drawing.packed_pages import AES, PACKED
 

@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.errors import DoubtError, InputError
+from minesurveys.errors import DoubtError
+from minesurveys.pictures.image import read_pixels
+from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import binarize
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.picture import detect_picture
-from pipeline.survey.drawing.image import read_pixels
 from pipeline.survey.drawing.light import even_light, is_light_on_dark
 from pipeline.survey.load import read_plan
 from tests.mines import RING, TEE, frame_for, plan_of

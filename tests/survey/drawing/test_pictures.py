@@ -12,14 +12,15 @@ from matplotlib.figure import Figure
 from PIL import Image as Pillow
 from rasterio.transform import from_origin
 
+from minesurveys.pictures.pages import open_page
+from minesurveys.pictures.paper_scale import ratio_in
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import GridSurveyParams, PlanSurveyParams
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.drawing.paper_scale import ratio_in
-from pipeline.survey.drawing.picture import open_page, turn_picture
+from pipeline.survey.drawing.picture import turn_picture
 from pipeline.survey.load import read_survey, sources
 from stages.contours import trace_free_space
 from tests.mines import RING, TEE, frame_for, plan_of

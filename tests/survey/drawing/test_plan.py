@@ -3,12 +3,12 @@ import numpy as np
 import pytest
 import shapely
 
+from minesurveys.pictures.image import read_image
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.outline.binarize import binarize, clean_mask, fill_islands, require_workings
 from pipeline.geometry.outline.components import choose_mask_component
 from pipeline.store.mine_survey import MineSurvey
 from pipeline.survey.draw import draw_plan, frame_around
-from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.scale import measure_bar
 from pipeline.types import DrawnPlan, Workings
 from stages.contours import trace_free_space

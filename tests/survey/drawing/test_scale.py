@@ -2,8 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
+from minesurveys.pictures.image import read_image
 from pipeline.errors import InputError
-from pipeline.survey.drawing.image import read_image
 from pipeline.survey.drawing.scale import find_bar, measure_bar
 
 

@@ -4,7 +4,8 @@ import pytest
 import shapely
 import yaml
 
-from pipeline.errors import DoubtError, InputError
+from minesurveys.errors import DoubtError
+from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import GridSurveyParams
 from pipeline.survey.detect import detect_survey

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from minesurveys.grid.nav2 import files_of_map, read_nav2_map
 from pipeline.errors import InputError
 from pipeline.geometry.maps.occupancy import nav2_map, occupancy_grid
-from pipeline.survey.grid.nav2 import nav2_picture, read_nav2_map
 from tests.mines import TEE
 from tests.project import shared_file
 
@@ -180,7 +180,7 @@ def test_the_picture_beside_a_map_is_read_where_its_path_is_of_another_machine(t
     grey = np.array([[254, 0]], np.uint8)
     path = write(tmp_path, f"image: '{image}'\nresolution: 0.1\norigin: [0, 0, 0]\n", grey)
     assert read_nav2_map(path).free.tolist() == [[True, False]]
-    assert nav2_picture(path) == tmp_path / "map.png"
+    assert files_of_map(path) == [path, tmp_path / "map.png"]
     assert "map.yaml: the picture map.png beside it is read" in capsys.readouterr().err
 
 
@@ -192,7 +192,7 @@ def test_a_copy_of_a_map_and_its_picture_in_another_folder_reads_as_the_original
     (folder / "map.yaml").write_text(f"image: {image}\nresolution: 0.1\norigin: [0, 0, 0]\n")
     place = folder / ("pictures" if "pictures" in image else "")
     cv2.imwrite(str(place / "map.png"), np.array([[254, 0]], np.uint8))
-    found = nav2_picture(folder / "map.yaml")
+    _, found = files_of_map(folder / "map.yaml")
     assert found.relative_to(folder) == (place / "map.png").relative_to(folder)
     shutil.copytree(folder, tmp_path / "copy")
     shutil.rmtree(folder)

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from benchmarks.worlds.random_bends import KEPT, KINDS, judge, least_share, robots_parts
-from pipeline.survey.passages.legs import SurveyLeg, shots_of
+from minesurveys.legs import SurveyLeg, shots_of
 from pipeline.survey.passages.sections import sections_of, widths_kept
 from pipeline.survey.passages.workings import build_workings
 

@@ -6,11 +6,11 @@ import subprocess
 import numpy as np
 import pytest
 
+from minesurveys.solved_surveys import survey_files
+from minesurveys.stations.compass import read_plt
 from pipeline.errors import InputError
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved_surveys import survey_files
-from pipeline.survey.stations.compass import read_plt
 from tests.solved import read_passages
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.survey.passages.stray_heights import stray_zero
+from minesurveys.coordinates.stray_heights import stray_zero
 
 
 def test_a_level_or_a_collar_at_the_height_0_is_no_missing_elevation():

@@ -5,11 +5,11 @@ import shutil
 import numpy as np
 import pytest
 
+from minesurveys.solved_surveys import solve_file
+from minesurveys.survex.survex_text import flagged_together
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.passages.legs import legs_of
 from pipeline.survey.passages.relief import has_relief
-from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.survex.survex_text import flagged_together
 from pipeline.survey.whole_survey import built_piece, footprint, read_whole
 from pipeline.types import lines_of
 from tests.project import ROOT

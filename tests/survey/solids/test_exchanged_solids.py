@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from minesurveys.remarks import collect_remarks
+from minesurveys.solids.files import read_triangles
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.solids.files import read_triangles
 from tests.survey.solids.test_solid_files import crossing_tunnels
 
 GRID = np.array([351234.25, 6301118.25, 400.0])

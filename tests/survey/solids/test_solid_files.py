@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 from benchmarks.scans.solid_files import write, write_surpac
+from minesurveys.solids.files import read_triangles
 from pipeline.errors import InputError
 from pipeline.survey.solids.closing import close_pieces
-from pipeline.survey.solids.files import read_triangles
 from pipeline.survey.solids.free_space import free_space_of
 
 WELD_M, HOLE_M = 1e-4, 0.5

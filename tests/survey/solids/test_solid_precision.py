@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from minesurveys.solids.files import read_triangles
 from pipeline.errors import InputError
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.survey.solids.files import read_triangles
 from pipeline.survey.solids.read import read_solid
 
 GRID = np.array([456_780.0, 5_712_340.0, -410.0])

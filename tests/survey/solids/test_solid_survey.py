@@ -5,10 +5,10 @@ import pytest
 import trimesh
 
 from benchmarks.scans.solid_files import write
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import SolidSurveyParams
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.solids.decimate import distances
 from pipeline.survey.solids.read import read_solid

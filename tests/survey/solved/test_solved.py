@@ -9,30 +9,22 @@ import pytest
 import shapely
 
 from benchmarks.fuzzing.surveys import PROJECT, SAMPLES_3D, head, label, place, ring_3d
+from minesurveys.frames import Source
+from minesurveys.guard import plain_file
+from minesurveys.solved.model import LegFlag, LegStyle, StationFlag
+from minesurveys.solved.project_files import project_files
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.solved_surveys import solve_file, survey_files
+from minesurveys.survex import cavern
 from pipeline.errors import InputError
-from pipeline.guard import plain_file
 from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.passages.workings import build_workings
-from pipeline.survey.solved.model import LegFlag, LegStyle, StationFlag
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved.project_files import project_files
-from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import solve_file, survey_files
-from pipeline.survey.survex import cavern
-from pipeline.types import Source
 from tests.project import ROOT
 from tests.solved import position_of, read_passages
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT / "data/wheal_pell/pell.3d"
-
-
-def old_3d() -> bytes:
-    """Return a `.3d` file of version 3: one leg between two stations of `mine`, and a splay."""
-    out = head(3, b"old") + b"\x0f" + place((0, 0, 0))
-    out += b"\x80\x05mine." + place((0, 2000, 10)) + b"\x84\x00" + place((100, 2000, 10))
-    out += b"\x42\x01a" + place((0, 0, 0)) + b"\x10" + b"\x42\x01b" + place((0, 2000, 10))
-    return out + b"\0\0"
 
 
 def write(folder, files):
@@ -55,12 +47,9 @@ def test_a_solved_file_gives_stations_legs_and_cross_sections(tmp_path):
     assert (survey.title, survey.crs, survey.date) == ("mine", "EPSG:32719", "@1700000000")
 
 
-def test_a_splay_of_an_old_file_ends_at_an_anonymous_station(tmp_path):
-    survey = read_3d(write(tmp_path, {"old.3d": old_3d()}))
-    assert survey.names == ("mine.a", "mine.b", "")
-    assert survey.leg_flags.tolist() == [0, LegFlag.SPLAY]
-    assert survey.legs.tolist() == [[0, 1], [1, 2]]
-    assert survey.centreline().tolist() == [0]
+def test_a_file_of_an_earlier_version_is_refused_with_what_converts_it(tmp_path):
+    with pytest.raises(InputError, match=r"\.3d version 'v7'; v8 is read, .*survexport"):
+        read_3d(write(tmp_path, {"old.3d": head(7)}))
 
 
 @pytest.mark.parametrize("cut", [0, 5, 22, 30, 47, 60, 100, len(ring_3d()) - 1])
@@ -70,14 +59,13 @@ def test_a_file_that_is_cut_off_is_refused(tmp_path, cut):
 
 
 @needs_cavern
-@pytest.mark.parametrize("version", range(3, 9))
-def test_every_version_that_survex_writes_reads_as_dump3d_prints_it(tmp_path, version):
+def test_what_survex_writes_reads_as_dump3d_prints_it(tmp_path):
     deep = "*begin a_long_survey_name\n*begin another_long_name\n1 2 5 10 2\n2 .. 2 100 0\n*flags surface\n2 3 5 9 9\n"
     text = deep + "*flags not surface duplicate\n2 4 5 9 9\n*data passage station left right up down\n1 1 2 3 400\n"
     text += "2 - 1 1 1\n*end another_long_name\n*begin b\n*data cartesian from to dx dy dz\n1 2 3 4 5\n*end b\n"
     path = write(tmp_path, {"a.svx": f"{text}*equate b.1 another_long_name.1\n*end a_long_survey_name\n"})
     target = tmp_path / "a.3d"
-    subprocess.run(["cavern", "-qs", f"-v{version}", "-o", target, path], check=True, capture_output=True)
+    subprocess.run(["cavern", "-qs", "-o", target, path], check=True, capture_output=True)
     survey = read_3d(target)
     dump = subprocess.run(["dump3d", target], check=True, capture_output=True, text=True).stdout.splitlines()
     nodes = {line.split()[4].strip("[]"): line.split()[1:4] for line in dump if line.startswith("NODE")}
@@ -85,9 +73,7 @@ def test_every_version_that_survex_writes_reads_as_dump3d_prints_it(tmp_path, ve
         np.testing.assert_allclose(at, np.array(nodes[name], float), atol=1e-9)
     assert len(survey.legs) == sum(line.startswith("LINE") for line in dump) == 5
     assert sorted(survey.leg_flags.tolist()) == [0, 0, LegFlag.SURFACE, LegFlag.DUPLICATE, LegFlag.SPLAY]
-    assert len(survey.passages) == (version >= 5)
-    if version >= 5:
-        np.testing.assert_array_equal(survey.passages[0].lrud_m, [[1, 2, 3, 400], [np.nan, 1, 1, 1]])
+    np.testing.assert_array_equal(survey.passages[0].lrud_m, [[1, 2, 3, 400], [np.nan, 1, 1, 1]])
 
 
 def test_wheal_pell_reads_with_its_stations_and_splays(capsys):

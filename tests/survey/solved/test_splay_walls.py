@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minesurveys.frames import Source
+from minesurveys.legs import SurveyLeg
+from minesurveys.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey
+from minesurveys.solved.node_links import read_node_links
+from minesurveys.solved_surveys import survey_files
 from pipeline.errors import InputError
-from pipeline.survey.passages.legs import SurveyLeg
 from pipeline.survey.passages.relief import roofs_of, usual_roof_m
-from pipeline.survey.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey
-from pipeline.survey.solved.node_links import read_node_links
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.splay_walls import (
     fill_down,
@@ -18,9 +20,7 @@ from pipeline.survey.solved.splay_walls import (
     measured,
     usual_half_width_m,
 )
-from pipeline.survey.solved_surveys import survey_files
 from pipeline.survey.whole_survey import built_piece
-from pipeline.types import Source
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from tests.solved import read_passages
 

@@ -11,12 +11,12 @@ import pyproj
 import pytest
 
 from benchmarks.fuzzing.surveys import THERION, ring_3d
+from minesurveys.solved.model import LegFlag
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.solved_surveys import entrances_of, solve_file, survey_files
+from minesurveys.therion.convert import to_survex
+from minesurveys.therion.place import _convergence_deg, _square
 from pipeline.errors import InputError
-from pipeline.survey.solved.model import LegFlag
-from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import entrances_of, solve_file, survey_files
-from pipeline.survey.therion.convert import to_survex
-from pipeline.survey.therion.place import _convergence_deg, _square
 from tests.project import ROOT
 from tests.solved import position_of, read_passages
 

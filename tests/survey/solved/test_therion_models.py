@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minesurveys.remarks import collect_remarks
+from minesurveys.solved.model import LegFlag, StationFlag
+from minesurveys.solved_surveys import solve_file, survey_files
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.solved.model import LegFlag, StationFlag
-from pipeline.survey.solved_surveys import solve_file, survey_files
 
 needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="survex is not installed")
 FOLDER = Path(__file__).parent / "therion"

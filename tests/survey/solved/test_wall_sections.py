@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.survey.solved.model import LegFlag, Passage, SolvedSurvey
+from minesurveys.frames import Source
+from minesurveys.solved.model import LegFlag, Passage, SolvedSurvey
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.types import Source
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.union import pieces_of, unite
 

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import shapely
 
+from minesurveys.solved_surveys import solve_file
 from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.detect import detect_here
 from pipeline.survey.passages.workings import build_workings
-from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.stations.table import read_station_legs, read_stations
+from pipeline.survey.solved.station_table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
 from pipeline.types import DrawnPlan
 from tests.project import ROOT, TINY_STATIONS

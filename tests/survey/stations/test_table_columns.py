@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import yaml
 
+from minesurveys.clouds.cloud_formats import read_blocks
+from minesurveys.remarks import collect_remarks
+from minesurveys.solved_surveys import solve_file
 from pipeline.commands.options import add_options, stated_options
 from pipeline.errors import InputError
 from pipeline.import_mine import draft_import
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import CloudSurveyParams
-from pipeline.remarks import collect_remarks
-from pipeline.scans.cloud_formats import read_blocks
 from pipeline.survey.clouds.read import thinned_scan
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.stations.table import read_station_legs, read_stations
+from pipeline.survey.solved.station_table import read_station_legs, read_stations
 from tests.project import shared_file
 
 

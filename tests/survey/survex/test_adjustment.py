@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from minesurveys.formats import solver_limits
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.solved_surveys import solve_file
+from minesurveys.survex import cavern
+from minesurveys.survex.adjustment import computed_declinations, require_printed_length, warn_of_computed
 from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
-from pipeline.survey.formats import solver_limits
-from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import solve_file
-from pipeline.survey.survex import cavern
-from pipeline.survey.survex.adjustment import computed_declinations, require_printed_length, warn_of_computed
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT
 from tests.solved import position_of

@@ -7,8 +7,8 @@ import numpy as np
 import pyproj
 import pytest
 
-from pipeline.survey.solved.survex_3d import read_3d
-from pipeline.survey.solved_surveys import solve_file
+from minesurveys.solved.survex_3d import read_3d
+from minesurveys.solved_surveys import solve_file
 from tests.project import ROOT
 from tests.solved import position_of
 

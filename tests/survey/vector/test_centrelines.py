@@ -9,11 +9,11 @@ import pytest
 import shapely
 from shapely import LineString
 
+from minesurveys.vector.shapes import Shapes
 from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams, PassageSurveyParams, VectorSurveyParams
 from pipeline.survey.detect import detect_here
 from pipeline.survey.vector.centrelines import read_centrelines
-from pipeline.survey.vector.shapes import Shapes
 from pipeline.survey.vector_survey import read_shapes, read_vector_survey
 from tests.heights import RAMP, levels, seam, spiral, table
 

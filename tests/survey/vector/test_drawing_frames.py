@@ -10,11 +10,11 @@ import pytest
 import shapely
 from shapely import LineString, box
 
+from minesurveys.vector.shapes import Shapes
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.drawing_frames import require_no_boundary
-from pipeline.survey.vector.shapes import Shapes
 from tests.mines import RING, TEE
 
 

@@ -6,9 +6,9 @@ import pytest
 import shapely
 from ezdxf.xclip import XClip
 
+from minesurveys.reading import read_shapes
+from minesurveys.vector.dxf import read_dxf
 from pipeline.errors import InputError
-from pipeline.survey.vector.dxf import read_dxf
-from pipeline.survey.vector_shapes import read_shapes
 
 RELEASE_9 = """  0
 SECTION

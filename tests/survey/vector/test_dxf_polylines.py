@@ -7,10 +7,10 @@ import pytest
 import shapely
 from ezdxf.math import BSpline
 
+from minesurveys.solids.files import read_triangles
+from minesurveys.vector.dxf import read_dxf
 from pipeline.errors import InputError
 from pipeline.survey.solids.closing import close_pieces
-from pipeline.survey.solids.files import read_triangles
-from pipeline.survey.vector.dxf import read_dxf
 from tests.project import shared_file
 
 FITTED, DRAWN, FRAME = 4, 8, 16  # flags of a polyline, and of its points

@@ -7,8 +7,8 @@ import numpy as np
 import pyogrio.raw
 import pytest
 
+from minesurveys.vector.geodata import read_geodata
 from pipeline.errors import InputError
-from pipeline.survey.vector.geodata import read_geodata
 from tests.mines import RING
 
 

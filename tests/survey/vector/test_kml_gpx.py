@@ -7,14 +7,14 @@ import pyogrio
 import pytest
 import shapely
 
+from minesurveys.limits import reader_limits
+from minesurveys.remarks import collect_remarks
+from minesurveys.vector.earth import kml
+from minesurveys.vector.earth.gpx import read_gpx
+from minesurveys.vector.earth.kml import read_kml
 from pipeline.errors import InputError
-from pipeline.params.reader_limits import reader_limits
 from pipeline.params.stated import StatedOptions
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.vector.earth import kml
-from pipeline.survey.vector.earth.gpx import read_gpx
-from pipeline.survey.vector.earth.kml import read_kml
 
 LINE = shapely.LineString([(-70.1, -33.1, 2400.0), (-70.099, -33.1, 2401.0)])
 SQUARE = shapely.box(-70.1, -33.1, -70.0999, -33.0999)

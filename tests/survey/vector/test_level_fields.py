@@ -8,9 +8,9 @@ import pytest
 import shapely
 from shapely import LineString
 
+from minesurveys.remarks import collect_remarks
 from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams, VectorSurveyParams
-from pipeline.remarks import collect_remarks
 from pipeline.survey.detect import detect_here
 from pipeline.survey.vector_survey import read_vector_survey
 

@@ -4,10 +4,10 @@ import pytest
 import shapely
 from shapely import LineString, Polygon
 
+from minesurveys.vector.missing_elevations import fill_elevations
+from minesurveys.vector.shapes import Shapes
 from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams
-from pipeline.survey.vector.missing_elevations import fill_elevations
-from pipeline.survey.vector.shapes import Shapes
 from pipeline.survey.vector_survey import read_vector_survey
 
 

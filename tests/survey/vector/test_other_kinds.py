@@ -10,8 +10,8 @@ import pyogrio.raw
 import pytest
 import shapely
 
+from minesurveys.reading import read_shapes
 from pipeline.errors import InputError
-from pipeline.survey.vector_shapes import read_shapes
 from tests.mines import TEE
 
 SQUARE = [(0, 0, 0), (50, 0, 0), (50, 5, 0), (0, 5, 0)]

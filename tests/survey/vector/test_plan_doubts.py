@@ -5,10 +5,10 @@ import pytest
 import shapely
 from shapely import LineString
 
+from minesurveys.vector.shapes import Shapes
 from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
-from pipeline.survey.vector.shapes import Shapes
 
 
 def ring(radius, height, centre=(0.0, 0.0)):

@@ -10,13 +10,13 @@ import pyogrio
 import pytest
 from shapely import LineString, to_wkb
 
+from minesurveys.reading import read_shapes
+from minesurveys.remarks import collect_remarks
+from minesurveys.solved.model import LegFlag
+from minesurveys.vector.geodata import read_geodata
 from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams
-from pipeline.remarks import collect_remarks
-from pipeline.survey.solved.model import LegFlag
 from pipeline.survey.vector.centrelines import read_centrelines
-from pipeline.survey.vector.geodata import read_geodata
-from pipeline.survey.vector_shapes import read_shapes
 from pipeline.survey.vector_survey import read_vector_survey
 
 DRIFT = [[(0, 0, 0), (40, 0, 2)], [(40, 0, 2), (80, 0, 4)]]

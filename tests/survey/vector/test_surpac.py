@@ -3,9 +3,9 @@
 import pytest
 from shapely import LineString
 
+from minesurveys.vector.surpac import read_surpac
 from pipeline.errors import InputError
 from pipeline.survey.detect import detect_here
-from pipeline.survey.vector.surpac import read_surpac
 
 DRIFT = """850 level,21-Nov-26,,ssi_styles:styles.ssi
 0, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000

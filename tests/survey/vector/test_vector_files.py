@@ -15,16 +15,18 @@ import shapely
 from shapely import LineString
 from shapely.affinity import translate
 
+from minesurveys.coordinates.map_axes import coordinate_system
+from minesurveys.formats import files_of
+from minesurveys.vector.dxf import read_dxf
+from minesurveys.vector.geodata import read_geodata
+from minesurveys.vector.geojson import read_geojson
+from minesurveys.vector.shapes import Shapes, locate
 from pipeline.errors import InputError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import VectorSurveyParams
-from pipeline.survey.coordinates.map_axes import coordinate_system
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.vector.dxf import read_dxf
-from pipeline.survey.vector.geodata import companions, read_geodata
-from pipeline.survey.vector.geojson import read_geojson
-from pipeline.survey.vector.shapes import Shapes, locate, workings_of
+from pipeline.survey.vector.enclosed import workings_of
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.mines import RING, TEE
 
@@ -166,7 +168,7 @@ def test_polygons_in_map_coordinates_are_moved_to_a_local_origin(tmp_path, name)
     assert georeference.crs is not None
     assert "32719" in georeference.crs
     assert georeference.origin == (381_230.0, 6_290_120.0)
-    assert {p.suffix for p in companions(path)} == (
+    assert {p.suffix for p in files_of(path)} == {path.suffix} | (
         {".shx", ".dbf", ".prj", ".cpg"} if name.endswith(".shp") else set()
     )
 

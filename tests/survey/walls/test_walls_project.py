@@ -7,10 +7,10 @@ import subprocess
 import numpy as np
 import pytest
 
+from minesurveys.solved_surveys import solve_file, survey_files
+from minesurveys.walls.project import copy_of
+from minesurveys.walls.sections import _passages
 from pipeline.errors import InputError
-from pipeline.survey.solved_surveys import solve_file, survey_files
-from pipeline.survey.walls.project import copy_of
-from pipeline.survey.walls.sections import _passages
 from tests.solved import position_of, read_passages
 
 SHOTS = "#units meters order=dav\n#fix A 100 200 30\nA B 10 90 0 <1,2,3,4>\nB C 5 0 90\n"

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from minesurveys.errors import first_few
+from minesurveys.remarks import warn_user
 from minexplore.floors.volume_arrays import VolumeFacets
-from pipeline.errors import first_few
 from pipeline.params.validation import VolumeProofParams
-from pipeline.remarks import warn_user
 from pipeline.types import SurveyedLegs
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.union import pieces_of

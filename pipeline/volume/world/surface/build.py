@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from minesurveys.remarks import warn_user
 from minexplore.bundle import TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import InputError
 from pipeline.params.surface import SurfaceParams
 from pipeline.progress import progress
-from pipeline.remarks import warn_user
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.surface.mesh.mesh_checks import MeshReport
 from pipeline.surface.mesh.simplify import Simplification

@@ -1,0 +1,1 @@
+"""Point clouds and scanned meshes, read in blocks."""

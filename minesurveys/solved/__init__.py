@@ -1,0 +1,1 @@
+"""Surveys in three dimensions, read from the result of the program that solved them."""

@@ -1,0 +1,1 @@
+"""Vector files: DXF, GeoJSON, GeoPackage and Shapefile, as shapes in metres."""

@@ -1,1 +1,0 @@
-"""How parameters are read, and how a refusal names them."""

@@ -1,1 +1,0 @@
-"""Which points of a file can be read: those that were measured, are fine enough, and lie together."""
