@@ -147,7 +147,10 @@ team = MineParallelEnv(robots=4, world="chilean_mine")
 observations, infos = team.reset(seed=0)
 ```
 
-`reward` is `"shared"` or `"individual"`; `world`, `task`, `robot`, `render_mode`, `camera` and `lidar` are as above.
+`reward` is `"shared"` or `"individual"`; `world`, `task`, `robot`, `render_mode`, `camera`, `lidar`, `pose`, `sensors`,
+`conditions` and `goal` are as above, and so are the options of `reset`. Robots of any kind touch each other. Beams and
+clouds end on other robots, and images show them; the reading `map` is the team's. With a goal each robot has its own,
+and leaves the team when it is there. Where one robot stands already, the next begins at the nearest free place.
 """
 
 _WARP = """## Many robots on a GPU

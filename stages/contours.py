@@ -31,6 +31,7 @@ from pipeline.geometry.outline.outer_walls import count_islands, filled
 from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams
+from pipeline.progress import progress
 from pipeline.report.figures.graph import network_dot, width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, correct_by_sweeps, read_sweeps
@@ -74,12 +75,18 @@ def _trace_volume(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]:
 
 def _trace_plan(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]:
     frame = mine.survey.frame
-    with _named(mine):
-        drawn = _trace(params, mine)
-        correction = _correct(params, drawn.workings)
-    corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
-    simplified = _simplify(params, corrected.workings)
-    drifts, outline = simplified.network, simplified.outline
+    with progress("contours", 4, "steps") as done:
+        with _named(mine):
+            drawn = _trace(params, mine)
+            done.update()
+            correction = _correct(params, drawn.workings)
+        corrected = drawn if correction is None else _drawn_again(correction.polygon, frame)
+        done.update()
+        simplified = _simplify(params, corrected.workings)
+        done.update()
+        drifts, outline = simplified.network, simplified.outline
+        evidence = _evidence(corrected.raw, outline, drifts, frame)
+        done.update()
     return {
         "raw": corrected.raw,
         "cleaned": corrected.cleaned,
@@ -87,7 +94,7 @@ def _trace_plan(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]:
         "free_space": FreeSpace(outline, _measure_areas(outline, corrected, frame), simplified.moved_m, frame),
         "topology": drifts,
         "evidence": {
-            **_evidence(corrected.raw, outline, drifts, frame),
+            **evidence,
             **({} if correction is None else _evidence_of(drawn.workings, correction, frame)),
         },
     }

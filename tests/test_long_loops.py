@@ -33,3 +33,14 @@ def test_what_is_updated_by_hand_is_shown_alike(soon, capfd):
         time.sleep(0.3)
         shown.update(50)
     assert "rays: 50 of 100 rays" in capfd.readouterr().err
+
+
+def test_tracing_a_plan_and_assembling_a_world_show_their_steps(monkeypatch, capfd, config, tmp_path):
+    from tests.mines import TEE, BuiltMine
+
+    monkeypatch.setattr(progress, "AFTER_S", 0.0)
+    monkeypatch.setattr(progress, "_EVERY_S", 0.0)
+    BuiltMine(TEE, config, tmp_path / "world")
+    shown = capfd.readouterr().err
+    assert "contours: 4 of 4 steps" in shown
+    assert "realism: 3 of 3 steps" in shown

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -29,8 +28,11 @@ def make_batch(
     pose: object = "true",
     conditions: SensorParams = IDEAL,
     goal: Any = None,
+    together: bool = False,
 ) -> RobotBatch:
     """Return the batch that drives robots of a kind, by a true or a counted pose, with clear or degraded beams.
+
+    The robots are each alone in its own copy of the mine, or `together` in one.
 
     Raises
     ------
@@ -38,12 +40,17 @@ def make_batch(
         If the pose is none, a robot without wheels is to count them, or the `goal` is none for this world and robot.
     """
     check_pose(pose)
-    made: Callable[..., RobotBatch] = RobotBatch
+    kind: type[RobotBatch] = RobotBatch
     if robot.FLIES or pose != "true" or not conditions.is_ideal:
         from minexplore.envs.sensed.degraded_batch import kind_of_batch
 
-        made = kind_of_batch(robot, pose, conditions)
-    robots = made(world, task, robot, count, threads, lidar, whole)
+        kind = kind_of_batch(robot, pose, conditions)
+    if together:
+        from minexplore.envs.team import team_of
+
+        kind = team_of(kind)
+    beams: dict[str, Any] = {} if conditions.is_ideal else {"conditions": conditions}
+    robots = kind(world, task, robot, count, threads, lidar, whole, **beams)
     if goal is not None:
         from minexplore.tasks.goto import GoTo
 

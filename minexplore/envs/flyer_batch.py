@@ -10,7 +10,6 @@ from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.robot_places import Stances
 from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.physics.robot_kind import Robot
-from minexplore.sensing.coverage import mark
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.lidar import Backend
 from minexplore.task import TaskParams
@@ -80,19 +79,6 @@ class FlyerBatch(RobotBatch):
     def _asked_speeds(self, command: np.ndarray) -> np.ndarray:
         level = np.minimum(np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2), 1.0) * self.task.max_forward_mps
         return np.asarray(np.sqrt(level**2 + (self.robot.climb_mps * command[:, 2]) ** 2))
-
-    def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cast the beams and mark the cubes they cross; return true ranges (k, beams) m, and new cubes (k,)."""
-        origin, directions, ranges = self._cast(robots)
-        ray, cube = self._crossed(origin, directions, ranges)
-        new = mark(self.grid, self.seen, robots[ray // len(self._beams)], cube)
-        return ranges, new[robots]
-
-    def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return ray numbers, and the numbers of the cubes that the beams pass through."""
-        ends = origin[:, None] + directions * ranges[..., None]
-        starts = np.repeat(origin, len(self._beams), axis=0)
-        return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the beams' origins (k, 3) m, directions (k, beams, 3) and true ranges (k, beams) m, mine frame."""

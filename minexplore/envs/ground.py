@@ -30,8 +30,8 @@ class RobotGround(Protocol):
     def start_m(self) -> np.ndarray:
         """Return the place, as `models.tiles_of` takes it, whose model robots have before they are placed."""
 
-    def entrance_places(self, clearance_m: float) -> np.ndarray:
-        """Return the places (n, 2 or 3) m of the entrance region with a clearance."""
+    def places(self, clearance_m: float) -> np.ndarray:
+        """Return the places (n, 2 or 3) m that have a clearance."""
 
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the free joint's place and quaternion (7,), world frame, of a robot that stands at such a place."""
@@ -62,11 +62,9 @@ class PlanGround:
         self.start_m = np.array(world.record["spawn"]["anchor_m"])
         self.grid = CoverageGrid(world, task.cell_m, robot.radius_m, self.start_m, task.region_m)
 
-    def entrance_places(self, clearance_m: float) -> np.ndarray:
-        """Return the places (n, 2) m, plan, of the entrance region with a clearance; see `RobotGround`."""
-        spawn, places = self.world.record["spawn"], self.world.places_m(clearance_m)
-        found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
-        return found
+    def places(self, clearance_m: float) -> np.ndarray:
+        """Return the places (n, 2) m, plan, that have a clearance; see `RobotGround`."""
+        return self.world.places_m(clearance_m)
 
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the pose of a robot at a place (2,) m of the plan; see `RobotGround`."""

@@ -54,7 +54,7 @@ class RobotBatch(RobotPlaces):
         zones = world.active_zones(task.terrain)
         self._scale = np.array([zone.command_scale for zone in zones])
         self._noise = np.array([zone.speed_noise_mps for zone in zones])
-        self.stepper = PhysicsStepper(self.local_models, count, threads, self.ground.start_m)
+        self.stepper = self._make_stepper(threads)
         self.state, self.qpos, self.qvel = self.stepper.state, self.stepper.qpos, self.stepper.qvel
         self.seen = np.zeros((count, *self.grid.reachable.shape), dtype=bool)
         self.cells_seen, self._reachable = np.zeros(count, dtype=int), np.full(count, self.grid.total)
@@ -66,14 +66,20 @@ class RobotBatch(RobotPlaces):
         """Return what the robots move over."""
         return ground_of(self.world, self.task, self.robot, self.count, whole)
 
+    def _make_stepper(self, threads: int) -> PhysicsStepper:
+        """Return what holds the robots' states and advances them."""
+        return PhysicsStepper(self.local_models, self.count, threads, self.ground.start_m)
+
+    def surfaces_round(self, robot: int, surfaces: Any) -> Any:
+        """Return what casts the rays of a robot's LiDARs, by what casts them at rock: nothing else is round a robot."""
+        return surfaces
+
     def reset(
         self, robots: np.ndarray, rngs: list[np.random.Generator], start: EpisodeStart | None = None
     ) -> StepOutcome:
         """Place robots (k,) near the entrance with a random yaw, or as `start` says, and cast the beams once."""
         for i in robots.tolist():
-            x, y, *z = self.rules.place(i, rngs[i], start) or self._sample_place(rngs[i])
-            pose = [x, y, rngs[i].uniform(-np.pi, np.pi), *z]
-            self.place(i, *(pose if start is None else start.pose(pose, i, rngs[i])))
+            self.place(i, *self._start_pose(i, rngs[i], start))
         self.seen[robots], self.previous[robots] = False, 0.0
         for counter in (self.steps, self.stalled, self.collisions, self.cells_seen):
             counter[robots] = 0
@@ -84,6 +90,12 @@ class RobotBatch(RobotPlaces):
         observation = self.rules.observed(self._observe(robots, ranges, rngs), robots)
         ends = nothing.copy(), nothing.copy()
         return StepOutcome(observation, np.zeros(len(robots)), *ends, self._info(robots, nothing))
+
+    def _start_pose(self, robot: int, rng: np.random.Generator, start: EpisodeStart | None) -> list[float]:
+        """Return x, y, yaw and, where it is known, z at which a robot begins."""
+        x, y, *z = self.rules.place(robot, rng, start) or self._sample_place(rng)
+        pose = [x, y, rng.uniform(-np.pi, np.pi), *z]
+        return pose if start is None else start.pose(pose, robot, rng)
 
     def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
         """Place a robot, at rest, on the floor at a pose of the plan; in a volume on the next floor under a height."""
@@ -96,10 +108,16 @@ class RobotBatch(RobotPlaces):
         spawn = self.world.record["spawn"]
         if spawn["anchor_clearance_m"] >= spawn["clearance_m"] >= self.robot.radius_m:
             return list(spawn["anchor_m"])
-        near = self.ground.entrance_places(self.robot.radius_m)
+        near = self._entrance_places(self.robot.radius_m)
         if not len(near):
             raise ValueError(f"{self.world.folder}: the robot ({self.robot.radius_m} m) fits nowhere near the entrance")
         found: list[float] = near[rng.integers(len(near))].tolist()
+        return found
+
+    def _entrance_places(self, clearance_m: float) -> np.ndarray:
+        """Return the places (n, 2 or 3) m of the entrance region that have a clearance."""
+        spawn, places = self.world.record["spawn"], self.ground.places(clearance_m)
+        found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
         return found
 
     def step(
@@ -184,10 +202,7 @@ class RobotBatch(RobotPlaces):
         return self._advance(robots, places)
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        """Step the physics of robots (k,) at places (k, 3) m for one control step; return which touched rock.
-
-        A team steps its robots together.
-        """
+        """Step the physics of robots (k,) at places (k, 3) m for one control step; return which touched rock."""
         return self.stepper.advance(robots, self.ground.prepare(self.stepper, robots, places_m), self.task.substeps)
 
     def true_ranges(self, robots: np.ndarray) -> np.ndarray:
@@ -198,7 +213,7 @@ class RobotBatch(RobotPlaces):
         """Cast the beams and mark the cells they cross; return true ranges (k, beams) m, and new cells (k,)."""
         origin, directions, ranges = self._cast(robots)
         ray, *cell = self._crossed(origin, directions, ranges)
-        new = mark(self.grid, self.seen, robots[ray // self.task.beams], *cell)
+        new = mark(self.grid, self.seen, robots[ray // len(self._beams)], *cell)
         return ranges, new[self._rows(robots)]
 
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -212,7 +227,7 @@ class RobotBatch(RobotPlaces):
     def _crossed(self, origin: np.ndarray, directions: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return ray numbers, and the indices of the cells that the beams pass through."""
         ends = origin[:, None] + directions * ranges[..., None]
-        starts = origin if len(origin) == 1 else origin.repeat(self.task.beams, axis=0)
+        starts = origin if len(origin) == 1 else origin.repeat(len(self._beams), axis=0)
         return self.grid.cells_crossed(starts, ends.reshape(-1, 3), self.task.range_m[1])
 
     def _observe(self, robots: np.ndarray, ranges: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A team of robots in one physics model with one map of what was seen."""
+"""A team: robots of any batch in one physics model, with one map of what was seen."""
 
 from __future__ import annotations
 
@@ -6,88 +6,99 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.physics.robot import RobotParams, qpos_address, qvel_address
+from minexplore.envs.sensed.others import BeamsAmong, OtherRobots, SurfacesAmong
+from minexplore.physics.team_stepper import TeamStepper
 from minexplore.sensing.coverage import mark
-from minexplore.sensing.lidar import Backend
-from minexplore.task import TaskParams
 from minexplore.tasks.exploration import StepOutcome
-from minexplore.world import World
+from minexplore.tasks.starts import EpisodeStart
 
-_APART_M = 1.2  # least distance between two robots at the start, centre to centre
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_BETWEEN_M = 0.5  # two robots at the start, at least
+_ROOM_M = 0.1  # to rock, beside a robot at the start
 
 
 class Team(RobotBatch):
-    """Robots that see and touch each other."""
+    """Robots that see and touch each other; in all else each is the robot of a batch.
 
-    def __init__(self, world: World, task: TaskParams, robot: RobotParams, count: int, lidar: Backend = "auto") -> None:
-        """Compile the mine with all robots."""
-        super().__init__(world, task, robot, count, lidar=lidar)
-        names = tuple(f"robot_{i}" for i in range(count))
-        self.model = world.compile(self.local_models.spec(None, names))
-        self.data = mujoco.MjData(self.model)
-        self._qpos_at = np.array([qpos_address(self.model, name) for name in names])
-        self._qvel_at = np.array([qvel_address(self.model, name) for name in names])
-        self._names, self._taken = names, list[list[float]]()
+    `seen` has a row for each robot, as in any batch, but all rows are one map.
+    """
+
+    stepper: TeamStepper  # type: ignore[assignment]
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        """Take the arguments of a batch, and compile the mine with all robots."""
+        super().__init__(*arguments, **named)
+        self.model, self.data = self.stepper.model, self.stepper.data
+        self._others = [OtherRobots(self.stepper, robot, self.T_world_mine) for robot in range(self.count)]
+        self.lidar = BeamsAmong(self.lidar, self.robot, self._others)  # type: ignore[assignment]
+        self._taken: list[np.ndarray] = []
         self.team_seen = np.zeros((1, *self.grid.reachable.shape), dtype=bool)
+        self.seen = as_strided(self.team_seen, self.seen.shape, (0, *self.team_seen.strides[1:]))
 
-    def reset_all(self, rngs: list[np.random.Generator]) -> StepOutcome:
-        """Place the whole team near the entrance."""
+    def _make_stepper(self, threads: int) -> TeamStepper:  # type: ignore[override]
+        return TeamStepper(self.world, self.local_models, self.robot, self.count)
+
+    def surfaces_round(self, robot: int, surfaces: Any) -> SurfacesAmong:
+        """Return what casts a robot's rays at rock and at the other robots."""
+        return SurfacesAmong(surfaces, self._others[robot])
+
+    def reset_all(self, rngs: list[np.random.Generator], start: EpisodeStart | None = None) -> StepOutcome:
+        """Place the whole team near the entrance, or as `start` says; see `RobotBatch.reset`."""
         self._taken = []
-        self.team_seen[:] = False
         mujoco.mj_resetData(self.model, self.data)
-        outcome = self.reset(np.arange(self.count), rngs)
+        outcome = self.reset(self._every, rngs, start)
         mujoco.mj_forward(self.model, self.data)
         return outcome
 
     def copy_state(self) -> dict[str, Any]:
         """Return a copy of all that changes while the team drives; see `RobotBatch.copy_state`."""
-        physics = np.empty(mujoco.mj_stateSize(self.model, _STATE))
-        mujoco.mj_getState(self.model, self.data, physics, _STATE)
-        return {**super().copy_state(), "team_seen": self.team_seen.copy(), "physics": physics}
+        return {**super().copy_state(), "physics": self.stepper.copy_state()}
 
     def restore_state(self, state: dict[str, Any]) -> None:
         """Take what `copy_state` returned; see `RobotBatch.restore_state`."""
         super().restore_state(state)
-        self.team_seen[...] = state["team_seen"]
-        mujoco.mj_setState(self.model, self.data, state["physics"], _STATE)
+        self.stepper.restore_state(state["physics"])
 
-    def place(self, robot: int, x_m: float, y_m: float, yaw_rad: float, z_m: float | None = None) -> None:
-        """Place a robot, at rest, at a pose; see `RobotBatch.place`."""
-        super().place(robot, x_m, y_m, yaw_rad, z_m)
-        self.data.qpos[self._qpos_at[robot]] = self.qpos[robot, : self._qpos_at.shape[1]]
-        self.data.qvel[self._qvel_at[robot]] = 0.0
+    def _start_pose(self, robot: int, rng: np.random.Generator, start: EpisodeStart | None) -> list[float]:
+        """Return where a robot begins: as alone, or at the nearest free place apart from those placed before."""
+        x, y, yaw, *z = super()._start_pose(robot, rng, start)
+        place = np.array([x, y, *z])
+        if not self._are_apart(place[None])[0]:
+            places = self._apart(self.ground.places(self.robot.radius_m + _ROOM_M))
+            away = np.linalg.norm(places[:, : len(place)] - place, axis=1)
+            place = places[int(away.argmin())]
+        self._taken.append(place)
+        return [*place[:2].tolist(), yaw, *place[2:].tolist()]
 
     def _sample_place(self, rng: np.random.Generator) -> list[float]:
         """Return a random place (m, mine frame) of the entrance region apart from the robots placed before."""
         if not self._taken:
-            self._taken.append(super()._sample_place(rng))
-            return self._taken[0]
-        places = self.ground.entrance_places(self.robot.radius_m + 0.1)
-        apart = np.min([np.linalg.norm(places - taken, axis=1) for taken in self._taken], axis=0) >= _APART_M
-        free = places[apart]
+            return super()._sample_place(rng)
+        free = self._apart(self._entrance_places(self.robot.radius_m + _ROOM_M))
+        found: list[float] = free[rng.integers(len(free))].tolist()
+        return found
+
+    def _apart(self, places: np.ndarray) -> np.ndarray:
+        """Return those of places (n, 2 or 3) m that are apart from the robots placed before."""
+        free = places[self._are_apart(places)]
         if not len(free):
-            raise ValueError(
-                f"{self.world.folder}: no room near the entrance for robot {len(self._taken)} of {self.count}"
-            )
-        self._taken.append(free[rng.integers(len(free))].tolist())
-        return self._taken[-1]
+            placed = f"robot {len(self._taken)} of {self.count}"
+            raise ValueError(f"{self.world.folder}: no room near the entrance for {placed}")
+        return free
+
+    def _are_apart(self, places: np.ndarray) -> np.ndarray:
+        """Return which of places (n, 2 or 3) m are apart from the robots placed before, (n,) bool."""
+        found, least_m = np.ones(len(places), dtype=bool), 2 * self.robot.radius_m + _BETWEEN_M
+        for taken in self._taken:
+            known = min(len(taken), places.shape[1])
+            found &= np.linalg.norm(places[:, :known] - taken[:known], axis=1) >= least_m
+        return found
 
     def _advance(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
-        touched = np.zeros(self.count, dtype=bool)
-        self.ground.prepare_team(self.model, self._names, places_m, self.qpos[robots, 3:7])
-        self.data.ctrl[:] = self.stepper.ctrl.ravel()
-        for _ in range(self.task.substeps):
-            mujoco.mj_step(self.model, self.data)
-            touched |= self.data.sensordata > 0
-        for own, of_model, at in (
-            (self.qpos, self.data.qpos, self._qpos_at),
-            (self.qvel, self.data.qvel, self._qvel_at),
-        ):
-            own[:, : at.shape[1]] = of_model[at]  # behind them are sprung castors, which nothing else looks at
-        return touched[robots]
+        self.ground.prepare_team(self.model, self.stepper.names, places_m, self.qpos[:, 3:7])
+        return self.stepper.advance(robots, places_m, self.task.substeps)
 
     def _look(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cast the beams and mark the team's map; a cell that two see at once counts for the first."""
@@ -95,24 +106,12 @@ class Team(RobotBatch):
         ray, *cell = self._crossed(origin, directions, ranges)
         new = np.zeros(len(robots), dtype=int)
         for i in range(len(robots)):
-            own = ray // self.task.beams == i
+            own = ray // len(self._beams) == i
             observer = np.zeros(int(own.sum()), dtype=int)
             new[i] = mark(self.grid, self.team_seen, observer, *(index[own] for index in cell))[0]
         return ranges, new
 
-    def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Cast beams that rock and the other robots' scanners stop."""
-        origin, directions, ranges = super()._cast(robots)
-        return origin, directions, np.minimum(ranges, self._to_others(origin, directions))
 
-    def _to_others(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Return distances (n, beams) m to the upright cylinders of the other robots' scanners."""
-        apart = origin[None, :, :2] - origin[:, None, :2]  # (from, to, 2)
-        along = np.einsum("ibk,ijk->ijb", directions[..., :2], apart)
-        across = (apart**2).sum(axis=-1)[..., None] - along**2
-        half = self.robot.scanner_radius_m**2 - across
-        distance = np.where((half > 0) & (along > 0), along - np.sqrt(np.maximum(half, 0.0)), np.inf)
-        distance[np.arange(len(origin)), np.arange(len(origin))] = np.inf
-        level = origin[:, None, None, 2] + np.where(np.isfinite(distance), distance, 0.0) * directions[:, None, :, 2]
-        high = np.abs(level - origin[None, :, None, 2]) <= self.robot.scanner_height_m / 2
-        return np.where(high, distance, np.inf).min(axis=1)
+def team_of(kind: type[RobotBatch]) -> type[Team]:
+    """Return the kind of a team whose robots are in all else those of a kind of batch."""
+    return Team if kind is RobotBatch else type(f"Team{kind.__name__}", (Team, kind), {})

@@ -278,12 +278,6 @@ def qpos_address(model: mujoco.MjModel, name: str, joints: tuple[str, ...] = Rob
     return np.array([*range(free, free + 7), *others])
 
 
-def qvel_address(model: mujoco.MjModel, name: str) -> np.ndarray:
-    """Return where a robot's eight speeds stand in `qvel`: free joint, left wheel, right wheel."""
-    free, left, right = (int(model.joint(f"{name}_{joint}").dofadr[0]) for joint in ("free", "left", "right"))
-    return np.array([*range(free, free + 6), left, right])
-
-
 def contact_sensor(spec: mujoco.MjSpec, name: str) -> None:
     """Add a sensor that counts contacts between a robot's chassis and the body that holds the rock."""
     spec.add_sensor(

@@ -30,18 +30,3 @@ def find_robot(robot: RobotChoice) -> Robot:
     if isinstance(robot, Robot):
         return robot
     return coerce_params(RobotParams, robot)
-
-
-def default_robot(robot: RobotChoice, where: str) -> RobotParams:
-    """Return the default robot's parameters for what drives no other one.
-
-    Raises
-    ------
-    ValueError
-        Naming the robot and `where` it cannot drive.
-    """
-    found = find_robot(robot)
-    if not isinstance(found, RobotParams):
-        want = "want RobotParams(...) or a dict of its fields"
-        raise ValueError(f"robot = {robot!r:.60}: {where} drives the default robot only; {want}")
-    return found

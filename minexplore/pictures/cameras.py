@@ -14,6 +14,7 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer, prepare_opengl
 from minexplore.pictures.render import Renderer, far_hidden, light_nearest, shown_groups
+from minexplore.pictures.sight import draw_seen
 from minexplore.sensing.mount import Mount, Pose3D
 from minexplore.sensing.scanners.labels import NOTHING, NUMBERS, WATER, label_of_mesh, label_of_zone
 from minexplore.world import World
@@ -114,8 +115,6 @@ class RobotCamera:
             names = [model.geom(number).name for number in range(model.ngeom)]
             self._labels = np.array([self._label(name) for name in names], dtype=np.uint8)
             self._shades = np.array([is_shade(name) for name in names])
-            scanners = [name == "robot_0_scanner" for name in names]
-            self._clear = set(np.flatnonzero(self._shades | np.array(scanners)).tolist())
         return self._renderer
 
     def _label(self, geom: str) -> int:
@@ -145,13 +144,20 @@ class RobotCamera:
         groups = model.geom_group.copy()
         if not clear:
             model.geom_group[self._shades] = _HIDDEN
-        with far_hidden(model, data, eye.place_m):
+
+        def update() -> None:
             renderer.update_scene(data, mujoco.MjvCamera(), option)
+            for camera in renderer.scene.camera:
+                camera.pos, camera.forward, camera.up = eye.place_m, eye.axes[:, 0], eye.axes[:, 2]
+
+        with far_hidden(model, data, eye.place_m):
+            if clear:
+                draw_seen(renderer, update)
+            else:
+                update()
         model.geom_group[:] = groups
-        for camera in renderer.scene.camera:
-            camera.pos, camera.forward, camera.up = eye.place_m, eye.axes[:, 0], eye.axes[:, 2]
         if clear:
             add_haze(model, renderer.scene)
-            let_light_pass(renderer.scene, self._clear)
+            let_light_pass(renderer.scene, self._view.clear)
         drawn: np.ndarray = renderer.render()
         return drawn

@@ -15,6 +15,7 @@ from minexplore.physics.robot_kind import Robot
 from minexplore.pictures.atmosphere import add_haze, add_headlamp, add_sky, has_haze, let_light_pass
 from minexplore.pictures.opengl import new_renderer
 from minexplore.pictures.shown import shown_spec
+from minexplore.pictures.sight import draw_seen
 from minexplore.rotations import quaternion
 from minexplore.sensing.coverage import CellGrid
 from minexplore.world import World
@@ -86,7 +87,7 @@ class Renderer:
             names = [self.model.geom(geom).name for geom in range(self.model.ngeom)]
             # A lamp stands so near above its scanner that the scanner's shadow would be a wedge before the robot.
             scanners = {f"robot_{i}_scanner" for i in range(self.robots)}
-            self._clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
+            self.clear = {geom for geom, name in enumerate(names) if is_shade(name) or name in scanners}
             self._fovy_deg = float(self.model.vis.global_.fovy)
             self._at = np.stack([qpos_address(self.model, f"robot_{i}", self.robot.JOINTS) for i in range(self.robots)])
         self.data.qpos[self._at] = qpos[:, : self._at.shape[1]]  # behind these are the springs of castors
@@ -113,6 +114,7 @@ class Renderer:
         model, data = self.place(qpos)
         if self._renderer is None:
             self._renderer = new_renderer(model, self.size_px, max_geom=2 * model.ngeom + 1000)
+        renderer = self._renderer
         option = mujoco.MjvOption()
         option.geomgroup[:] = 0
         option.geomgroup[shown_groups(self.world)] = 1
@@ -121,10 +123,10 @@ class Renderer:
         model.vis.global_.fovy = self._fovy_deg if name == "chase" else _FRONT_FOVY_DEG
         light_nearest(model, data, data.xpos[body])
         with far_hidden(model, data, data.xpos[body]):
-            self._renderer.update_scene(data, camera, option)
-        add_haze(model, self._renderer.scene)
-        let_light_pass(self._renderer.scene, self._clear)
-        return self._renderer.render().copy()
+            draw_seen(renderer, lambda: renderer.update_scene(data, camera, option))
+        add_haze(model, renderer.scene)
+        let_light_pass(renderer.scene, self.clear)
+        return renderer.render().copy()
 
     def _behind(self, data: mujoco.MjData, body: int) -> mujoco.MjvCamera:
         camera = _looking_along(data.xmat[body].reshape(3, 3)[:, 0])

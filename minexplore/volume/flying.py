@@ -80,12 +80,9 @@ class AirGround:
         self.grid = CubeGrid(self.air.within(near).middles(task.cell_m), task.cell_m)
         self._columns = FloorColumns(self._facets)
 
-    def entrance_places(self, clearance_m: float) -> np.ndarray:
-        """Return the places (n, 3) m of the entrance region over which the robot can be, on their floors."""
-        spawn = self.world.record["spawn"]
-        places = np.column_stack([self.air.places_m, self.air.floor_m - self.robot.half_height_m])
-        found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
-        return found
+    def places(self, clearance_m: float) -> np.ndarray:
+        """Return the places (n, 3) m over which the robot can be, on their floors."""
+        return np.column_stack([self.air.places_m, self.air.floor_m - self.robot.half_height_m])
 
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:
         """Return the pose of a robot that is level over a place (2,) or (3,) m; see `VolumeGround.pose`."""

@@ -63,12 +63,10 @@ class VolumeGround:
         on_parts = np.zeros(1, int) if self.models.has_planes else np.full(1, (1 << len(FEET)) - 1)
         return np.append(number, code_of(on_parts, np.zeros((1, 2), int)))
 
-    def entrance_places(self, clearance_m: float) -> np.ndarray:
-        """Return the reachable places (n, 3) m of the entrance region that have at least a clearance."""
-        spans, spawn = self.world.volume.spans, self.world.record["spawn"]  # type: ignore[union-attr]
-        wide = self._standing & (spans.clearance_m >= clearance_m)
-        places = spans.roomiest_m[wide]
-        found: np.ndarray = places[np.linalg.norm(places - spawn["centre_m"], axis=1) <= spawn["radius_m"]]
+    def places(self, clearance_m: float) -> np.ndarray:
+        """Return the reachable places (n, 3) m that have at least a clearance."""
+        spans = self.world.volume.spans  # type: ignore[union-attr]
+        found: np.ndarray = spans.roomiest_m[self._standing & (spans.clearance_m >= clearance_m)]
         return found
 
     def pose(self, place_m: np.ndarray, yaw_rad: float) -> np.ndarray:

@@ -35,6 +35,7 @@ from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_
 from pipeline.mjcf.visible import compile_visible, compile_with, in_sight
 from pipeline.params.realism import RealismParams
 from pipeline.places import COLLISION, EXTENT, SMOOTH, SPAWN, TEXTURE
+from pipeline.progress import progress
 from pipeline.store.codecs import Bundle, Meshes, decode, encode
 from pipeline.store.palette_png import encode_texture
 from pipeline.types import (
@@ -77,32 +78,36 @@ def assemble_world(
     chunks = {path.name: path.read_bytes() for path in sorted(rock.glob("*.msh"))}
     zones = tile_zones(params.zones, extent.world_m)
     wet = params.floor
-    scene = MineScene(
-        name=survey.name,
-        extent=extent,
-        parts=decode(compiled / COLLISION, ConvexParts),
-        rock_friction=params.rock_friction,
-        floor_thickness_m=params.floor_thickness_m,
-        zones=zones,
-        lights=_lights(params, topology),
-        smooth=smooth,
-        rough=chunks,
-        texture=encode_texture(decode(rock / TEXTURE, Image)) if smooth else b"",
-        anchor_m=spawn.anchor_m,
-        heading_rad=heading_at(topology, spawn.anchor_m),
-        T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
-        look=params.look,
-        fittings=_fittings(params, free_space, topology, extent, chunks) if smooth else {},
-        puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
-        water_m=wet.water_m if wet else 0.0,
-        is_rough=params.rough_floor,
-    )
-    files, spec = compile_bundle(scene)
-    if spec is not None:
-        visible = compile_visible(spec, Path(MODEL))
-        seen = in_sight(visible, free_space.polygon, [np.array(scene.anchor_m)])
-        model = compile_with(spec, Path(MODEL), seen)
-        files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
+    with progress("realism", 3, "steps") as done:
+        scene = MineScene(
+            name=survey.name,
+            extent=extent,
+            parts=decode(compiled / COLLISION, ConvexParts),
+            rock_friction=params.rock_friction,
+            floor_thickness_m=params.floor_thickness_m,
+            zones=zones,
+            lights=_lights(params, topology),
+            smooth=smooth,
+            rough=chunks,
+            texture=encode_texture(decode(rock / TEXTURE, Image)) if smooth else b"",
+            anchor_m=spawn.anchor_m,
+            heading_rad=heading_at(topology, spawn.anchor_m),
+            T_world_mine=tilt_about_centre(params.tilt_deg, extent.world_m),
+            look=params.look,
+            fittings=_fittings(params, free_space, topology, extent, chunks) if smooth else {},
+            puddles=tuple(zone.name for zone in zones if zone.name in wet.puddles) if wet else (),
+            water_m=wet.water_m if wet else 0.0,
+            is_rough=params.rough_floor,
+        )
+        done.update()
+        files, spec = compile_bundle(scene)
+        done.update()
+        if spec is not None:
+            visible = compile_visible(spec, Path(MODEL))
+            seen = in_sight(visible, free_space.polygon, [np.array(scene.anchor_m)])
+            model = compile_with(spec, Path(MODEL), seen)
+            files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
+        done.update()
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
     files |= {name: (compiled / name).read_bytes() for name in _COPIED}

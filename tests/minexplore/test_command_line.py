@@ -58,11 +58,12 @@ def test_a_policy_plays_and_is_recorded(tee: BuiltMine, tmp_path):
         "--steps",
         "10",
         "--video",
-        str(tmp_path),
+        str(tmp_path / "videos"),
     )
     assert done.returncode == 0, done.stderr
     assert "coverage" in done.stdout
-    assert list(tmp_path.glob("*.mp4"))
+    assert "Overwriting" not in done.stdout + done.stderr  # as Gymnasium warns of a folder that is there
+    assert list((tmp_path / "videos").glob("*.mp4"))
 
 
 @pytest.mark.parametrize("name", ["World", "GoTo", "MineXplore/GoTo-v0"])
@@ -71,12 +72,14 @@ def test_a_short_name_is_the_id(tee: BuiltMine, name):
     assert done.returncode == 0, done.stderr
 
 
-def test_a_drive_to_a_goal_is_played_and_says_how_far_it_is(tee: BuiltMine, tmp_path):
+def test_a_drive_to_a_goal_is_played_and_says_how_far_it_is(tee: BuiltMine, tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
     options = ("--world", str(tee.bundle), "--policy", "ahead", "--steps", "3", "--video", str(tmp_path))
     done = run_anew("play", "GoTo", *options)
     assert done.returncode == 0, done.stderr
     assert re.search(r"\d+\.\d m to the goal$", done.stdout.strip())
     assert "frames/s" in done.stdout
+    assert "MUJOCO_GL=egl before the command is faster" in done.stdout
 
 
 def test_a_folder_of_videos_that_cannot_be_made_is_named(tee: BuiltMine):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,7 +63,7 @@ class DegradedBatch(RobotBatch):
     def _cast(self, robots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         origin, directions, true = super()._cast(robots)
         rows = [
-            self._measured(start, ways, self._beam_rngs[robot])
+            self._measured(start, ways, robot)
             for start, ways, robot in zip(origin, directions, robots.tolist(), strict=True)
         ]
         measured = np.array(rows).reshape(true.shape)
@@ -73,11 +71,12 @@ class DegradedBatch(RobotBatch):
         self._usable_m = np.where(lost, 0.0, np.minimum(measured, true))
         return origin, directions, np.where(lost, self.task.range_m[1], measured)
 
-    def _measured(self, origin: np.ndarray, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def _measured(self, origin: np.ndarray, directions: np.ndarray, robot: int) -> np.ndarray:
         """Return the ranges (beams,) m of one robot's beams, inf for no return."""
-        ways = directions.astype(np.float32)
+        ways, surfaces = directions.astype(np.float32), self.surfaces_round(robot, self._surfaces)
         hits: Hits = degrade_hits(
-            self._surfaces.cast(origin, ways), origin, ways, self._pattern, self._conditions, self._surfaces, rng
+            *(surfaces.cast(origin, ways), origin, ways, self._pattern, self._conditions, surfaces),
+            self._beam_rngs[robot],
         )
         return hits.range_m.astype(np.float64)
 
@@ -102,8 +101,8 @@ class DegradedFlyerBatch(DegradedBatch, FlyerBatch):
     """Robots that fly with degraded beams."""
 
 
-def kind_of_batch(robot: Robot, pose: object, conditions: SensorParams) -> Callable[..., RobotBatch]:
-    """Return what makes a batch of robots that fly or drive, by a true or a counted pose, with clear or degraded beams.
+def kind_of_batch(robot: Robot, pose: object, conditions: SensorParams) -> type[RobotBatch]:
+    """Return the kind of batch of robots that fly or drive, by a true or a counted pose, with clear or degraded beams.
 
     Raises
     ------
@@ -115,4 +114,4 @@ def kind_of_batch(robot: Robot, pose: object, conditions: SensorParams) -> Calla
     clear, degraded = (FlyerBatch, DegradedFlyerBatch) if robot.FLIES else (RobotBatch, DegradedBatch)
     if pose == "odometry":
         clear, degraded = OdometryBatch, DegradedOdometryBatch
-    return clear if conditions.is_ideal else partial(degraded, conditions=conditions)
+    return clear if conditions.is_ideal else degraded

@@ -21,8 +21,8 @@ from minexplore.envs.vector_rows import mask_of
 from minexplore.extra.warp import require_device
 from minexplore.extra.warp.batch import WarpBatch
 from minexplore.extra.warp.kernels.faults import MEANINGS
-from minexplore.extra.warp.limits import overflow_message
-from minexplore.physics.robots import RobotChoice, default_robot
+from minexplore.extra.warp.limits import default_robot, overflow_message
+from minexplore.physics.robots import RobotChoice
 from minexplore.sensing.observation import observation_space
 from minexplore.task import TaskParams
 from minexplore.world import find_world, load_world
@@ -87,7 +87,7 @@ class MineWarpEnv(Timed, VectorEnv):
         self.num_envs, self.render_mode, self._numpy = num_envs, None, numpy
         self.autoreset_mode = find_mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self.task, self.robot = task_of(task, max_episode_steps), default_robot(robot, "the environment on Warp")
+        self.task, self.robot = task_of(task, max_episode_steps), default_robot(robot)
         self.device = require_device(device)
         self.world = load_world(find_world(world))
         if self.world.has_heights:

@@ -1,10 +1,13 @@
-"""What to write when a limit of MuJoCo Warp was too small: which limit, how large it is, and whose it is."""
+"""What is refused on Warp: other robots, and a limit that was too small: which one, how large it is, and whose."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 import numpy as np
+
+from minexplore.physics.robot import RobotParams
+from minexplore.physics.robots import RobotChoice, find_robot
 
 # Bits of `mujoco_warp.OverflowType`, and the limit of `mujoco_warp.make_data` that each is of. It sets a bit for every
 # robot of a shared limit, whichever robot's contacts did not fit.
@@ -15,6 +18,15 @@ _COUNTS = {
     "naccdmax": "pairs of convex geoms of all robots together",
     "njmax": "rows of constraints of one robot",
 }
+
+
+def default_robot(robot: RobotChoice) -> RobotParams:
+    """Return the default robot's parameters; `ValueError` names another robot."""
+    found = find_robot(robot)
+    if not isinstance(found, RobotParams):
+        want = "the environment on Warp drives the default robot only; want RobotParams(...) or a dict of its fields"
+        raise ValueError(f"robot = {robot!r:.60}: {want}")
+    return found
 
 
 def overflow_message(bits: np.ndarray, limits: Mapping[str, int]) -> str | None:

@@ -66,9 +66,11 @@ class Camera(SensorKind):
     def read(self, name: str, rng: np.random.Generator) -> np.ndarray:
         """Return an image (h, w) or (h, w, 3)."""
         robot, own = self.robot, self.params
+        view = robot.drawing()
         if self._camera is None:
-            self._camera = RobotCamera(robot.robots.world, robot.drawing(), own)
-        camera, params, qpos, pose = self._camera, robot.params, robot.robots.qpos[robot.row, None], robot.world_pose()
+            self._camera = RobotCamera(robot.robots.world, view, own)
+        camera, params, pose = self._camera, robot.params, robot.world_pose()
+        qpos = robot.robots.qpos[robot.row, None] if view.robots == 1 else robot.robots.qpos
         if name == "labels":
             return camera.labels(qpos, pose)
         if name == "depth":

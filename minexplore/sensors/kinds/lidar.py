@@ -63,11 +63,11 @@ class Lidar3D(SensorKind):
 
     def read(self, name: str, rng: np.random.Generator) -> PointCloud:
         """Return the cloud of a scan."""
-        key = name, self.robot.params
+        key, batch = (name, self.robot.params), self.robot.robots
         if key not in self._scanners:
-            self._scanners[key] = scanner_of(
-                name, self.robot.robots.world, self.mount(name), self.robot.params, self.robot.backend
-            )
+            scanner = scanner_of(name, batch.world, self.mount(name), self.robot.params, self.robot.backend)
+            scanner.caster = batch.surfaces_round(self.robot.row, scanner.caster)
+            self._scanners[key] = scanner
         self._scans += 1
         return self._scanners[key].scan(self.robot.pose(), rng, self._scans - 1)
 

@@ -1,7 +1,9 @@
 """What clients of Gymnasium and PettingZoo rely on: infos, horizons, modes, seeds, copies and where episodes begin."""
 
 import copy
+import json
 import pickle
+from functools import partial
 
 import gymnasium
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import TimeAwareObservation
 
+from minexplore.bundle import TOPOLOGY
 from minexplore.envs.env import MineEnv
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.vector import MineVectorEnv
@@ -134,6 +137,12 @@ def test_an_episode_begins_where_options_say(tee: BuiltMine):
     np.testing.assert_allclose(info["pose_m_rad"], [20.0, 2.5, 1.0], atol=1e-9)
     _, many = vector.reset(seed=0, options={"pose": (20.0, 2.5, 1.0)})
     np.testing.assert_allclose(many["pose_m_rad"], [[20.0, 2.5, 1.0]] * 2, atol=1e-9)
+    station, place = next(iter(json.loads(env.world.read(TOPOLOGY))["nodes_m"].items()))
+    for one in (env, vector):
+        _, info = one.reset(seed=0, options={"station": station})
+        np.testing.assert_allclose(np.atleast_2d(info["pose_m_rad"])[0, :2], place[:2], atol=1e-9)
+    _, infos = MineParallelEnv(2, world=tee.bundle).reset(seed=0, options={"station": station})
+    np.testing.assert_allclose(infos["robot_0"]["pose_m_rad"][:2], place[:2], atol=1e-9)
     world = env.world
     row, column = np.unravel_index(world.clearance_m.argmax(), world.clearance_m.shape)
     _, info = env.reset(seed=0, options={"cell": (row, column)})
@@ -141,15 +150,19 @@ def test_an_episode_begins_where_options_say(tee: BuiltMine):
     np.testing.assert_allclose(info["pose_m_rad"][:2], place, atol=1e-9)
 
 
-def test_a_seed_of_noise_changes_the_noise_and_not_the_place(tee: BuiltMine):
-    env = MineEnv(tee.bundle, conditions="dusty")
+@pytest.mark.parametrize("many", [None, MineVectorEnv, MineParallelEnv])
+def test_a_seed_of_noise_changes_the_noise_and_not_the_place(tee: BuiltMine, many):
+    made = partial(MineEnv, tee.bundle) if many is None else partial(many, 2, world=tee.bundle)
+    env = made(conditions="dusty")
+    row = "robot_1" if many is MineParallelEnv else slice(None)
+    pose = (lambda info: info[row]["pose_m_rad"]) if many is MineParallelEnv else (lambda info: info["pose_m_rad"])
     first, info = env.reset(seed=0)
     for noise in (7, 8):
         one, own = env.reset(seed=0, options={"noise_seed": noise})
         two, _ = env.reset(seed=0, options={"noise_seed": noise})
-        np.testing.assert_array_equal(one, two)
-        np.testing.assert_array_equal(own["pose_m_rad"], info["pose_m_rad"])
-        assert (one != first).any()
+        np.testing.assert_array_equal(one[row], two[row])
+        np.testing.assert_array_equal(pose(own), pose(info))
+        assert (one[row] != first[row]).any()
 
 
 @pytest.mark.parametrize(
@@ -160,11 +173,14 @@ def test_a_seed_of_noise_changes_the_noise_and_not_the_place(tee: BuiltMine):
         ({"cell": (0.5, 1)}, "options: cell = .*: want whole numbers below"),
         ({"station": "nowhere"}, "options: station = 'nowhere': want one of "),
         ({"noise_seed": -1}, "options: noise_seed = -1: want a whole number of 0 or more"),
+        ({"where": 1}, "options: unknown 'where'; there are: .*pose, cell, station, noise_seed"),
+        ({"goal": (1.0, 2.0)}, "options: unknown 'goal'; there are: .*pose, cell, station, noise_seed"),
+        ([1], "options = .*: want a dict"),
         ({"cell": (1, 1), "station": "J00"}, "options: cell and station: want one of pose, cell, station"),
     ],
 )
 def test_a_start_that_is_none_is_refused_in_one_line(tee: BuiltMine, options, message):
-    for env in (MineEnv(tee.bundle), MineVectorEnv(2, tee.bundle)):
+    for env in (MineEnv(tee.bundle), MineVectorEnv(2, tee.bundle), MineParallelEnv(2, world=tee.bundle)):
         with pytest.raises(ValueError, match=message):
             env.reset(options=options)
 

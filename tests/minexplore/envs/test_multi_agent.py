@@ -77,12 +77,6 @@ def test_wrong_arguments_are_refused(tee: BuiltMine):
         MineParallelEnv(robots=400, world=tee.bundle).reset(seed=0)
 
 
-def test_what_a_team_does_not_have_is_refused_by_name(tee: BuiltMine):
-    for name, value in {"goal": {}, "sensors": ("imu",), "pose": "odometry", "conditions": "dusty"}.items():
-        with pytest.raises(ValueError, match=f"^{name}: a team explores by its beams and true poses"):
-            MineParallelEnv(robots=2, world=str(tee.bundle), **{name: value})
-
-
 @pytest.mark.parametrize("robots", [0, True, 2.5, 10**6])
 def test_a_team_of_no_robots_or_of_more_than_a_model_holds_is_refused_at_once(tee, robots):
     with pytest.raises(ValueError, match=f"robots = {robots}, .*: want 1 to 1000"):

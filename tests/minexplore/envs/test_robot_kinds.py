@@ -12,10 +12,10 @@ from minexplore.envs.family import FamilyVectorEnv
 from minexplore.envs.flyer_batch import FlyerBatch
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.vector import MineVectorEnv
+from minexplore.extra.warp.limits import default_robot
 from minexplore.physics.husky import HuskyParams
 from minexplore.physics.quadrotor import INERTIA_KGM2, MASS_KG, QuadrotorParams
 from minexplore.physics.robot import RobotParams
-from minexplore.physics.robots import default_robot
 from minexplore.task import TaskParams
 from tests.mines import BuiltMine
 
@@ -184,15 +184,11 @@ def test_a_wrong_number_of_commands_is_refused(tee: BuiltMine):
         env.step([0.0, np.nan, 0.0, 0.0])
 
 
-def test_a_team_and_warp_drive_the_default_robot_only(tee: BuiltMine):
-    where = "the environment on Warp"
-    with pytest.raises(ValueError, match=f"robot = 'quadrotor': {where} drives the default robot only; want RobotPar"):
-        default_robot("quadrotor", where)
-    assert default_robot({"radius_m": 0.4}, where) == RobotParams(radius_m=0.4)
-    multi_agent = pytest.importorskip("minexplore.envs.multi_agent", reason="pettingzoo is not installed")
-    message = "drives the default robot only; want RobotParams"
-    with pytest.raises(ValueError, match=f"robot = 'husky': a team {message}"):
-        multi_agent.MineParallelEnv(world=tee.bundle, robot="husky")
+def test_warp_drives_the_default_robot_only():
+    message = "robot = 'quadrotor': the environment on Warp drives the default robot only; want RobotPar"
+    with pytest.raises(ValueError, match=message):
+        default_robot("quadrotor")
+    assert default_robot({"radius_m": 0.4}) == RobotParams(radius_m=0.4)
 
 
 def test_a_family_of_mines_takes_a_robots_commands():

@@ -81,5 +81,10 @@ def test_ppo_learns_for_a_moment_on_the_built_world(built):
     env.close()
 
 
-def test_every_environment_is_known_to_the_adapter():
-    assert set(minexplore.WORLDS) <= set(minexplore.environments())
+def test_a_prefix_is_taken_and_a_refusal_names_every_environment_and_the_family(tee: BuiltMine):
+    env = MineVecEnv("minexplore:MineXplore/World-v0", 2, world=str(tee.bundle))
+    assert env.reset().shape == (2, 19)
+    env.close()
+    with pytest.raises(ValueError, match=r"env_id = 'MineXplore/None-v0': valid choices are ") as error:
+        MineVecEnv("MineXplore/None-v0", 2)
+    assert all(env_id in str(error.value) for env_id in (*minexplore.WORLDS, minexplore.FAMILY))
