@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -27,6 +27,7 @@ from baselines.policies.policy_lookup import source_files
 from baselines.running.parallel import MEMORY_GB
 from baselines.scoring.split_statistics import middle, stratified
 from minexplore.envs.multi_agent import MineParallelEnv
+from minexplore.physics.robot import RobotParams
 from minexplore.splits import SIZES, STYLES
 from pieces.run import map_pieces
 from pieces.work import Where, Work, add_options, where_of
@@ -61,10 +62,19 @@ class TeamEpisode:
 
 
 def drive_team(env_id: str, robots: int, seed: int) -> TeamEpisode:
-    """Drive one episode of a team."""
+    """Drive one episode of a team.
+
+    Raises
+    ------
+    BaselineError
+        If its robots fly.
+    """
     env = MineParallelEnv(robots, **gymnasium.spec(env_id).kwargs)
     try:
-        policy = AssignedFrontiers(robots, env.task, env.robot, env.world.has_heights)
+        if env.robot.FLIES:
+            raise BaselineError(f"{env_id}: its robot flies; a team maps floors")
+        driven = cast(RobotParams, env.robot)  # it uses what all on wheels have
+        policy = AssignedFrontiers(robots, env.task, driven, env.world.has_heights)
         observation, info = env.reset(seed=seed)
         agents, contacts = env.possible_agents, 0
         starts_m = np.stack([[*info[a]["pose_m_rad"][:2], info[a].get("height_m", 0.0)] for a in agents])

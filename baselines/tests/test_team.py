@@ -49,7 +49,6 @@ def test_the_speed_up_compares_times_to_the_same_coverage():
 
 
 def test_a_team_explores_a_mine_with_heights_and_no_sooner_than_is_possible(ramp):
-    """On two levels, so that the robots map in different layers."""
     env_id = "MineXplore/TeamRamp-v0"
     kwargs = {"world": str(ramp), "task": {"max_steps": 300, "terrain": False}}
     gymnasium.register(env_id, "minexplore.envs.env:MineEnv", vector_entry_point=VECTOR, kwargs=kwargs)
@@ -65,6 +64,11 @@ def test_a_team_explores_a_mine_with_heights_and_no_sooner_than_is_possible(ramp
     seen = np.round(episode.coverage * total)
     assert within_reach[-1] == total
     assert all(seen[10 * second] <= within_reach[second] for second in range(min(30, len(within_reach))))
+
+
+def test_a_team_that_flies_is_refused():
+    with pytest.raises(BaselineError, match="MineXplore/ChileanMineQuadrotor-v0: its robot flies; a team maps floors"):
+        drive_team("MineXplore/ChileanMineQuadrotor-v0", 2, 0)
 
 
 @pytest.mark.slow
