@@ -37,8 +37,8 @@ def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.
     between them stay two, and rock without a thickness gets one. Nothing is put on floors, so that they keep their
     heights: what a part below them reaches gets the rock. Nor is it put on places (n, 3) m of surveyed ways, which may
     run on a wall. Rock that floats stays if it is larger than `floating_m3`. Each round looks about the rock of the one
-    before. Nothing is put before facets in which no circle is wider than `narrow_m`: where sheets of rock that a
-    scanner saw taper, the mesh has many, and each prism makes twenty facets.
+    before. Nothing is put before facets in which no circle is wider than `narrow_m`: where rock that a
+    scanner saw tapers, the mesh has many, and each prism makes twenty facets.
     """
     some: np.ndarray | None = None
     tree = cKDTree(ways)
