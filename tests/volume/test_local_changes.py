@@ -1,14 +1,18 @@
 """What is looked for about a change alone is what a look at the whole finds."""
 
+import manifold3d
 import numpy as np
 import pytest
 
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_volumes import table_of
 from pipeline.errors import GeometryError
+from pipeline.scans.meshes.uncrossed import arrays_of
+from pipeline.types import ClosedMesh
 from pipeline.volume import floors, slivers, thin_rock
 from pipeline.volume.shell import ShellPart, facets_without_part
 from pipeline.volume.world.parts import without_refused
+from pipeline.volume.world.solid import volume_of_solid
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +84,13 @@ def test_rock_is_put_into_the_whole_volume_where_a_neighbourhood_cannot_be_put_b
     found = thin_rock.without_thin_rock(clean, np.zeros((0, 3)))
     assert found.solid.volume() == pytest.approx(wanted.solid.volume(), rel=1e-4)
     assert thin_m2(found) < 1.1 * thin_m2(wanted) < 0.5 * thin_m2(clean)
+
+
+@pytest.mark.parametrize(("wide_m", "narrow_m", "grows"), [(2.0, 0.06, True), (0.05, 0.06, False), (0.05, 0.0, True)])
+def test_no_rock_is_put_before_facets_that_are_called_narrow(wide_m, narrow_m, grows):
+    rooms = [manifold3d.Manifold.cube([0.5, wide_m, 2.0]).translate([x, 0.0, 0.0]) for x in (0.0, 0.51)]
+    vertices, faces = arrays_of(manifold3d.Manifold.compose(rooms))
+    volume = volume_of_solid(ClosedMesh(vertices, faces.astype(np.int32), 0.0), steepest=0.5)
+    found = thin_rock.without_thin_rock(volume, np.zeros((0, 3)), narrow_m=narrow_m)
+    assert (len(found.faces) > len(volume.faces)) == grows
+    assert (found.solid.volume() < volume.solid.volume() - 0.01 * wide_m) == grows

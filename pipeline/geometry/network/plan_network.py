@@ -9,13 +9,14 @@ import networkx as nx
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.types import DriftNetwork, Leg, SurveyedLegs, lines_of
 
 _DIGITS = 2
 _LEAST_PILLAR_M2 = 0.25  # of a hole in a view from above: smaller ones are no pillars
-_THIN_M = 0.05  # half the width of what is no drift and no pillar in a view from above
+_THIN_M = 0.05  # half the width below which neither drifts nor rock hang together in a view from above
 
 
 def plan_network(surveyed: SurveyedLegs, cell_m: float) -> DriftNetwork:
@@ -123,11 +124,22 @@ def seen_network(
 ) -> DriftNetwork:
     """Return the network of the largest piece of a view from above; the others are those of `trace_network`.
 
-    Drifts and pillars that are thinner than 10 cm are none: a scan's view has some that are thinner than any cell.
+    A scan's view has drifts and rock that are thinner than any cell. Of what hangs together by less than 10 cm the
+    largest piece counts: first of the drifts, then of each pillar and of the rock outside.
     """
-    thick = outline
-    for by_m in (-_THIN_M, 2 * _THIN_M, -_THIN_M):
-        thick = thick.buffer(by_m, join_style="mitre")
-    largest = max(shapely.get_parts(outline if thick.is_empty else thick), key=lambda part: part.area)
-    pillars = [ring for ring in largest.interiors if Polygon(ring).area > _LEAST_PILLAR_M2]
-    return trace_network(Polygon(largest.exterior, pillars), cell_m, min_leg_m, station_spacing_m)
+    drifts = _thickest(outline)
+    drifts = _largest(outline) if drifts.is_empty else drifts
+    west, south, east, north = drifts.bounds
+    around = shapely.box(west - 1, south - 1, east + 1, north + 1)
+    rock = [part for part in shapely.get_parts(around - drifts) if part.area > _LEAST_PILLAR_M2]
+    free = _largest(around - shapely.union_all([_thickest(part) for part in rock]))
+    return trace_network(free, cell_m, min_leg_m, station_spacing_m)
+
+
+def _thickest(shape: BaseGeometry) -> BaseGeometry:
+    """Return the largest of the pieces into which a shape falls where it is less than 10 cm wide; none if it is so."""
+    return _largest(shape.buffer(-_THIN_M)).buffer(_THIN_M)
+
+
+def _largest(shape: BaseGeometry) -> Polygon:
+    return max(shapely.get_parts(shape), key=lambda part: part.area)

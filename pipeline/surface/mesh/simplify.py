@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import fast_simplification
@@ -120,13 +121,23 @@ class Mesher(Generic[_F]):
         """Keep so many times more faces in the tiles at places (k, 3) m; return whether one had not all of them."""
         refined = False
         if self.simplification and len(places):
-            nearest = cKDTree(self.lattice.vertices).query(places)[1]
+            nearest = self._points.query(places)[1]
             point = np.zeros(len(self.lattice.vertices), bool)
             point[nearest] = True
             near = [bool(point[self.lattice.faces[tile]].any()) for tile in self._tiles]
             refined = bool((self._share[near] < 1).any())
-            self._share[near] = np.minimum(1.0, times * self._share[near])
+            self._share[near] = np.minimum(1.0, times * np.maximum(self._share[near], self.simplification.kept_share))
         return refined
+
+    def thin_out(self, piece: int, share: float) -> None:
+        """Keep another share of the faces of one piece, until it is refined."""
+        if self.simplification:
+            self._share[[int(self.lattice.piece[tile[0]]) == piece for tile in self._tiles]] = share
+
+    @cached_property
+    def _points(self) -> cKDTree:
+        """Index the lattice's points."""
+        return cKDTree(self.lattice.vertices)
 
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:
         """Join the tiles at their borders, whose points are the lattice's own."""

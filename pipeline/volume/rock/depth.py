@@ -14,6 +14,7 @@ from pipeline.volume.rock.tiles import Tile
 
 _KNOWN_M = 1e-4  # to which a depth is known
 _TOGETHER = 100_000  # cells; where more are left, the depth is what they may have at most
+_ASKED = 256  # places that rays call free and the solid angle does not, until one counts as free
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,12 @@ def is_deeper(part: np.ndarray, than_m: float, free: Tile, inside: Inside, corne
     """Return whether a part (k, 3) m reaches deeper into the free space than `than_m`, to 0.1 mm, as `deepest` does.
 
     The search ends at the first place that is deeper, and leaves out what cannot be: a small part of the search for
-    how deep it is.
+    how deep it is. It also ends, with yes, where rays miscount at hundreds of places: one such part of a scan took over
+    a minute, 718 others 4 s together.
     """
     cells = _cells_of(part, free)
     while len(cells):
-        _, _, most, found = _bounds(cells, inside, corners, than_m)
+        _, _, most, found = _bounds(cells, inside, corners, than_m, _ASKED)
         left = most > than_m + _KNOWN_M
         if left.sum() > _TOGETHER or found is not None:
             return True
@@ -72,30 +74,36 @@ def is_deeper(part: np.ndarray, than_m: float, free: Tile, inside: Inside, corne
 
 
 def _bounds(
-    cells: np.ndarray, inside: Inside, corners: np.ndarray, than_m: float
+    cells: np.ndarray, inside: Inside, corners: np.ndarray, than_m: float, asked: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int | None]:
     """Return the middles (n, 3) m of tetrahedra, how far they and any place of them may be from rock, (n,) m.
 
-    The last is the number of the deepest middle that is in the free space, if it is deeper than `than_m`.
+    The last is the number of the deepest middle that is in the free space, if it is deeper than `than_m`; see
+    `_deepest_free`.
     """
     middles = cells.mean(axis=1)
     from_rock, facet = inside.nearest(middles)
-    found = _deepest_free(middles, from_rock, inside, than_m)
+    found = _deepest_free(middles, from_rock, inside, than_m, asked)
     reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
     beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
     apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)
     return middles, from_rock, np.minimum(from_rock + reach, apart), found
 
 
-def _deepest_free(middles: np.ndarray, from_rock: np.ndarray, inside: Inside, than_m: float) -> int | None:
+def _deepest_free(
+    middles: np.ndarray, from_rock: np.ndarray, inside: Inside, than_m: float, asked: float
+) -> int | None:
     """Return the number of the deepest place that is in the free space and deeper than `than_m`.
 
-    Of deeper ones that are not, `from_rock` (n,) m becomes negative: rays miscount where a mesh crosses itself.
+    Of deeper ones that are not, `from_rock` (n,) m becomes negative: rays miscount where a mesh crosses itself. After
+    about so many as `asked` the next one counts as free.
     """
     deeper = np.flatnonzero(from_rock > than_m)
     deeper = deeper[np.argsort(-from_rock[deeper], kind="stable")]
     for number in range(len(deeper).bit_length()):  # each time twice as many: a solid angle takes long
         some = deeper[2**number - 1 : 2 ** (number + 1) - 1]
+        if 2**number > asked:
+            return int(some[0])
         free = inside.are_free(middles[some])
         if free.any():
             return int(some[free.argmax()])

@@ -53,3 +53,11 @@ def test_a_view_from_above_has_a_network_where_passages_and_pillars_are_thinner_
     found = seen_network(view, cell_m=0.25, min_leg_m=2.0, station_spacing_m=1.0)
     assert found.loops == 1  # round the second pillar; the first is as good as at the wall
     assert 25 < found.main_drift_length_m < 35
+
+
+def test_in_a_view_from_above_rooms_and_pillars_that_touch_at_corners_hang_together_by_nothing():
+    rooms = shapely.box(0, 0, 30, 12) | shapely.box(29.994, 11.994, 40, 15)
+    view = rooms - (shapely.box(8, 4, 12, 6) | shapely.box(11.994, 5.994, 14, 8))
+    found = seen_network(view, cell_m=0.25, min_leg_m=2.0, station_spacing_m=1.0)
+    assert (found.loops, found.components) == (1, 1)
+    assert max(x for x, _ in found.nodes_m.values()) < 30

@@ -23,6 +23,7 @@ _FLAT_M = 0.3
 _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to
 _WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a facet at a crossing has no relief then
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
+_FLOORS = 4.0  # times the volume's own facets: floors are cut finely with the rock about them, but do not move
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
 _CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
 _SIMPLIFIED = 0.85  # of the narrow bound: simplification moves rock in by up to 4 mm; 0.9 left 0.94995 of Wheal Pell
@@ -65,7 +66,8 @@ def displace_rock(
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
-    folded = find_crossings(_in_32_bits(fine.vertices), fine.faces)
+    mesher.thin_out(FLOOR, _FLOORS * len(free.mesh[1]) / len(fine.faces))
+    folded = find_crossings(_in_32_bits(free.mesh[0]), free.mesh[1])
     near = _distance_m(fine.vertices, folded, 2 * _WIDEST_M)
     given = damp(given, np.maximum(near - _WIDEST_M, 0.0), _WIDEST_M, 0.0)
     mesher.refine(fine.vertices[near <= _WIDEST_M], np.inf)
@@ -111,9 +113,10 @@ def displace_rock(
 
 def _distance_m(vertices: np.ndarray, places: np.ndarray, most_m: float) -> np.ndarray:
     """Return the distance (n,) m of vertices from the nearest of places (k, 3), inf beyond the most."""
-    if not len(places):
-        return np.full(len(vertices), np.inf)
-    found: np.ndarray = cKDTree(places).query(vertices, distance_upper_bound=most_m)[0]
+    found = np.full(len(vertices), np.inf)
+    if len(places):
+        near = _are_beside(vertices, places, most_m)
+        found[near] = cKDTree(places).query(vertices[near], distance_upper_bound=most_m)[0]
     return found
 
 
@@ -121,7 +124,8 @@ def _with_relief(places: np.ndarray, vertices: np.ndarray, given: np.ndarray) ->
     """Return those of places (k, 3) m that are the nearest to some vertex with relief, and the others."""
     relief = np.zeros(len(places), bool)
     if len(places):
-        _, nearest = cKDTree(places).query(vertices[given != 0], distance_upper_bound=_WIDEST_M)
+        near = vertices[_are_beside(vertices, places, _WIDEST_M) & (given != 0)]
+        _, nearest = cKDTree(places).query(near, distance_upper_bound=_WIDEST_M)
         relief[nearest[nearest < len(places)]] = True
     return places[relief], places[~relief]
 
@@ -135,13 +139,20 @@ def _are_near(points: np.ndarray, faces: np.ndarray, changed: np.ndarray) -> np.
     """Return which faces (m,) have a corner in a cell of `_CELL_M` with one of a face that `changed`, or beside it."""
     if changed.all():
         return changed
-    cell = np.floor((points - points.min(axis=0)) / _CELL_M).astype(np.int64) + 1
-    count = cell.max(axis=0) + 2
-    key = np.ravel_multi_index(tuple(cell.T), tuple(count))
-    beside = [np.ravel_multi_index(one, tuple(count)) for one in np.ndindex(3, 3, 3)]
-    own = np.unique(key[np.unique(faces[changed])])
-    near = np.isin(key, own[:, None] + np.array(beside) - beside[len(beside) // 2])
-    found: np.ndarray = near[faces].any(axis=1)
+    found: np.ndarray = _are_beside(points, points[np.unique(faces[changed])], _CELL_M)[faces].any(axis=1)
+    return found
+
+
+def _are_beside(points: np.ndarray, places: np.ndarray, cell_m: float) -> np.ndarray:
+    """Return which points (n,) are in a cell with one of places (k, 3) m, or beside it: all within a cell's side."""
+    if not len(places):
+        return np.zeros(len(points), bool)
+    low = np.minimum(points.min(axis=0), places.min(axis=0))
+    ours, theirs = (np.floor((some - low) / cell_m).astype(np.int64) + 1 for some in (points, places))
+    count = tuple(np.maximum(ours.max(axis=0), theirs.max(axis=0)) + 2)
+    key, own = (np.ravel_multi_index(tuple(cell.T), count) for cell in (ours, theirs))
+    beside = [np.ravel_multi_index(one, count) for one in np.ndindex(3, 3, 3)]
+    found: np.ndarray = np.isin(key, np.unique(own)[:, None] + np.array(beside) - beside[len(beside) // 2])
     return found
 
 
@@ -158,7 +169,8 @@ def _in_32_bits(points: np.ndarray) -> np.ndarray:
 def _without_short_edges(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the faces (m, 3) with one corner for the two of an edge that has no length in 32 bits."""
     ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    short = ends[(points[ends[:, 0]] == points[ends[:, 1]]).all(axis=1)]
+    short = ends[points[ends[:, 0], 0] == points[ends[:, 1], 0]]
+    short = short[(points[short[:, 0]] == points[short[:, 1]]).all(axis=1)]
     if not len(short):
         return faces
     of = connected_components(coo_matrix((np.ones(len(short)), short.T), (len(points),) * 2), directed=False)[1]
