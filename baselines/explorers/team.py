@@ -24,8 +24,8 @@ _FAR_M = 30.0  # a frontier so far away is farther than most that a doubt opens
 
 
 @dataclass(frozen=True)
-class Ways:
-    """Ways from n robots to k clusters of the frontier.
+class TeamWays:
+    """TeamWays from n robots to k clusters of the frontier.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class AssignedFrontiers:
                 self._paths[robot] = graph.path(poses[robot, :2], ways.before[robot], node)
                 self._count_steps_beside(graph, node, length_m)
 
-    def _ways(self, poses: np.ndarray) -> Ways:
+    def _ways(self, poses: np.ndarray) -> TeamWays:
         """Return the ways of all robots to all clusters."""
         given_up = [cell for cell, steps in self._beside.items() if steps > _GIVE_UP_STEPS]
         graphs = self.ground.graphs(given_up, self._start, self._task.region_m)
@@ -130,7 +130,7 @@ class AssignedFrontiers:
                 costs, before[robot] = (row[0] for row in own.costs_from([own.nearest(poses[robot, :2])]))
                 nodes[robot] = [cells[costs[cells].argmin()] for cells in members]
                 lengths[robot] = np.minimum([costs[cells].min() for cells in members], _UNREACHABLE_M)
-        return Ways(graphs, nodes.astype(int), lengths, before)
+        return TeamWays(graphs, nodes.astype(int), lengths, before)
 
     def _count_steps_beside(self, graph: MapGraph, node: int, length_m: float) -> None:
         if length_m < _BESIDE_M:
