@@ -38,7 +38,7 @@ class FileKind(StrEnum):
 class Format:
     """What files of one suffix are, and the reader of each content that they may have, `module:function`.
 
-    A reader is imported when a file needs it, and raises `InputError` for what it cannot read.
+    A reader is imported when a file needs it. It raises `InputError` for a file that it cannot read.
 
     Attributes
     ----------

@@ -64,8 +64,8 @@ def read(path: Path | str, layers: list[str] | None = None, declination_deg: flo
     Triangles
         Of a solid: vertices, faces and layers, with their `unit`, None where the file states none, and the axis `up`.
     PointBlock
-        Of a cloud: points in the file's units, with colours and times where the file has them, and what it states of
-        its `system`. `minesurveys.clouds.cloud_formats.read_blocks` yields large clouds in parts.
+        Of a cloud: points in the file's units, with colours and times where the file has them, and the `system` that
+        it states. `minesurveys.clouds.cloud_formats.read_blocks` yields large clouds in parts.
     PlanPicture
         Of a picture or the first page of a PDF: pixels, and where they lie in a map.
     Nav2Map

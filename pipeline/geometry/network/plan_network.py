@@ -16,7 +16,7 @@ from pipeline.types import DriftNetwork, Leg, SurveyedLegs, lines_of
 
 _DIGITS = 2
 _LEAST_PILLAR_M2 = 0.25  # of a hole in a view from above: smaller ones are no pillars
-_THIN_M = 0.05  # half the width below which neither drifts nor rock hang together in a view from above
+_THIN_M = 0.05  # half the width below which necks of drifts and of rock are cut in a view from above
 
 
 def plan_network(surveyed: SurveyedLegs, cell_m: float) -> DriftNetwork:
@@ -124,8 +124,8 @@ def seen_network(
 ) -> DriftNetwork:
     """Return the network of the largest piece of a view from above; the others are those of `trace_network`.
 
-    A scan's view has drifts and rock that are thinner than any cell. Of what hangs together by less than 10 cm the
-    largest piece counts: first of the drifts, then of each pillar and of the rock outside.
+    A scan's view has drifts and rock that are thinner than any cell. Necks narrower than 10 cm are cut, and the largest
+    piece counts: first of the drifts, then of each pillar and of the rock outside.
     """
     drifts = _thickest(outline)
     drifts = _largest(outline) if drifts.is_empty else drifts
