@@ -25,25 +25,23 @@ _UNLIKE, _TURN = (1e-3, 3e-3, 1e-2), (np.sqrt(5) - 1) / 2
 _ALWAYS = 2  # rounds; others if there is more left than this, m2
 _LEFT_M2 = 0.02
 _BEHIND_M = 0.002  # a place that is so far behind a facet may be before it
-NARROW_M = 0.06  # of a circle in a facet: what is thrown is as wide
 _POCKET_M3 = 1e-3  # of free space that becomes rock
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 
 
-def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.inf, narrow_m: float = 0.0) -> Volume:
+def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.inf) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
     In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
     between them stay two, and rock without a thickness gets one. Nothing is put on floors, so that they keep their
     heights: what a part below them reaches gets the rock. Nor is it put on places (n, 3) m of surveyed ways, which may
     run on a wall. Rock that floats stays if it is larger than `floating_m3`. Each round looks about the rock of the one
-    before. Nothing is put before facets in which no circle is wider than `narrow_m`: where rock that a
-    scanner saw tapers, the mesh has many, and each prism makes twenty facets.
+    before.
     """
     some: np.ndarray | None = None
     tree = cKDTree(ways)
     for number, (half_m, least_m2) in enumerate(_ROUNDS):
-        facets, thin_m2 = _to_thicken(volume, some, least_m2, narrow_m)
+        facets, thin_m2 = _to_thicken(volume, some, least_m2)
         facets = facets[~_on_ways(volume, facets, tree, half_m)]
         if not len(facets) or (number >= _ALWAYS and thin_m2 < _LEFT_M2):
             break
@@ -66,17 +64,13 @@ def _with_rock(volume: Volume, facets: np.ndarray, half_m: float, floating_m3: f
     return without_slivers(_thickened(volume, facets, half_m, floating_m3))
 
 
-def _to_thicken(
-    volume: Volume, some: np.ndarray | None, least_m2: float, narrow_m: float = 0.0
-) -> tuple[np.ndarray, float]:
+def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:
     """Return the facets in front of which rock is put, and the area of those with thin rock, m2."""
-    area, corners = np.linalg.norm(volume.normals, axis=1) / 2, volume.vertices[volume.faces]
-    around = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).sum(axis=1)
+    area = np.linalg.norm(volume.normals, axis=1) / 2
     is_floor = volume.label == FacetLabel.FLOOR
     thin = facets_without_part(volume, some, least_m2)
     facets = {below for k, reached in thin.items() for below in (reached if is_floor[k] else [k])}
     found = np.array(sorted(facets), int)
-    found = found[4 * area[found] > narrow_m * around[found]]
     return found[~is_floor[found]], float(area[list(thin)].sum())
 
 

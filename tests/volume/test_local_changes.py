@@ -86,11 +86,11 @@ def test_rock_is_put_into_the_whole_volume_where_a_neighbourhood_cannot_be_put_b
     assert thin_m2(found) < 1.1 * thin_m2(wanted) < 0.5 * thin_m2(clean)
 
 
-@pytest.mark.parametrize(("wide_m", "narrow_m", "grows"), [(2.0, 0.06, True), (0.05, 0.06, False), (0.05, 0.0, True)])
-def test_no_rock_is_put_before_facets_that_are_called_narrow(wide_m, narrow_m, grows):
+@pytest.mark.parametrize("wide_m", [2.0, 0.05])
+def test_thin_rock_gets_more_behind_wide_facets_and_behind_narrow_ones(wide_m):
+    """A round wall has narrow facets alone."""
     rooms = [manifold3d.Manifold.cube([0.5, wide_m, 2.0]).translate([x, 0.0, 0.0]) for x in (0.0, 0.51)]
     vertices, faces = arrays_of(manifold3d.Manifold.compose(rooms))
     volume = volume_of_solid(ClosedMesh(vertices, faces.astype(np.int32), 0.0), steepest=0.5)
-    found = thin_rock.without_thin_rock(volume, np.zeros((0, 3)), narrow_m=narrow_m)
-    assert (len(found.faces) > len(volume.faces)) == grows
-    assert (found.solid.volume() < volume.solid.volume() - 0.01 * wide_m) == grows
+    found = thin_rock.without_thin_rock(volume, np.zeros((0, 3)))
+    assert found.solid.volume() < volume.solid.volume() - 0.01 * wide_m
