@@ -148,10 +148,12 @@ def begin_worker() -> None:
 @contextmanager
 def _in_processes(call: Callable[[Any], Answer], jobs: int) -> Iterator[Place]:
     """Call in so many processes. One that ends fails its own call only, and another takes its place."""
-    idle = list[ProcessPoolExecutor]()
+    pools, idle = list[ProcessPoolExecutor](), list[ProcessPoolExecutor]()
 
     def start(item: Any) -> Future[Answer]:
-        pool = idle.pop() if idle else ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin_worker)
+        if not idle:
+            pools.append(ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin_worker))
+        pool = idle.pop() if idle else pools[-1]
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)  # of a process that starts
         future = pool.submit(call, item)
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
@@ -163,10 +165,9 @@ def _in_processes(call: Callable[[Any], Answer], jobs: int) -> Iterator[Place]:
     except BaseException:  # also where the caller closes this
         for worker in multiprocessing.active_children():
             worker.terminate()
-            worker.join()
         raise
     finally:
-        for pool in idle:
+        for pool in pools:  # each waits for its own process: of two that wait for one, one finds no process
             pool.shutdown()
 
 
