@@ -49,7 +49,7 @@ def shade_mesh(vertices: np.ndarray, faces: np.ndarray, crease_deg: float = SMOO
     ----------
     Thuermer & Wuethrich 1998, J. Graphics Tools 3(1), doi:10.1080/10867651.1998.10487487
     """
-    parts = [_normals_and_angles(vertices[faces[at : at + _AT_ONCE]]) for at in range(0, len(faces), _AT_ONCE)]
+    parts = [normals_and_angles(vertices[faces[at : at + _AT_ONCE]]) for at in range(0, len(faces), _AT_ONCE)]
     normal, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
     source, corner = np.arange(len(vertices)), faces.astype(np.int64)
     if crease_deg < SMOOTH_DEG:
@@ -72,7 +72,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
-def _normals_and_angles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def normals_and_angles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the unit normals (m, 3) of faces (m, 3, 3) m, and their angles (m, 3) rad at their corners."""
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), (ahead * behind).sum(axis=2))
