@@ -95,11 +95,13 @@ def _without_specks(plan: Polygon, world: Polygon, corner_m: float) -> list[Poly
 
 
 def _are_sure(outline: Polygon, corner_m: float) -> list[bool]:
-    """Return of each island of an outline whether it is larger than a speck and apart from other rock."""
-    rings = [outline.exterior, *outline.interiors]
-    tree = shapely.STRtree(rings)
-    near = np.bincount(tree.query(rings, predicate="dwithin", distance=corner_m)[0], minlength=len(rings))  # itself too
-    return [bool(near[k] == 1 and Polygon(rings[k]).area > _SPECK_M2) for k in range(1, len(rings))]
+    """Return of each island of an outline whether it is larger than a speck and apart from other rock than specks."""
+    islands = shapely.polygons(np.array(outline.interiors, dtype=object))
+    large = shapely.area(islands) > _SPECK_M2
+    rock = shapely.STRtree([outline.exterior, *islands[large]])
+    near = rock.query(islands, predicate="dwithin", distance=corner_m)[0]
+    alone = np.bincount(near, minlength=len(islands)) == 1  # itself
+    return (large & alone).tolist()
 
 
 def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:

@@ -150,6 +150,15 @@ def test_rock_whose_pixels_touch_by_a_corner_is_no_island_and_rock_beside_a_pass
     assert (found.loops_plan, found.loops_world, found.loops_difference) == (loops, 0, loops)
 
 
+def test_a_pillar_with_a_pixel_at_its_corner_is_an_island():
+    hall, pillar = shapely.box(0, 0, 20, 12), shapely.box(9, 5, 11, 7)
+    plan, world, frame = masks(hall.difference(pillar), hall)
+    row, col = np.nonzero(~plan[1:-1, 1:-1] & (fill_polygon(hall, frame)[1:-1, 1:-1]))
+    plan[row.min(), col.max() + 2] = False  # touches the pillar by a corner
+    found = compare_topology(plan, world, frame, 0.1, 2.0)
+    assert (found.loops_plan, found.loops_world, found.loops_difference) == (1, 0, 1)
+
+
 def test_a_lost_drift_and_an_added_drift_are_counted_separately():
     straight = shapely.box(0, 0, 80, 5)
     lost = compare_topology(*masks(TEE, straight), 0.25, 2.0)
