@@ -46,7 +46,6 @@ ELSEWHERE = {
     r"make data .*": "tests/survey/test_fetch.py, from a mirror",
     r"python -m pipeline replay .*": "tests/proof/test_certificate.py; the names of the files are examples",
     r"python -m benchmarks files .*": "benchmarks/tests/test_files.py, with a small folder",
-    r"python -m benchmarks survey-programs .*": "benchmarks/tests/comparisons: with small files",
     r"python -m pipeline (new|list|show|compare|report|worlds).*": "the walk-through below",
     r"python -m pipeline verify my-mine": "`verify` of the default is run here; this mine is an example",
     r"python -m baselines.evaluate --policy my-mine-.*": "baselines/tests/ppo/test_ppo.py; the policy is an example",
