@@ -127,7 +127,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m baselines.goto", description=__doc__)
     parser.add_argument("--env", nargs="*", help="ids of exploration, or NAME for MineXplore/NAME-v0, in whose mines")
     parser.add_argument("--driver", nargs="*", choices=list(DRIVERS), default=list(DRIVERS))
-    parser.add_argument("--episodes", type=int, default=50, help="of the seeds 0, 1, 2, ...")
+    parser.add_argument("--episodes", type=int, default=20, help="of the seeds 0, 1, 2, ...")
     arguments = parser.parse_args()
     if not 1 <= arguments.episodes <= _MOST:
         raise BaselineError(f"episodes = {arguments.episodes}: want 1 to {_MOST}")

@@ -33,7 +33,6 @@ _BY_NAME = {
     "minexplore/sensors/table.py": "minexplore/sensors/kinds/*.py",
     "minexplore/physics/robots.py": "minexplore/physics/*.py",
     "baselines/base/environments.py": "minexplore/backends.py",
-    "benchmarks/proof_figures.py": "stages/*.py",
     "benchmarks/speed/time_pipeline.py": "pipeline/__main__.py",
     "tests/project.py": "pipeline/__main__.py",  # a copy of the project, in which its commands run
 }

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from benchmarks.faults.injection import edit_model, seal
 from benchmarks.faults.judge import CRASHED, MISSED, judge_many, prove, summarise
 from benchmarks.faults.listed import Mutant, faults
-from benchmarks.resume import run_benchmark
+from benchmarks.results import run_benchmark
 from pieces.work import add_options, where_of
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches

@@ -1,6 +1,7 @@
-"""Build mines of 1 to 30 km and measure how time, memory and the environment's speed grow.
+"""Build mines of 1 to 10 km and measure how time, memory and the environment's speed grow.
 
-Level mines of the four styles are light (without visible rock), one has rock, and one has levels under one another.
+Level mines are light (without visible rock), one has rock, and one has levels under one another. `--count 10` adds the
+other styles and mines of 30 and 80 km.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.judged_cases import JudgedCases, largest
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from benchmarks.speed import stage_costs
 from benchmarks.worlds.deep_mine import HALF_M, deep_mine
 from minexplore.splits import STYLES
@@ -24,12 +25,13 @@ from pipeline.params.stated import StatedOptions
 from tests.heights import table
 from tests.project import Project
 
-LONG = "drift_and_crosscut"  # of mines longer than 1 km
+LONG = "drift_and_crosscut"  # the style of long mines
 CASES = (
-    *((style, "light", 1) for style in STYLES),
-    *((LONG, "light", km) for km in (3, 10, 30)),
+    *((LONG, "light", km) for km in (1, 3, 10)),
     (LONG, "rock", 1),
     ("levels", "light", 10),
+    *((style, "light", 1) for style in STYLES if style != LONG),
+    *((LONG, "light", km) for km in (30, 80)),
 )
 _SIDE_M = 145.0  # of a mine with a kilometre of drifts; drifts grow with the area
 _LEVELS, _SEED = 5, 1
@@ -139,6 +141,7 @@ def _stage_of_peak(rows: list[Row]) -> str:
 GROWTH = JudgedCases(
     name="growth",
     cases=CASES,
+    sample=5,
     judge=measure,
     holds=holds,
     groups=lambda row: ["{}, {}, {} km".format(*row["case"]).replace("_", " ")],

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import run_benchmark
+from benchmarks.results import run_benchmark
 from pieces.results import PiecesError, Results
 from pieces.run import map_pieces
 from pieces.work import Where, Work

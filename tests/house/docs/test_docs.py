@@ -37,7 +37,7 @@ ELSEWHERE = {
     r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/commands/test_family.py, on a cluster of two nodes",
     r"python -m baselines.ppo.curves": "baselines/tests/ppo/test_ppo.py; it draws the curves of long training",
     r"(make evidence|python -m benchmarks (stale|evidence).*)": "benchmarks/tests/test_freshness.py",
-    r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with a million",
+    r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with more",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
     r"python -m benchmarks replay": "tests/proof/test_certificate.py; by what `make data` fetches",
     r".*python -m benchmarks train.*": "baselines/tests/ppo/test_ppo.py: training, interruption, resumption, two nodes",
