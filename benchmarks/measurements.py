@@ -75,7 +75,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("files", "setup", "benchmarks.files", "artifacts/bench/files.md"),
     _page("fuzz", "setup", "benchmarks.fuzz", 20),
     _page("random-mines", "setup", "benchmarks.worlds.random_mines", 15),
-    _page("random-bends", "setup", "benchmarks.worlds.random_bends", 3),
     _page("volumes", "setup", "benchmarks.comparisons.volume.random_volumes", 15),
     _page("scans", "setup", "benchmarks.scans.judge", 20),
     _page("round-trips", "setup", "benchmarks.scans.round_trips", 1),
