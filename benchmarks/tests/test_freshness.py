@@ -10,9 +10,11 @@ from benchmarks.measurements import BENCHMARKS, Benchmark
 from tests.project import ROOT
 
 FILES = {
-    "benchmarks/drawings.py": "from pipeline.volume import union\nMOST = 3\n",
-    "benchmarks/scans.py": "def run():\n    from pipeline import scans\n",
+    "benchmarks/drawings.py": "import minexplore\nfrom pipeline.volume import union\nMOST = 3\n",
+    "benchmarks/scans.py": "def run():\n    from minexplore.env import Env\n    from pipeline import scans\n",
     "benchmarks/worlds.py": "from stages.__main__ import load_stages\n",
+    "minexplore/__init__.py": 'ENTRY_POINT = "minexplore.env:Env"\n',
+    "minexplore/env.py": "STEP_S = 0.1\n",
     "pipeline/__init__.py": "",
     "pipeline/volume/__init__.py": "",
     "pipeline/volume/union.py": "STEEPEST = 0.36\n",
@@ -61,6 +63,8 @@ def stale_pages(root):
     [
         ("pipeline/volume/union.py", {"drawings", "worlds"}),
         ("pipeline/scans.py", {"scans"}),
+        ("minexplore/env.py", {"scans"}),  # the package names it for all
+        ("minexplore/__init__.py", {"drawings", "scans"}),
         ("benchmarks/drawings.py", {"drawings"}),
         ("pipeline/__init__.py", {"drawings", "scans", "worlds"}),
     ],
