@@ -82,12 +82,12 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("splays", "setup", "benchmarks.comparisons.splays", "", 2),
     _python("reach", "setup", "benchmarks.worlds.reach", "artifacts/bench/reach.md", 10),
     # Proof
-    _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", 6),
-    _python("mutants", "all", "benchmarks.mutants", "artifacts/proof/mutants.json", 8),
+    _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", 3),
+    _python("mutants", "all", "benchmarks.mutants", "artifacts/proof/mutants.json", 5),
     _python("parity", "all", _PARITY, "artifacts/proof/parity.json"),
     _python("holdout", "setup", _HOLDOUT, "artifacts/proof/holdout.json"),
     _python("replay", "all", _REPLAY, "artifacts/proof"),
-    Benchmark("figures", "all", _FIGURES, _PARTS + "evidence-figures.md", 10),
+    Benchmark("figures", "all", _FIGURES, _PARTS + "evidence-figures.md", 12),
     _page("claims", "setup", "benchmarks.claims", 0.2),
     # Speed
     _page("bench", "setup", "benchmarks.speed.time_env", 1, "env-speed", one_thread=True),

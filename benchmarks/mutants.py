@@ -144,7 +144,7 @@ def _print_row(row: dict) -> None:
 def main() -> int:
     """Inject every fault into the present world, then change a small one at random; exit code 1 if one is missed."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--random", type=int, default=300, help="number of random mutants")
+    parser.add_argument("--random", type=int, default=100, help="number of random mutants")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first random mutant")
     add_options(parser)
     arguments = parser.parse_args()
