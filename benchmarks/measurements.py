@@ -93,7 +93,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _page("bench", "setup", "benchmarks.speed.time_env", 1, "env-speed", one_thread=True),
     _page("bench-growth", "setup", "benchmarks.speed.growth", 4, "growth", one_thread=True),
     _page("pieces", "setup-baselines", "benchmarks.speed.pieces", 6),
-    _page("bench-pipeline", "setup", "benchmarks.speed.time_pipeline", 5, "timings"),
+    _page("bench-pipeline", "setup", "benchmarks.speed.time_pipeline", 4, "timings"),
     _page("sensors", "all", "benchmarks.sensors.page", 1, one_thread=True),
     _page("bench-gpu", "setup-gpu", "benchmarks.speed.time_gpu", 10, "env-speed-gpu"),
     _page("parity-gpu", "setup-gpu", "benchmarks.speed.gpu_parity", 15, "gpu-parity"),
