@@ -15,7 +15,7 @@ import numpy as np
 import minexplore
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table
-from baselines.base.progress import Progress
+from baselines.base.progress import progress_bar
 from baselines.policies.policy_lookup import make_policy
 from minexplore.splits import SIZES, mine_name
 
@@ -66,7 +66,7 @@ def write_episodes(
     env = DataCollector(inner, record_infos=True)
     family = env.unwrapped
     policy = make_policy(explorer, 1, family.task, family.robot)
-    progress, covered, total = Progress(f"{explorer} in {mines} mines", mines * steps), [], 0
+    progress, covered, total = progress_bar(f"{explorer} in {mines} mines", mines * steps), [], 0
     for number in range(mines):
         try:
             observation, info = env.reset(seed=number, options={"mine": mine_name(split, number)})
@@ -80,7 +80,7 @@ def write_episodes(
             action = np.asarray(policy.act(observation[None], rows), np.float32)[0]
             observation, _, terminated, truncated, info = env.step(action)
             over, total = terminated or truncated, total + 1
-            progress.add(1)
+            progress.update(1)
         covered.append(float(info["coverage"]))
     progress.close()
     try:

@@ -10,11 +10,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from tqdm import tqdm
 
 from baselines.base.environments import BENCHMARK, find_id
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
-from baselines.base.progress import Progress
+from baselines.base.progress import progress_bar
 from baselines.explorers.to_goal import DRIVERS
 from minexplore.envs.vector import MineVectorEnv
 
@@ -62,7 +63,7 @@ def drive(env_id: str, driver: str, seeds: list[int], **changed: Any) -> list[Go
     """
     spec = gymnasium.spec(env_id.replace("/", "/GoTo-"))
     found: list[GoalEpisode] = []
-    progress = Progress(f"{driver} in {spec.id}", len(seeds) * (spec.max_episode_steps or 1))
+    progress = progress_bar(f"{driver} in {spec.id}", len(seeds) * (spec.max_episode_steps or 1))
     for first in range(0, len(seeds), _TOGETHER):
         own = seeds[first : first + _TOGETHER]
         try:
@@ -77,13 +78,13 @@ def drive(env_id: str, driver: str, seeds: list[int], **changed: Any) -> list[Go
     return found
 
 
-def _episodes(env: MineVectorEnv, driver: str, seeds: list[int], progress: Progress) -> list[GoalEpisode]:
+def _episodes(env: MineVectorEnv, driver: str, seeds: list[int], progress: tqdm) -> list[GoalEpisode]:
     observation, info = env.reset(seed=seeds)
     policy = DRIVERS[driver](env.robots)
     last: dict[int, GoalEpisode] = {}
     while len(last) < len(seeds):
         observation, _, terminated, truncated, info = env.step(policy.act(observation, info))
-        progress.add(len(seeds) - len(last))
+        progress.update(len(seeds) - len(last))
         for robot in np.flatnonzero(terminated | truncated).tolist():
             least_s = float(info["shortest_m"][robot]) / env.task.max_forward_mps
             numbers = (float(info[name][robot]) for name in ("spl", "time_s", "collisions", "way_left_m"))
@@ -127,7 +128,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m baselines.goto", description=__doc__)
     parser.add_argument("--env", nargs="*", help="ids of exploration, or NAME for MineXplore/NAME-v0, in whose mines")
     parser.add_argument("--driver", nargs="*", choices=list(DRIVERS), default=list(DRIVERS))
-    parser.add_argument("--episodes", type=int, default=50, help="of the seeds 0, 1, 2, ...")
+    parser.add_argument("--episodes", type=int, default=20, help="of the seeds 0, 1, 2, ...")
     arguments = parser.parse_args()
     if not 1 <= arguments.episodes <= _MOST:
         raise BaselineError(f"episodes = {arguments.episodes}: want 1 to {_MOST}")

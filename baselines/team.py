@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
 import os
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -16,24 +13,23 @@ import gymnasium
 import numpy as np
 
 from baselines.base.beams import beam_ranges
-from baselines.base.environments import BENCHMARK, built_ids, find_id, make_env, world_of
+from baselines.base.environments import built_ids, find_id, make_env
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
 from baselines.base.statistics import Figure, estimate
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.reach import cells_within_reach, least_time_s
-from baselines.policies.policy_lookup import source_files
-from baselines.running.parallel import MEMORY_GB
+from baselines.running.parallel import MEMORY_GB, code_of_episodes, facts_of_env
 from baselines.scoring.split_statistics import middle, stratified
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.physics.robot import RobotParams
 from minexplore.splits import SIZES, STYLES
 from pieces.run import map_pieces
-from pieces.work import Where, Work, add_options, where_of
+from pieces.work import Work, add_options, where_of
 
-KEPT = Path("baselines/results/team.jsonl")
 _PAGE = Path("docs/evidence/parts/team.md")
+_ENV = "MineXplore/ChileanMineEntrance-v0"
 _ROBOTS = (1, 2, 4)
 _FIGURES = ("coverage", "speed_up", "contact_steps")  # of a record, a value for each size of team
 _BAND_S = 2.0  # of the times at which the spawn's limit is computed
@@ -105,7 +101,6 @@ def measure(key: Key) -> dict[str, Any]:
     env = make_env(env_id, 1)
     try:
         within_reach = cells_within_reach(CoverageProblem.of(env.robots), starts_m, _BAND_S)
-        world = env.world.record["world_sha256"]
         last_s = int((one >= one[-1]).argmax()) * env.task.control_s
         least_s = least_time_s(within_reach, _BAND_S, round(one[-1] * env.robots.grid.total))
         limit = last_s / max(least_s, env.task.control_s)
@@ -114,8 +109,6 @@ def measure(key: Key) -> dict[str, Any]:
     return {
         "env": env_id,
         "seed": seed,
-        "world_sha256": world,
-        "team_sha256": team_sha256(),
         "coverage": [float(episode.coverage[-1]) for episode in driven],
         "speed_up": [_finite(speed_up(one, episode.coverage)) for episode in driven],
         "contact_steps": [episode.contact_steps for episode in driven],
@@ -127,51 +120,16 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def team_sha256() -> str:
-    """Return the hash of the team's source."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(AssignedFrontiers))).hexdigest()
-
-
-def measure_all(keys: list[Key], where: Where, work: Callable[[Key], dict[str, Any]] = measure) -> None:
-    """Measure what is not kept of the same world and the same team."""
-    kept = read_kept()
-    worlds = {env_id: world_of(env_id) for env_id in dict.fromkeys(env_id for env_id, _ in keys)}
-    ours = team_sha256()
-    current = {key for key, record in kept.items() if record["team_sha256"] == ours}
-    missing = [key for key in keys if key not in current or kept[key]["world_sha256"] != worlds[key[0]]]
-
-    def keep(key: Key, record: dict[str, Any]) -> None:
-        kept[key] = record
-        write_kept(kept)
-
-    map_pieces(Work("teams", work, dict[str, Any], "", kept=None, memory_gb=MEMORY_GB), missing, where, keep)
-
-
-def read_kept(path: Path = KEPT) -> dict[Key, dict[str, Any]]:
-    """Return the kept records by environment and seed."""
-    if not path.is_file():
-        return {}
-    records = [json.loads(line) for line in path.read_text().splitlines()]
-    return {(record["env"], record["seed"]): record for record in records}
-
-
-def write_kept(kept: dict[Key, dict[str, Any]], path: Path = KEPT) -> None:
-    """Write records beside the file's place, then move them there."""
-    part = path.with_suffix(".part")
-    part.write_text("".join(json.dumps(kept[key]) + "\n" for key in sorted(kept)))
-    part.rename(path)
-
-
-def tables(kept: dict[Key, dict[str, Any]]) -> str:
-    """Return the tables of all kept records: unseen mines first, then each environment by itself."""
+def tables(records: list[dict[str, Any]]) -> str:
+    """Return the tables of records: unseen mines first, then each environment by itself."""
     lines: list[str] = []
-    unseen = [record for (env_id, _), record in sorted(kept.items()) if env_id.startswith(_UNSEEN)]
+    unseen = [record for record in records if record["env"].startswith(_UNSEEN)]
     if unseen:
         episodes = f"One episode in each of {len(unseen)} of the {SIZES['test']} mines."
         lines += ["## Unseen mines: the test split", "", episodes, "", *_table(unseen)]
-    for env_id in [env_id for env_id in BENCHMARK if any(key[0] == env_id for key in kept)]:
-        records = [record for key, record in sorted(kept.items()) if key[0] == env_id]
-        lines += [f"## {env_id}", "", f"{len(records)} seeds.", "", *_table(records)]
+    for env_id in dict.fromkeys(record["env"] for record in records if record not in unseen):
+        own = [record for record in records if record["env"] == env_id]
+        lines += [f"## {env_id}", "", f"{len(own)} seeds.", "", *_table(own)]
     return "\n".join(lines)
 
 
@@ -208,23 +166,25 @@ def _text(figure: Figure, scale: float, unit: str) -> str:
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(prog="python -m baselines.team", description=__doc__)
-    parser.add_argument("--env", nargs="*", help="ids, or NAME for MineXplore/NAME-v0; all that ship by default")
-    parser.add_argument("--episodes", type=int, default=10)
+    parser.add_argument("--env", nargs="*", default=[_ENV], help="ids, or NAME for MineXplore/NAME-v0")
+    parser.add_argument("--episodes", type=int, default=4)
     parser.add_argument(
         "--mines", type=int, default=0, help="also one episode in each of the first mines of the test split"
     )
-    add_options(parser, min(os.cpu_count() or 1, 16), keeps=False)
+    add_options(parser, min(os.cpu_count() or 1, 16))
     arguments = parser.parse_args()
     if not 1 <= arguments.episodes <= 512 or not 0 <= arguments.mines <= SIZES["test"]:
         raise BaselineError(
             f"episodes = {arguments.episodes}, mines = {arguments.mines}: want 1 to 512, 0 to {SIZES['test']}"
         )
-    named = BENCHMARK if arguments.env is None else arguments.env
-    keys = [(find_id(name), seed) for name in named for seed in range(arguments.episodes)]
+    keys = [(find_id(name), seed) for name in arguments.env for seed in range(arguments.episodes)]
     keys += [(env_id, 0) for env_id in (built_ids("test", arguments.mines) if arguments.mines else [])]
-    measure_all(keys, where_of(arguments))
-    write_table(_PAGE, tables(read_kept()))
-    print(tables(read_kept()))
+    worlds = {env_id: facts_of_env(env_id) for env_id in dict.fromkeys(env_id for env_id, _ in keys)}
+    work = Work("teams", measure, dict[str, Any], code_of_episodes(), worlds, memory_gb=MEMORY_GB)
+    text = tables(map_pieces(work, keys, where_of(arguments)))
+    if arguments.piece is None:
+        write_table(_PAGE, text)
+    print(text)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ from baselines.base.markdown import markdown_table, write_table
 from baselines.base.result_file import RESULTS, read_results
 from baselines.base.statistics import figures
 from baselines.ppo.curves import read_runs
-from benchmarks.proof_figures import read
-from benchmarks.resume import run_benchmark
+from benchmarks.results import read_written, run_benchmark
 from minexplore.tasks.exploration import CAP
 from pipeline.metrics.rock.paper import PAPER
 from pipeline.metrics.rock.texture import AXES
@@ -50,8 +49,8 @@ class Figures:
 
     def __init__(self) -> None:
         """Read them."""
-        self.metrics, self.world = read_metrics(), read(WORLD, "all")
-        self.bounds, self.runs = read(RESULTS / "bounds.json", "oracle"), read_runs()
+        self.metrics, self.world = read_metrics(), read_written(WORLD, "all")
+        self.bounds, self.runs = read_written(RESULTS / "bounds.json", "oracle"), read_runs()
 
     def metric(self, name: str) -> float:
         """Return a figure of the validation by its dotted name."""

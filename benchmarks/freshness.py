@@ -33,10 +33,11 @@ _BY_NAME = {
     "minexplore/sensors/table.py": "minexplore/sensors/kinds/*.py",
     "minexplore/physics/robots.py": "minexplore/physics/*.py",
     "baselines/base/environments.py": "minexplore/backends.py",
-    "benchmarks/proof_figures.py": "stages/*.py",
     "benchmarks/speed/time_pipeline.py": "pipeline/__main__.py",
     "tests/project.py": "pipeline/__main__.py",  # a copy of the project, in which its commands run
 }
+# It names all environments, and a page that makes one imports its module, too.
+_ENDS = ("minexplore/__init__.py",)
 _NO_DEVICE = 3  # exit code of what needs a GPU
 
 
@@ -71,7 +72,7 @@ def code_of(benchmark: Benchmark, root: Path) -> str:
         file = wanted.pop()
         if file.relative_to(root) in closure:
             continue
-        for source in import_closure(file, root):
+        for source in import_closure(file, root, _ENDS):
             if source not in closure:
                 closure.add(source)
                 wanted += root.glob(_BY_NAME.get(source.as_posix(), "-"))

@@ -28,11 +28,11 @@ from benchmarks.fuzzing.hostile import HOSTILE
 from benchmarks.fuzzing.library_words import library_words
 from benchmarks.fuzzing.samples import SAMPLES
 from benchmarks.judged_cases import JudgedCases, largest
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from minesurveys.errors import UnexpectedError
 from pipeline.errors import MineError
 
-_COUNT = 40  # cases of a reader, hostile ones first
+_COUNT = 10  # cases of a reader, hostile ones first
 Case = tuple[str, Callable[[], Files]]  # its name, and the function that makes its files
 _MEMORY = 4_000_000_000
 _NUMBERS = [b"-1", b"0", b"1e308", b"nan", b"inf", b"99999999999", b"-0.0", b"4294967296", b"1e-320", b"''"]

@@ -12,7 +12,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from pieces.results import PiecesError
 from pieces.run import map_pieces
 from pieces.work import Work, add_options, code_sha256, where_of
@@ -32,7 +32,9 @@ class JudgedCases:
     name : str
         Of the measurement, its page and its file of results.
     cases : sequence
-        The sample; `--count` takes the first ones.
+        All that can be judged.
+    sample : int
+        How many of them the page needs, the first ones; `--count` takes fewer or more. All without it.
     judge : callable
         Returns the row of a case; an error of the case is a row, too.
     holds : callable
@@ -55,6 +57,7 @@ class JudgedCases:
     holds: Callable[[Row], bool]
     groups: Callable[[Row], Iterable[str]]
     columns: dict[str, Callable[[list[Row]], object]]
+    sample: int | None = None
     of: str = ""
     with_all: bool = True
     note: Callable[[list[Row]], str] = lambda rows: ""
@@ -73,10 +76,11 @@ class JudgedCases:
     def run(self, about: str | None) -> int:
         """Judge the cases that have no row of this code yet, write the page; return exit code 2 if one does not hold.
 
-        The page is written when all cases of the sample have a row.
+        The page is written when the sample has a row each.
         """
         parser = argparse.ArgumentParser(prog=f"python -m benchmarks {self.name}", description=about)
-        parser.add_argument("--count", type=int, default=len(self.cases), help="the first cases of the sample only")
+        sample = len(self.cases) if self.sample is None else self.sample
+        parser.add_argument("--count", type=int, default=sample, help=f"the first cases, of {len(self.cases)}")
         add_options(parser, 2)
         given = parser.parse_args()
         wanted = list(self.cases[: given.count])
@@ -91,7 +95,7 @@ class JudgedCases:
             return 2
         rows = [{"case": case, **row} for case, row in zip(wanted, found, strict=True)]
         text = self.table(rows)
-        if len(wanted) == len(self.cases):
+        if len(wanted) >= sample:
             write_table(PAGES / f"{self.name}.md", text)
         print(text)
         failed = [row for row in rows if not self.holds(row)]

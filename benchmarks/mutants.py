@@ -19,7 +19,7 @@ from tqdm import tqdm
 from benchmarks.faults.injection import edit_model, seal
 from benchmarks.faults.judge import CRASHED, MISSED, judge_many, prove, summarise
 from benchmarks.faults.listed import Mutant, faults
-from benchmarks.resume import run_benchmark
+from benchmarks.results import run_benchmark
 from pieces.work import add_options, where_of
 from pipeline.errors import MineError
 from pipeline.metrics.limits import breaches
@@ -144,7 +144,7 @@ def _print_row(row: dict) -> None:
 def main() -> int:
     """Inject every fault into the present world, then change a small one at random; exit code 1 if one is missed."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--random", type=int, default=300, help="number of random mutants")
+    parser.add_argument("--random", type=int, default=100, help="number of random mutants")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first random mutant")
     add_options(parser)
     arguments = parser.parse_args()

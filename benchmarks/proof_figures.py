@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import run_benchmark
+from benchmarks.results import read_written, run_benchmark
+from pipeline.build.world import make_world
 from pipeline.compose import compose
-from pipeline.errors import ArtifactError, MineError
 from pipeline.report.results import shrink_picture
 from pipeline.store.files import write_atomically
-from pipeline.store.hashing import sha256_bytes
-from pipeline.store.manifest import code_sha256
-from pipeline.store.registry import REGISTRY
-from stages.__main__ import STAGES
 
 PLAN = Path("artifacts/benchmarks/plan")
 PROOF = Path("artifacts/proof")
@@ -27,41 +20,6 @@ _REPLAYED = (
     *("sweep", "returns used", "median, m", "p90, m", "within 0.25 m", "within 0.5 m", "bias, m"),
     *("median on the rough surface, m", "median without range and angle gates, m", "correction of the pose, m, deg"),
 )
-
-
-def read(path: Path, target: str) -> Any:
-    """Return the content of a JSON file.
-
-    Raises
-    ------
-    ArtifactError
-        If the file is missing. The message names the command that writes it.
-    """
-    try:
-        return json.loads(path.read_text())
-    except FileNotFoundError:
-        raise ArtifactError(f"{path}: missing; run `python -m benchmarks {target}` first") from None
-
-
-def run_pipeline(folder: Path, config: dict[str, Any]) -> None:
-    """Run the six stages in a folder of their own; a finished run is not repeated."""
-    params = json.dumps(config)
-    code = [code_sha256(stage, Path.cwd()) for stage in STAGES]
-    key = sha256_bytes("".join([params, REGISTRY.read_text(), *code]).encode())
-    stamp = folder / "done"
-    if stamp.is_file() and stamp.read_text() == key:
-        return
-    write_atomically(folder / "artifacts/params.json", params.encode())
-    for name in ("conf", "data", "minesurveys", "minexplore", "pipeline", "stages"):
-        link = folder / name
-        if not link.exists():
-            link.symlink_to(Path(os.path.relpath(name, folder)))
-    for stage in STAGES:
-        command = [sys.executable, "-m", f"stages.{stage}"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-        if done.returncode:
-            raise MineError(f"{folder}: {done.stderr.strip()}")
-    write_atomically(stamp, key.encode())
 
 
 def replay_table(report: dict[str, Any]) -> list[str]:
@@ -105,8 +63,8 @@ def certificate_table(title: str, certificate: dict[str, Any]) -> list[str]:
 
 def proof_tables() -> list[str]:
     """Return the results of the stress test, parity, holdout and mutants as Markdown."""
-    parity, holdout = read(PROOF / "parity.json", "parity"), read(PROOF / "holdout.json", "holdout")
-    mutants = read(PROOF / "mutants.json", "mutants")
+    parity, holdout = read_written(PROOF / "parity.json", "parity"), read_written(PROOF / "holdout.json", "holdout")
+    mutants = read_written(PROOF / "mutants.json", "mutants")
     backends = [
         (name, f"{p['rays']:,}", f"{p['agree']:,}", f"{p['tolerance_m']:g}", f"{p['worst_m']:g}")
         for name, p in parity["backends"].items()
@@ -119,7 +77,7 @@ def proof_tables() -> list[str]:
     )
     caught = ((r["fault"], r["expected"], "caught" if r["caught"] else "MISSED") for r in mutants["rows"])
     return [
-        *certificate_table("the embedded survey", read(PROOF / "certificate.json", "stress-test")),
+        *certificate_table("the embedded survey", read_written(PROOF / "certificate.json", "stress-test")),
         "## Backends",
         "",
         markdown_table(("backend", "rays", "agree", "within, m", "worst, m"), [*backends, *left_out]),
@@ -139,12 +97,12 @@ def proof_tables() -> list[str]:
 def main() -> int:
     """Run the pipeline on the plan if necessary, and write `evidence-figures.md` and `docs/replay.jpg`."""
     proof = proof_tables()
-    run_pipeline(PLAN, compose(["survey=plan"]).model_dump(mode="json"))
-    report = read(PLAN / "artifacts/validation/evidence/replay.json", "figures")
-    plan = read(PLAN / "artifacts/validation/certificate.json", "figures")
+    make_world(compose(["survey=plan"]), PLAN)
+    report = read_written(PLAN / "validation/evidence/replay.json", "figures")
+    plan = read_written(PLAN / "validation/certificate.json", "figures")
     lines = [*replay_table(report), "", *certificate_table("the published plan", plan), *proof]
     write_table(DOCS / "evidence/parts/evidence-figures.md", "\n".join(lines))
-    write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "artifacts/validation/evidence/replay.png"))
+    write_atomically(DOCS / "replay.jpg", shrink_picture(PLAN / "validation/evidence/replay.png"))
     print(f"{DOCS / 'evidence/parts/evidence-figures.md'} and {DOCS / 'replay.jpg'} are written")
     return 0
 

@@ -22,7 +22,7 @@ import shapely
 from shapely import LineString, Polygon, affinity
 
 from benchmarks.judged_cases import JudgedCases, span
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from benchmarks.worlds.random_levels import random_legs
 from tests.heights import table as station_table
 from tests.project import Project
@@ -152,7 +152,8 @@ def note(rows: list[Row]) -> str:
 
 SIMPLE_MINES = JudgedCases(
     name="simple-mines",
-    cases=range(42),
+    cases=range(1000),
+    sample=12,
     judge=judge,
     holds=lambda row: row["exit_code"] == 0,
     groups=lambda row: [row["kind"]],

@@ -11,7 +11,7 @@ import numpy as np
 
 from baselines.base.environments import BENCHMARK, find_id, make_env
 from baselines.base.errors import BaselineError, run_command
-from baselines.base.progress import Progress
+from baselines.base.progress import progress_bar
 from baselines.base.result_file import Episode, Head, line_sha256, read_results, result_path, write_results
 from baselines.evaluate import is_current
 from baselines.oracle.bound import best_walk
@@ -94,12 +94,12 @@ def _known_bound(env_id: str, head: Head, times: list[float]) -> Bound:
 
 def _bound(env_id: str, network: TimeNetwork, known: Bound, times: list[float], limit_s: float) -> Bound:
     """Return a bound at all times; it is written after each of them, as the part that is done is a bound already."""
-    progress, bound = Progress(f"{env_id}: bound", len(times), len(known.time_s), "times"), known
+    progress, bound = progress_bar(f"{env_id}: bound", len(times), len(known.time_s), "times"), known
     for seconds in times[len(known.time_s) :]:
         most = max([best_walk(network, seconds, limit_s).most, *bound.most[-1:]])
         bound = bound.model_copy(update={"time_s": [*bound.time_s, seconds], "most": [*bound.most, most]})
         write_bound(env_id, bound)
-        progress.add(1)
+        progress.update(1)
     progress.close()
     return bound
 
@@ -107,13 +107,13 @@ def _bound(env_id: str, network: TimeNetwork, known: Bound, times: list[float], 
 def _tour(env_id: str, env: MineVectorEnv, network: TimeNetwork, seeds: list[int], limit_s: float) -> list[Episode]:
     """Drive a tour for each budget and return the episodes of the one that sees most."""
     horizon = env.task.max_steps * env.task.control_s
-    progress = Progress(f"{env_id}: tours", len(_BUDGETS) * len(seeds) * env.task.max_steps)
+    progress = progress_bar(f"{env_id}: tours", len(_BUDGETS) * len(seeds) * env.task.max_steps)
     tours = []
     for budget in _BUDGETS:
         plan = plan_tour if env.world.volume is None else tour_over_spans
         path = plan(network, best_walk(network, budget * horizon, limit_s), env.world)
         tour = OracleTour(len(seeds), env.task, env.robot, path)
-        tours.append(list(run_episodes(env, tour, seeds, progress.add)))
+        tours.append(list(run_episodes(env, tour, seeds, progress.update)))
     progress.close()
     return max(tours, key=lambda episodes: sum(e.seen[-1] for e in episodes))
 

@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from baselines.base.errors import BaselineError, run_command
 from baselines.base.markdown import markdown_table, write_table
-from baselines.graph.training.curves import drawn_tables
 from baselines.policies.policy_lookup import TRAINED
 from baselines.ppo.settings import TrainSettings
 
@@ -148,8 +147,8 @@ def main() -> None:
     keep()
     runs = read_runs()
     draw_curves(runs, Path("docs/training.png"))
-    write_table(_PAGE, f"{table(runs)}\n## The graph explorer\n\n{drawn_tables()}")
-    print(f"{_PAGE} and its pictures are written")
+    write_table(_PAGE, table(runs))
+    print(f"{_PAGE} and its picture are written")
 
 
 if __name__ == "__main__":

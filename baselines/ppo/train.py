@@ -12,9 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from baselines.base.environments import make_env
 from baselines.base.errors import interrupt, need, run_command
-from baselines.base.progress import Progress
+from baselines.base.progress import progress_bar
 from baselines.policies.policy_lookup import TRAINED
 from baselines.ppo.history import POLICY, History
 from baselines.ppo.run_folder import RunFolder
@@ -50,7 +52,7 @@ def train(
     if reached is not None:
         return reached
     history = run.read_history()
-    progress = Progress(settings.name, settings.steps, history.steps)
+    progress = progress_bar(settings.name, settings.steps, history.steps)
     try:
         algorithm = (start or _start)(settings, run, history)
         stop = _iterate(algorithm, settings, run, history, progress)
@@ -93,7 +95,7 @@ def _start(settings: TrainSettings, run: RunFolder, history: History) -> Any:
     return algorithm
 
 
-def _iterate(algorithm: Any, settings: TrainSettings, run: RunFolder, history: History, progress: Progress) -> str:
+def _iterate(algorithm: Any, settings: TrainSettings, run: RunFolder, history: History, progress: tqdm) -> str:
     """Iterate until there is a reason to stop, and return it."""
     from tensorboardX import SummaryWriter
 
@@ -110,11 +112,9 @@ def _iterate(algorithm: Any, settings: TrainSettings, run: RunFolder, history: H
                     if line[key] is not None:
                         writer.add_scalar(key, line[key], line["steps"])
                 if line["rolling_coverage"] is not None:
-                    progress.figures = {
-                        "coverage": f"{100 * line['rolling_coverage']:.1f} %",
-                        "return": f"{line['rolling_return']:.1f}",
-                    }
-                progress.add(history.steps - progress.done)
+                    share, returned = 100 * line["rolling_coverage"], line["rolling_return"]
+                    progress.set_postfix({"coverage": f"{share:.1f} %", "return": f"{returned:.1f}"}, refresh=False)
+                progress.update(history.steps - progress.n)
                 stop = history.stop_reason(settings)
                 if stop is not None or history.iteration % settings.checkpoint_every == 0:
                     run.save(algorithm)

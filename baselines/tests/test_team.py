@@ -1,5 +1,3 @@
-import json
-
 import gymnasium
 import numpy as np
 import pytest
@@ -11,11 +9,10 @@ from baselines.explorers.maps.own_map import ROCK
 from baselines.explorers.team import AssignedFrontiers
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.reach import cells_within_reach, least_time_s
-from baselines.team import drive_team, measure_all, read_kept, speed_up, tables
+from baselines.team import drive_team, speed_up, tables
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from pieces.results import PiecesError
-from pieces.work import HERE
 
 VECTOR = "minexplore.envs.vector:MineVectorEnv"
 
@@ -87,35 +84,14 @@ def test_no_team_sees_a_cell_before_a_robot_can_have_come_to_where_it_is_in_view
         assert 0.0 < least_time_s(within_reach, 1.0, cells) <= first_s
 
 
-@pytest.fixture
-def kept(tmp_path, monkeypatch):
-    """Keep records in a folder of the test."""
-    path = tmp_path / "team.jsonl"
-    monkeypatch.setattr(team, "read_kept", lambda: read_kept(path))
-    write = team.write_kept
-    monkeypatch.setattr(team, "write_kept", lambda records: write(records, path))
-    return path
-
-
-def test_what_is_current_is_not_driven_again_and_an_older_team_is(mines, kept):
-    world, asked = make_env(mines[0], 1).world.record["world_sha256"], []
-
-    def work(key):
-        asked.append(key)
-        figures = {"coverage": [0.5, 0.6, 0.7], "speed_up": [1.0, 2.0, None], "contact_steps": [0, 0, 3], "limit": 4.0}
-        return {"env": key[0], "seed": key[1], "world_sha256": world, "team_sha256": team.team_sha256(), **figures}
-
-    keys = [(mines[0], 0), (mines[1], 0)]
-    measure_all(keys[:1], HERE, work)
-    measure_all(keys, HERE, work)
-    assert asked == keys
-    text = tables(read_kept(kept))
+def test_the_tables_have_unseen_mines_first_and_say_where_a_team_never_sees_as_much():
+    figures = {"coverage": [0.5, 0.6, 0.7], "speed_up": [1.0, 2.0, None], "contact_steps": [0, 0, 3], "limit": 4.0}
+    seen = {"env": "MineXplore/ChileanMineEntrance-v0", "seed": 0, **figures}
+    unseen = [{"env": f"MineXplore/Family-test-000{k}-v0", "seed": 0, **figures} for k in range(2)]
+    text = tables([seen, *unseen])
     assert "2 of the 200 mines" in text
+    assert text.index("Unseen mines") < text.index("## MineXplore/ChileanMineEntrance-v0\n\n1 seeds.")
     assert "| 4 | 70.0 % (70.0 to 70.0) | never, never in 2 | 4.00 (4.00 to 4.00) | at most 3 |" in text
-    older = [json.loads(line) | {"team_sha256": "0" * 64} for line in kept.read_text().splitlines()]
-    kept.write_text("".join(json.dumps(line) + "\n" for line in older))
-    measure_all(keys[1:], HERE, work)
-    assert asked == [*keys, keys[1]]
 
 
 @pytest.mark.slow

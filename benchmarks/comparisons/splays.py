@@ -3,10 +3,6 @@
 Each survey is built without visible rock. Then every fifth splay is left out, the survey is built again, and the ends
 of those left out are compared with the rock that was built without them; five times, so that each is left out once, and
 all of them are judged together. With `--every 50` nearly all others are kept.
-
-What the splays of a survey themselves know of each other is printed too: of each one that hits a wall, how far the
-nearest other hit on its side of its leg is along the leg, and by how much their distances from the leg differ. It is
-what a wall would miss that is as far away as at the nearest other hit.
 """
 
 from __future__ import annotations
@@ -14,7 +10,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +19,6 @@ from baselines.base.markdown import markdown_table
 from minesurveys.solved.model import LegFlag, SolvedSurvey
 from minesurveys.solved_surveys import solve_file
 from pipeline.params.compile3d import VolumeParams
-from pipeline.survey.solved.splay_hits import SplayHits
-from pipeline.survey.solved.splay_walls import splays_by_node
 from pipeline.survey.whole_survey import built_piece, whole_legs
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.union import Volume
@@ -36,7 +29,6 @@ EVERY = 5
 _HEIGHT_M = 3.5  # where nobody measured a roof, as compile3d.height_m
 _COLUMNS = ("count", "median", "p95", "within_10cm", "within_30cm", "nearer_30cm")
 _ENDS_M = 0.01  # coordinates of solved surveys are centimetres
-_BANDS_M = (0.0, 0.1, 0.25, 0.5, 1.0)  # along a leg
 
 
 def build(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> tuple[Volume, np.ndarray, np.ndarray]:
@@ -63,24 +55,6 @@ def held_back(path: Path, survey: SolvedSurvey, half_width_m: float | None, part
     return splay_ends(volume, ends[near])
 
 
-def nearest_hits(survey: SolvedSurvey) -> np.ndarray:
-    """Return of each hit of a wall (n, 2) m how far the nearest on its side is along the leg, and how they differ.
-
-    Both are nan where a side of a leg has one hit. How they differ is the difference of their distances in plan from
-    the leg.
-    """
-    places, node, _ = survey.nodes()
-    legs = node[survey.legs[survey.centreline()]]
-    found = [np.zeros((0, 2))]
-    for shot in SplayHits(legs.tolist(), places, splays_by_node(survey, node)).shots.values():
-        hits = np.array([(hit.along_m, hit.aside_m) for hit in shot.hits]).reshape(-1, 2)
-        for own in (hits[hits[:, 1] > 0], hits[hits[:, 1] < 0]):
-            apart = np.abs(own[:, None] - own)
-            apart[np.diag_indices(len(own))] = np.inf if len(own) > 1 else np.nan
-            found.append(apart[np.arange(len(own)), apart[:, :, 0].argmin(axis=1)] if len(own) else own)
-    return np.concatenate(found)
-
-
 def main() -> int:
     """Print a table of each survey."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks splays", description=__doc__)
@@ -100,22 +74,7 @@ def main() -> int:
             [name, kind, *_row(found)] for name, ends in judged.items() for kind, found in splay_figures(ends).items()
         ]
         print(f"\n{path.name}\n\n" + markdown_table(["splays", "direction", *_COLUMNS], rows))
-        print(
-            "\n"
-            + markdown_table(["nearest other hit, m along", "hits", "differ, median m"], _rows_of(nearest_hits(survey)))
-        )
     return 0
-
-
-def _rows_of(nearest: np.ndarray) -> list[list[str]]:
-    """Return the rows of a table of `nearest_hits`."""
-    along, differ = nearest.T
-    bands = {f"{low:g} to {high:g}": (along >= low) & (along < high) for low, high in pairwise(_BANDS_M)}
-    bands |= {f"{_BANDS_M[-1]:g} and more": np.isfinite(along) & (along >= _BANDS_M[-1]), "any": np.isfinite(along)}
-    rows = [
-        [name, f"{some.sum()}", f"{np.median(differ[some]):.3f}" if some.any() else "-"] for name, some in bands.items()
-    ]
-    return [*rows, ["no other on its side", f"{np.isnan(along).sum()}", "-"]]
 
 
 def _row(found: dict[str, Any]) -> list[str]:

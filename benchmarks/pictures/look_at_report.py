@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.resume import run_benchmark
+from benchmarks.results import run_benchmark
 from pipeline.errors import InputError
 from pipeline.worlds import DEFAULT, world_folder
 

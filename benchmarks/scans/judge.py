@@ -13,7 +13,7 @@ import manifold3d
 import numpy as np
 
 from benchmarks.judged_cases import JudgedCases, largest, least
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from benchmarks.scans.sample import Scan, scan_of
 from benchmarks.scans.truth import FloorNetwork, mesh_of, network_of_floors, truth_of
 from minesurveys.clouds.point_blocks import PointBlock
@@ -125,7 +125,8 @@ def is_same_network(row: Row) -> bool:
 
 SCANS = JudgedCases(
     name="scans",
-    cases=range(50),
+    cases=range(1000),
+    sample=16,
     judge=judge,
     holds=holds,
     groups=lambda row: [row["kind"]],

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.judged_cases import JudgedCases, largest
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from benchmarks.scans.solid_files import write
 from benchmarks.scans.truth import mesh_of, truth_of
 from minesurveys.frames import METRES

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.sensors.rates import image_rates, own_rates, peer_rates
+from benchmarks.sensors.rates import image_rates, mujoco_rate, own_rates
 from benchmarks.sensors.sweeps import (
     INCIDENCE_DEG,
     RANGE_M,
@@ -56,7 +56,7 @@ def main() -> int:
     parser.add_argument("--data", type=Path, default=Path("data/raw"), help="folder of the sweeps and their poses")
     arguments = parser.parse_args()
     world = load_world(find_world("chilean_mine"))
-    tables = [markdown_table(("OS1-64, one thread", "rays/s"), [*own_rates(world), *peer_rates(world)])]
+    tables = [markdown_table(("OS1-64, one thread", "rays/s"), [*own_rates(world), mujoco_rate(world)])]
     env = MineEnv("chilean_mine")
     tables.append(markdown_table(("image", "pixels", "frames/s"), image_rates(env)))
     env.close()

@@ -1,11 +1,10 @@
-"""How fast sensors are, beside other packages in the same run and world."""
+"""How fast sensors are, beside MuJoCo's own rays in the same run and world."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 
 import mujoco
 import numpy as np
@@ -58,11 +57,9 @@ def own_rates(world: World, name: str = "os1-64") -> list[list[str]]:
     return [[label, f"{rate:,.0f}"] for label, rate in rows]
 
 
-def peer_rates(world: World) -> list[list[str]]:
-    """Return rows of rays/s of MuJoCo's own rays, and of MuJoCo-LiDAR's processor backend, in the same world."""
+def mujoco_rate(world: World) -> list[str]:
+    """Return the row of rays/s of MuJoCo's own rays in the same world."""
     spec = world.spec()
-    sensor = spec.worldbody.add_body(name="sensor", mocap=True)
-    sensor.add_site(name="lidar")
     for geom in spec.geoms:
         is_mesh = geom.type == mujoco.mjtGeom.mjGEOM_MESH
         shown = geom.group == GeomGroup.FLOOR or (
@@ -73,7 +70,6 @@ def peer_rates(world: World) -> list[list[str]]:
     data = mujoco.MjData(model)
     turn, shift = world.T_world_mine[:3, :3], world.T_world_mine[:3, 3]
     eye = turn @ _MOUNT.on(pose_at_entrance(world)).place_m + shift
-    data.mocap_pos[0] = eye
     mujoco.mj_forward(model, data)
     rng = np.random.default_rng(0)
     theta, phi = rng.uniform(-np.pi, np.pi, _PEER_RAYS), rng.uniform(-0.29, 0.29, _PEER_RAYS)
@@ -85,16 +81,7 @@ def peer_rates(world: World) -> list[list[str]]:
     def cast() -> None:
         mujoco.mj_multiRay(model, data, eye, ways, groups, 1, -1, geoms, found, None, _PEER_RAYS, 120.0)
 
-    rows = [[f"MuJoCo {mujoco.__version__}, mj_multiRay", f"{best_rate(cast, _PEER_RAYS, 3):,.0f}"]]
-    try:
-        label = f"MuJoCo-LiDAR {version('mujoco-lidar')}, processor backend"
-    except PackageNotFoundError:
-        return [*rows, ["MuJoCo-LiDAR", "left out: not installed"]]
-    from mujoco_lidar import MjLidarWrapper
-
-    arguments = {"bodyexclude": -1, "geomgroup": groups}
-    lidar = MjLidarWrapper(model, "lidar", backend="cpu", cutoff_dist=120.0, args=arguments)
-    return [*rows, [label, f"{best_rate(lambda: lidar.trace_rays(data, theta, phi), _PEER_RAYS, 3):,.0f}"]]
+    return [f"MuJoCo {mujoco.__version__}, mj_multiRay", f"{best_rate(cast, _PEER_RAYS, 3):,.0f}"]
 
 
 def image_rates(env: MineEnv) -> list[list[str]]:

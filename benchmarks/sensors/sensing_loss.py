@@ -1,4 +1,7 @@
-"""What explorers lose by odometry, dust and water: `python -m benchmarks sensing-loss`. It goes on where it ended."""
+"""What explorers lose by odometry, dust and water: `python -m benchmarks sensing-loss`, for the leaderboard.
+
+It goes on where it ended.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,12 @@ import argparse
 import dataclasses
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from baselines.base.environments import find_id
-from baselines.base.markdown import write_table
 from baselines.base.result_file import line_sha256
 from baselines.policies.policy_lookup import Policy, make_policy, policy_sha256
 from baselines.scoring.degraded import DRIVEN, TRUE, Drives, degraded_table, keep_drives, read_degraded
@@ -21,7 +22,6 @@ from minexplore.envs.vector import MineVectorEnv
 from minexplore.sensing.odometry import fitted_odometry
 from minexplore.sensing.params import preset_names, preset_numbers
 
-PAGE = Path("docs/evidence/parts/sensing-loss.md")
 ENV = "MineXplore/ChileanMineEntrance-v0"
 
 
@@ -67,7 +67,7 @@ def _inputs(policy: Policy, env: MineVectorEnv, senses: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Run the explorers and write the page."""
+    """Run the explorers and keep what they come to; the leaderboard has the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--policy", nargs="*", default=DRIVEN)
     parser.add_argument("--env", default=ENV)
@@ -82,8 +82,7 @@ def main() -> int:
             if drives is not None:
                 keep_drives(env_id, policy, name, drives)
             print(policy, name, drives or "current", flush=True)
-    about = f"Means of episodes in `{env_id}`; points are of coverage.\n\n"
-    write_table(PAGE, about + degraded_table(read_degraded()[env_id]))
+    print(degraded_table(read_degraded()[env_id]), end="")
     return 0
 
 

@@ -1,6 +1,7 @@
-"""Build mines of 1 to 30 km and measure how time, memory and the environment's speed grow.
+"""Build mines of 1 to 10 km and measure how time, memory and the environment's speed grow.
 
-Level mines of the four styles are light (without visible rock), one has rock, and one has levels under one another.
+Level mines are light (without visible rock), one has rock, and one is a volume. `--count 10` adds the
+other styles and mines of 30 and 80 km.
 """
 
 from __future__ import annotations
@@ -15,24 +16,23 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.judged_cases import JudgedCases, largest
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from benchmarks.speed import stage_costs
-from benchmarks.worlds.deep_mine import HALF_M, deep_mine
 from minexplore.splits import STYLES
 from pipeline.import_mine import draft_import, import_mine
 from pipeline.params.stated import StatedOptions
-from tests.heights import table
 from tests.project import Project
 
-LONG = "drift_and_crosscut"  # of mines longer than 1 km
+LONG, VOLUME = "drift_and_crosscut", "wheal_pell"  # the style of long mines, and a survey with heights
 CASES = (
-    *((style, "light", 1) for style in STYLES),
-    *((LONG, "light", km) for km in (3, 10, 30)),
+    *((LONG, "light", km) for km in (1, 3, 10)),
     (LONG, "rock", 1),
-    ("levels", "light", 10),
+    (VOLUME, "light", 2),
+    *((style, "light", 1) for style in STYLES if style != LONG),
+    *((LONG, "light", km) for km in (30, 80)),
 )
 _SIDE_M = 145.0  # of a mine with a kilometre of drifts; drifts grow with the area
-_LEVELS, _SEED = 5, 1
+_PELL = Path("data/wheal_pell/pell.3d")
 _EXPONENT, _FROM_KM = 1.15, 2.5  # of time over length; the mine of 3 km has 2.86 km
 _MOST_MB = 8192
 _ROUGH = "{rms_m: 0.06, hurst: 0.75, shortest_m: 0.3, longest_m: 6.0}"
@@ -60,16 +60,15 @@ def measure(case: tuple[str, str, float]) -> Row:
     style, kind, km = case
     with tempfile.TemporaryDirectory(prefix="growth-") as name:
         root = Path(name)
-        if style == "levels":
-            text = table(deep_mine(_LEVELS, 1000 * km, _SEED), HALF_M)
-            costs, root = measure_file("levels.csv", text, Project(root / "project", tiny=False))
+        if style == VOLUME:
+            costs, root = measure_file(_PELL, Project(root / "project", tiny=False))
         else:
             costs = stage_costs.measure(overrides(style, kind, km), root)
         return row_of(root) | dataclasses.asdict(costs)
 
 
-def measure_file(file: str, text: str, project: Project) -> tuple[stage_costs.Costs, Path]:
-    """Build a station table in a copy of the project, as `new FILE preset=light` does, and drive in it.
+def measure_file(file: Path, project: Project) -> tuple[stage_costs.Costs, Path]:
+    """Build a survey in a copy of the project, as `new --from FILE preset=light` does, and drive in it.
 
     Returns
     -------
@@ -82,10 +81,9 @@ def measure_file(file: str, text: str, project: Project) -> tuple[stage_costs.Co
     MineError, RuntimeError
         If the file is refused, or a stage fails.
     """
-    name = Path(file).stem
+    name = file.stem
     with contextlib.chdir(project.folder):
-        Path(file).write_text(text)
-        import_mine(draft_import(name, Path(file), StatedOptions()), "generated", "CC0-1.0")
+        import_mine(draft_import(name, file, StatedOptions()), "a measurement", "CC0-1.0")
     root = Path("artifacts/worlds") / name
     return stage_costs.measure([f"survey={name}", "preset=light"], root, project.folder), project.folder / root
 
@@ -139,6 +137,7 @@ def _stage_of_peak(rows: list[Row]) -> str:
 GROWTH = JudgedCases(
     name="growth",
     cases=CASES,
+    sample=5,
     judge=measure,
     holds=holds,
     groups=lambda row: ["{}, {}, {} km".format(*row["case"]).replace("_", " ")],

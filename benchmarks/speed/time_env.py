@@ -17,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table, write_table
-from benchmarks.resume import run_benchmark
+from benchmarks.results import run_benchmark
 from benchmarks.speed.plain_env import PlainEnv
 from minexplore.bundle import MINE_BODY, floor_geom
 from minexplore.envs.env import MineEnv

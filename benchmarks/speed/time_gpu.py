@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,8 @@ from minexplore.extra.warp import require_device, require_packages
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
 from minexplore.world import World, find_world, load_world
-from pipeline.store.files import write_atomically
 
-RESULTS, TABLE = Path("artifacts/bench/gpu.json"), Path("docs/evidence/parts/env-speed-gpu.md")
+TABLE = Path("docs/evidence/parts/env-speed-gpu.md")
 COUNTS = (1024, 4096, 16_384, 65_536, 131_072)
 _MEMORY_AT = 65_536  # robots
 _LIMITS = {
@@ -143,8 +142,8 @@ def _poses(T_world_mine: np.ndarray, places: np.ndarray, rng: np.random.Generato
     )
 
 
-def measure(device: str, counts: list[int], runs: int) -> Iterator[dict[str, Any]]:
-    """Measure the CPU's vector environment and then every count; yield all figures so far after each count."""
+def measure(device: str, counts: list[int], runs: int) -> dict[str, Any]:
+    """Measure the CPU's vector environment and then every count."""
     threads = os.cpu_count() or 1
     found: dict[str, Any] = {"device": _name(device), "cpu_threads": threads}
     found |= {"cpu_steps_per_s": _cpu_steps_per_s(threads), "rows": []}
@@ -153,7 +152,7 @@ def measure(device: str, counts: list[int], runs: int) -> Iterator[dict[str, Any
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
             found["rows"].append(process.submit(measure_count, device, count, runs).result())
         print(json.dumps(found["rows"][-1]), flush=True)
-        yield found
+    return found
 
 
 def _cpu_steps_per_s(threads: int) -> float:
@@ -199,24 +198,12 @@ def _digits(value: float) -> str:
     return f"{value:,.0f}" if value >= 1000 else f"{value:.4g}"
 
 
-def write_figures(figures: Iterable[dict[str, Any]], out: Path, page: Path | None) -> str:
-    """Write the figures as they come, so that a run that is cut off keeps its rows; return the last page."""
-    text = ""
-    for found in figures:
-        text = table(found)
-        write_atomically(out, (json.dumps(found, indent=2) + "\n").encode())
-        if page is not None:
-            write_table(page, text)
-    return text
-
-
 def main() -> int:
-    """Measure and write `RESULTS` and, on a GPU, `TABLE`; without a device write nothing and return 3."""
+    """Measure and, on a GPU, write `TABLE`; without a device write nothing and return 3."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--robots", type=int, nargs="+", default=list(COUNTS))
     parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--out", type=Path, default=RESULTS)
     asked = parser.parse_args()
     try:
         require_packages()
@@ -224,8 +211,10 @@ def main() -> int:
     except (ImportError, ValueError) as error:
         print(f"bench-gpu: nothing measured: {error}", file=sys.stderr)
         return _NO_DEVICE
-    figures = measure(asked.device, asked.robots, asked.runs)
-    print(write_figures(figures, asked.out, TABLE if device.is_cuda else None), end="")
+    text = table(measure(asked.device, asked.robots, asked.runs))
+    if device.is_cuda:
+        write_table(TABLE, text)
+    print(text, end="")
     return 0
 
 

@@ -1,19 +1,20 @@
-"""Bodies thrown all over a volume: every facet is a target, a run goes on, and a missing wall lets them out."""
+"""Bodies thrown all over a volume: every facet is a target, and a missing wall lets them out."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from benchmarks.comparisons.volume import throw_bodies
-from benchmarks.comparisons.volume.throw_bodies import mine_of, table_of, throw_everywhere
+from benchmarks.comparisons.volume.cases import CASES
+from benchmarks.comparisons.volume.random_volumes import mine_of
+from benchmarks.comparisons.volume.throw_bodies import throw_everywhere
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.volume.world.proof.region import regions_over
 
 
 @pytest.fixture(scope="module")
 def tee(tmp_path_factory):
-    return mine_of("tee", tmp_path_factory.mktemp("tee"))
+    return mine_of(CASES["tee"], tmp_path_factory.mktemp("tee"))
 
 
 def test_each_facet_is_a_target_in_one_region_with_the_parts_about_it(tee):
@@ -26,21 +27,15 @@ def test_each_facet_is_a_target_in_one_region_with_the_parts_about_it(tee):
         assert np.isin(np.flatnonzero(region.targets), behind).all()
 
 
-def test_no_body_gets_out_of_a_t_a_ball_is_pushed_at_each_facet_and_a_second_run_reads_what_the_first_one_kept(
-    tee, tmp_path, monkeypatch
-):
-    kept = tmp_path / "regions.jsonl"
-    rows = throw_everywhere(tee, kept, 2000, 500)
-    assert sum(row["robots"]["contacts"] for row in rows) >= 2000
-    assert [row[kind]["escapes"] for row in rows for kind in ("robots", "balls")] == [0, 0] * len(rows)
-    assert sum(row["balls"]["facets"] for row in rows) > 0.9 * len(tee.volume.faces)
-    monkeypatch.setattr(throw_bodies, "throw_robots", None)
-    assert throw_everywhere(tee, kept, 2000, 500) == rows
-    assert table_of(rows).count("\n") >= 3
+def test_no_body_gets_out_of_a_t_and_a_ball_is_pushed_at_each_facet(tee):
+    robots, balls = throw_everywhere(tee, 2000, 500)
+    assert robots.contacts >= 2000
+    assert robots.escapes == balls.escapes == 0
+    assert balls.facets > 0.9 * len(tee.volume.faces)
 
 
-def test_bodies_get_out_where_walls_have_no_parts(tee, tmp_path):
+def test_bodies_get_out_where_walls_have_no_parts(tee):
     shut = [part for part in tee.parts if tee.volume.label[part.facets[0]] != FacetLabel.WALL]
-    rows = throw_everywhere(dataclasses.replace(tee, parts=shut), tmp_path / "regions.jsonl", 20_000, 500)
-    assert sum(row["balls"]["escapes"] for row in rows) > 0
-    assert sum(row["robots"]["escapes"] for row in rows) > 0
+    robots, balls = throw_everywhere(dataclasses.replace(tee, parts=shut), 20_000, 500)
+    assert balls.escapes > 0
+    assert robots.escapes > 0

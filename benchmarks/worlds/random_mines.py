@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.judged_cases import JudgedCases, largest, least, span
-from benchmarks.resume import Row
+from benchmarks.results import Row
 from minexplore.splits import STYLES
 from pipeline.compose import compose
 from pipeline.proof.validator import Validator
@@ -85,7 +85,8 @@ def holds(row: Row) -> bool:
 
 RANDOM_MINES = JudgedCases(
     name="random-mines",
-    cases=range(100),
+    cases=range(1000),
+    sample=24,
     judge=judge,
     holds=holds,
     groups=lambda row: [row["style"].replace("_", " ")],

@@ -41,14 +41,17 @@ def build_small_world(folder: Path) -> None:
 
 def build_world(folder: Path, workings: Polygon, entrance_m: tuple[float, float], overrides: list[str]) -> None:
     """Run stages 2 to 5 in memory on a plan drawn from workings (m) and write the bundle to a folder."""
-    config = compose(overrides)
+    config, mine = compose(overrides), drawn_mine("small", workings, entrance_m)
+    finish_world(config, mine.survey, trace_free_space(config.contours, mine), folder)
+
+
+def drawn_mine(name: str, workings: Polygon, entrance_m: tuple[float, float]) -> MineSurvey:
+    """Return the survey of a plan that is drawn from workings, m."""
     west, south, east, north = (round(_PX_PER_M * side) for side in workings.buffer(_MARGIN_M).bounds)
     frame = Frame(_PX_PER_M, -west, north, east - west, north - south)
-    survey = Survey("small", "plan", frame, Scale(_PX_PER_M, "stated"), [], entrance_m, {}, ["plan.png"])
+    survey = Survey(name, "plan", frame, Scale(_PX_PER_M, "stated"), [], entrance_m, {}, ["plan.png"])
     grey = np.where(fill_polygon(workings, frame), 40, 255).astype(np.uint8)
-    plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    traced = trace_free_space(config.contours, MineSurvey(survey, plan, DrawnPlan()))
-    finish_world(config, survey, traced, folder)
+    return MineSurvey(survey, cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), DrawnPlan())
 
 
 def finish_world(

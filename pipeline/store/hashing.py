@@ -7,6 +7,7 @@ import functools
 import hashlib
 import re
 import stat
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
@@ -76,7 +77,7 @@ def sha256_named(hashes: dict[str, str]) -> str:
     return sha256_bytes("".join(f"{digest}  {name}\n" for name, digest in sorted(hashes.items())).encode())
 
 
-def import_closure(module_file: Path, root: Path) -> list[Path]:
+def import_closure(module_file: Path, root: Path, ends: Collection[str] = ()) -> list[Path]:
     """List the sources of a module and of every project module that it imports, directly or indirectly.
 
     Imports inside functions and the `__init__.py` of packages are included.
@@ -87,6 +88,8 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
         A Python file below `root`.
     root : Path
         The project's folder; modules outside it are ignored.
+    ends : collection of str, optional
+        Sources, relative to `root`, whose own imports are left out.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def import_closure(module_file: Path, root: Path) -> list[Path]:
         source = queue.pop()
         if source not in closure:
             closure.add(source)
-            queue += _imported_files(source, (root / source).read_text(), root)
+            queue += [] if source in ends else _imported_files(source, (root / source).read_text(), root)
     return sorted(map(Path, closure))
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from baselines.base.environments import built_ids, make_env, require_trainable
 from baselines.base.errors import BaselineError, need, run_command
-from baselines.base.progress import Progress
+from baselines.base.progress import progress_bar
 from baselines.base.run_folders import take_run_folder
 from baselines.explorers.graph_explorer import Situation
 from baselines.graph.checkpoint import write_network
@@ -103,7 +103,7 @@ def train(run: Run) -> Path:
     done = run.done
     if done >= 0:
         learner.load(run.state(done))
-    progress = Progress(settings.label, settings.improve.updates, max(done, 0), unit="updates")
+    progress = progress_bar(settings.label, settings.improve.updates, max(done, 0), unit="updates")
     with Drivers(settings.jobs) as drivers:
         if done < 0:
             _start(run, learner, drivers, learned)
@@ -113,7 +113,7 @@ def train(run: Run) -> Path:
             run.log({"update": update, **figures})
             if update % settings.improve.watch_every == 0 or update == settings.improve.updates:
                 _keep(run, learner, drivers, update, watched)
-            progress.add(1)
+            progress.update(1)
     progress.close()
     policy = run.path / "policy.safetensors"
     policy.write_bytes(_best(run).read_bytes())

@@ -456,32 +456,3 @@ def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_pat
     other = settings.model_copy(update={"seed": 7})
     with pytest.raises(BaselineError, match="holds a run of other settings"):
         train.Run(tmp_path / settings.label, other)
-
-
-def test_curves_are_kept_drawn_and_shown_beside_runs_of_ppo(tmp_path):
-    from baselines.graph.training.curves import draw_curves, keep, read_curves, tables
-
-    alone = ["name=alone", "network.attention=false"]
-    for seed, shares, more in ((1, [0.5, 0.6], []), (2, [0.52, 0.58], []), (1, [0.5, 0.55], alone)):
-        settings = compose_settings([f"seed={seed}", "watched=2", *more])
-        folder = tmp_path / "runs" / settings.label
-        folder.mkdir(parents=True)
-        (folder / "settings.json").write_text(settings.model_dump_json())
-        lines = [{"update": 0, "watched": [shares[0]] * 2, "nearest": [0.4, 0.5]}, {"update": 1, "share": 0.5}]
-        apart = 0.2 if more else 0.1
-        lines += [{"update": 20, "watched": [shares[1] - apart, shares[1] + apart]}]
-        (folder / "progress.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    other = tmp_path / "runs" / "ppo"
-    other.mkdir()
-    (other / "settings.json").write_text("{}")
-    (other / "progress.jsonl").write_text('{"steps": 1}\n')
-    with pytest.raises(BaselineError, match="no runs"):
-        read_curves(tmp_path / "kept")
-    keep(tmp_path / "runs", tmp_path / "kept")
-    curves = read_curves(tmp_path / "kept")
-    assert [curve.settings.label for curve in curves] == ["alone-1", "graph-1", "graph-2"]
-    assert "| graph | 1 | 20 | 50.0 | 60.0 | 20 | 45.0 |" in tables(curves)
-    assert "| graph | mean of 2 seeds |" in tables(curves)
-    assert "| alone | 1 | clusters are scored alone | +0.0 ± 0.0 | -5.0 ± 10.0 | 20 |" in tables(curves)
-    draw_curves(curves, tmp_path / "curves.png")
-    assert (tmp_path / "curves.png").stat().st_size > 5_000

@@ -2,46 +2,30 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import shapely
 from shapely import Polygon
 
-from benchmarks.worlds.small_world import finish_world
+from benchmarks.worlds.small_world import drawn_mine, finish_world
 from minexplore.bundle import CELLS, CLEARANCE_GRID, PARTS, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
 from pipeline.compose import compose
 from pipeline.geometry.generated.generate import generate_workings
-from pipeline.geometry.rasterize import fill_polygon
 from pipeline.places import COLLISION, EXTENT, SPAWN
 from pipeline.store.codecs import decode
-from pipeline.store.mine_survey import MineSurvey, open_survey
-from pipeline.types import (
-    ClosedMesh,
-    DrawnPlan,
-    DriftNetwork,
-    Frame,
-    FreeSpace,
-    Occupancy,
-    Scale,
-    Survey,
-)
+from pipeline.store.mine_survey import open_survey
+from pipeline.types import ClosedMesh, DriftNetwork, FreeSpace, Occupancy, Survey
 from pipeline.volume.areas import slab_of_outline
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.compile import compile_volume
-from stages.compile3d import compile_rock
 from stages.contours import trace_free_space
 
 _LIGHT = ["preset=light", "realism.tilt_deg=0"]  # a slab of one plane leans with its world, as a level plan does
-_PX_PER_M, _MARGIN_M = 8.0, 4.0
-_NO_PIXELS = np.zeros((1, 1, 3), np.uint8)  # no stage after the second looks at the picture of a plan
 _BOX_M = 0.5  # of rock under the floor and over the roof, as a level world has it
 _SIZE_M, _WIDTH_M, _RIB_M, _PILLAR_M, _SPACING_M = (50.0, 90.0), (4.0, 6.0), 0.15, 8.0, 24.0  # of generated plans
 
@@ -68,13 +52,9 @@ class TracedPlan:
     @classmethod
     def drawn(cls, name: str, workings: Polygon, entrance_m: tuple[float, float]) -> TracedPlan:
         """Draw workings, m, as a picture, and trace it."""
-        west, south, east, north = (round(_PX_PER_M * side) for side in workings.buffer(_MARGIN_M).bounds)
-        frame = Frame(_PX_PER_M, -west, north, east - west, north - south)
-        survey = Survey(name, "plan", frame, Scale(_PX_PER_M, "stated"), [], entrance_m, {}, ["plan.png"])
-        grey = np.where(fill_polygon(workings, frame), 40, 255).astype(np.uint8)
-        plan = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-        traced = trace_free_space(compose(_LIGHT).contours, MineSurvey(survey, plan, DrawnPlan()))
-        return cls(name, survey, traced["free_space"], traced["topology"])
+        mine = drawn_mine(name, workings, entrance_m)
+        traced = trace_free_space(compose(_LIGHT).contours, mine)
+        return cls(name, mine.survey, traced["free_space"], traced["topology"])
 
     @classmethod
     def generated(cls, style: str, seed: int) -> TracedPlan:
@@ -89,17 +69,11 @@ class TracedPlan:
 
 @dataclass(frozen=True)
 class Built:
-    """One model of a plan: its parts, corners (k, 3) m each, and its files by name; processor seconds of stage 3."""
+    """One model of a plan: its parts, corners (k, 3) m each, with their labels, and the folder of its bundle."""
 
     corners: list[np.ndarray]
     label: np.ndarray
     folder: Path
-    seconds: float
-
-    @property
-    def bundle_bytes(self) -> int:
-        """Return the size of the world's bundle."""
-        return sum(file.stat().st_size for file in self.folder.rglob("*") if file.is_file())
 
 
 class Twins:
@@ -120,8 +94,6 @@ class Twins:
         """Return the world of prisms, with a box under its floor and one over its roof."""
         plan, folder = self.plan, self.folder / "level"
         traced = {"free_space": plan.free, "topology": plan.network}
-        mine = MineSurvey(plan.survey, _NO_PIXELS, DrawnPlan())
-        _, seconds = timed(lambda: compile_rock(self.config.compile3d, mine, **traced, traced=self.folder))
         self._rock, _ = finish_world(self.config, plan.survey, traced, folder)
         prisms = self._rock[COLLISION]
         corners = [np.asarray(prisms[k]) for k in range(len(prisms))]
@@ -131,19 +103,19 @@ class Twins:
             corners.append(np.concatenate([np.column_stack([plan_box, np.full(4, z)]) for z in (low, high)]))
         label = np.full(len(corners), FacetLabel.WALL)
         label[-2:] = FacetLabel.FLOOR, FacetLabel.ROOF
-        return Built(corners, label, folder, seconds)
+        return Built(corners, label, folder)
 
     @cached_property
     def volume(self) -> Built:
         """Return the world that is one volume."""
         start_m = list(self.plan.survey.entrance_m or self.plan.network.main_drift_m[0])
-        made, seconds = timed(lambda: compile_volume(self.config.compile3d, self.slab, start_m))
+        made = compile_volume(self.config.compile3d, self.slab, start_m)
         folder = self.folder / "compiled"
         _write(folder, made)
         _write(self.folder / "volume", bundle_volume(self.config.realism, self.plan.survey, self.plan.free, folder))
         parts: Parts = decode(folder / PARTS, Parts)
         corners = [parts[k] for k in range(len(parts))]
-        return Built(corners, parts.label, self.folder / "volume", seconds)
+        return Built(corners, parts.label, self.folder / "volume")
 
     @property
     def grid(self) -> Occupancy:
@@ -170,14 +142,6 @@ class Twins:
         assert self.level
         anchor: tuple[float, float] = self._rock[SPAWN].anchor_m
         return anchor
-
-
-def timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """Return what a call returns, and the processor seconds of its second run: the first one loads libraries."""
-    work()
-    start = time.process_time()
-    found = work()
-    return found, time.process_time() - start
 
 
 def _write(folder: Path, files: dict[str, bytes]) -> None:

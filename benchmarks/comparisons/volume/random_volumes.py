@@ -17,7 +17,7 @@ import yaml
 from baselines.base.markdown import markdown_table
 from benchmarks.comparisons.volume.cases import CASES, GateCase, within
 from benchmarks.comparisons.volume.random_caves import random_cave
-from benchmarks.comparisons.volume.throw_bodies import KEPT, Mine, thrown_in
+from benchmarks.comparisons.volume.throw_bodies import Mine, throw_everywhere
 from benchmarks.judged_cases import JudgedCases, largest
 from benchmarks.worlds.random_levels import random_legs
 from pipeline.errors import MineError
@@ -31,7 +31,7 @@ from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.proof.fronts import fronts_of
 from tests.heights import table
 
-_MINES, _CAVES = 60, 40
+_RANDOM = 200  # mines, and as many caves, by turns
 _INTRUSION_MM = 0.01  # beside the limit of the certificate
 
 
@@ -97,19 +97,27 @@ def judge_case(case: tuple[str, int]) -> dict[str, Any]:
     kind, seed = case
     if kind in CASES:
         with tempfile.TemporaryDirectory() as folder:
-            return {"kind": CASES[kind].title, **_measure(CASES[kind], Path(folder)), **_bodies(kind, Path(folder))}
+            return {
+                "kind": CASES[kind].title,
+                **_measure(CASES[kind], Path(folder)),
+                **_bodies(CASES[kind], Path(folder)),
+            }
     return judge(kind, seed) | {"kind": f"random {kind}s"}
 
 
-def _bodies(name: str, folder: Path) -> dict[str, int]:
-    """Return the contacts of bodies in a case, or in the part about its middle, and how many escaped."""
-    case = CASES[name]
+def mine_of(case: GateCase, folder: Path) -> Mine:
+    """Build a case, or the part about its middle."""
     network = case.network(folder)
     if case.physics_within_m is not None:
         network = within(network, case.physics_within_m)
     volume = solve_floors(network)
-    mine = Mine(volume, without_refused(build_shell(volume))[0])
-    return thrown_in(mine, folder / KEPT, case.robot_contacts, case.ball_contacts)
+    return Mine(volume, without_refused(build_shell(volume))[0])
+
+
+def _bodies(case: GateCase, folder: Path) -> dict[str, int]:
+    """Return the contacts of bodies in a case, and how many escaped."""
+    found = throw_everywhere(mine_of(case, folder), case.robot_contacts, case.ball_contacts)
+    return {"contacts": sum(one.contacts for one in found), "escapes": sum(one.escapes for one in found)}
 
 
 def _sum(key: str) -> Any:
@@ -138,9 +146,9 @@ VOLUMES = JudgedCases(
     name="volumes",
     cases=[
         *((name, 0) for name in CASES),
-        *(("mine", k) for k in range(_MINES)),
-        *(("cave", k) for k in range(_CAVES)),
+        *((kind, k) for k in range(_RANDOM) for kind in ("mine", "cave")),
     ],
+    sample=len(CASES) + 24,
     judge=judge_case,
     holds=lambda row: not beyond(row) and not row.get("escapes"),
     groups=lambda row: [row["kind"]],

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.comparisons.one_model.agreement import certificate_of, compare
 from benchmarks.comparisons.one_model.measures import Beams, enclosed_area, push, reach_by_outline
-from benchmarks.comparisons.one_model.page import certificate_of, compare
 from benchmarks.comparisons.one_model.twins import PLANS, TracedPlan, Twins
 from benchmarks.worlds.small_world import WORKINGS
 from tests.project import ROOT

@@ -1,11 +1,10 @@
-"""How `python -m benchmarks parity-gpu` counts, resumes and judges; these tests need neither Warp nor a GPU."""
+"""How `python -m benchmarks parity-gpu` judges; these tests need neither Warp nor a GPU."""
 
 import sys
-from pathlib import Path
 
 import pytest
 
-from benchmarks.speed.gpu_parity import Part, main
+from benchmarks.speed.gpu_parity import main
 from benchmarks.speed.gpu_parity_page import rows, tables
 from tests.project import ROOT
 
@@ -23,21 +22,6 @@ STEPS = {
 }
 STRESS = {"contacts": 500, "control_steps": 2000, "least_clearance_m": 0.2, "largest_iterations": 9, **SOUND}
 EPISODES = {"episodes": 40, "cpu": [[k, k / 40] for k in range(40)], "warp": [[k + 0.5, k / 40] for k in range(40)]}
-
-
-def run(wanted: int, head: dict, folder: Path) -> list[int]:
-    """Measure a part of 40 rays a block; return the blocks that this call measured."""
-    asked: list[int] = []
-    part = Part("looks", "rays", wanted, lambda block: asked.append(block) or LOOKS | {"rays": 40})
-    assert sum(block["rays"] for block in part.blocks(head, folder)) >= wanted
-    return asked
-
-
-def test_a_run_goes_on_where_the_last_one_stopped(tmp_path):
-    head = {"device": "CPU", "code": "a"}
-    assert run(100, head, tmp_path) == [0, 1, 2]
-    assert run(100, head, tmp_path) == []
-    assert run(170, head, tmp_path) == [3, 4]
 
 
 def test_every_limit_that_is_broken_is_shown():

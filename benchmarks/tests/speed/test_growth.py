@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.speed.growth import LONG, exponent, measure_file, row_of
+from benchmarks.speed.growth import LONG, VOLUME, exponent, measure_file, row_of
 from benchmarks.speed.stage_costs import STAGES
 from tests.heights import UNDER, table
 from tests.project import Project
@@ -16,14 +16,15 @@ def grown(km, seconds, style=LONG, kind="light", **figures):
 
 
 def test_the_exponent_is_that_of_a_power_law_of_the_light_level_mines_from_three_kilometres_on():
-    others = [grown(1, 400.0), grown(10, 9000.0, kind="rock"), grown(10, 900.0, style="levels")]
+    others = [grown(1, 400.0), grown(10, 9000.0, kind="rock"), grown(10, 900.0, style=VOLUME)]
     assert exponent([*others, *(grown(km, 5 * km**1.1) for km in (3, 10, 30))]) == pytest.approx(1.1)
     assert exponent(others) is None
 
 
 @pytest.mark.slow
 def test_a_small_mine_of_two_levels_is_built_as_new_builds_it_and_measured(tmp_path):
-    costs, root = measure_file("small.csv", table(UNDER), Project(tmp_path, tiny=False))
+    (tmp_path / "small.csv").write_text(table(UNDER))
+    costs, root = measure_file(tmp_path / "small.csv", Project(tmp_path / "project", tiny=False))
     row = row_of(root)
     assert row["certificate"]
     assert 180 < row["drift_m"] < 260

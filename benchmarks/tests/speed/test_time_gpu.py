@@ -1,22 +1,18 @@
-"""The page of `python -m benchmarks bench-gpu`, and what a run that is cut off leaves; these tests need no GPU."""
+"""The page of `python -m benchmarks bench-gpu`; these tests need no GPU."""
 
 import subprocess
 import sys
 
-from benchmarks.speed.time_gpu import write_figures
+from benchmarks.speed.time_gpu import table
 from tests.project import ROOT
 
 
-def figures(*counts: int) -> dict:
-    """Return the figures of a run as far as these counts of robots."""
+def test_a_figure_beyond_its_limit_is_shown():
     same = {"of_bare_floor": 0.7, "rays_per_s": 4e8}
-    rows = [{"robots": n, "steps_per_s": 10.0 * n, "memory_gb": n / 4096, **same} for n in counts]
-    return {"device": "NVIDIA H100", "cpu_threads": 16, "cpu_steps_per_s": 1e5, "rows": rows}
-
-
-def test_no_page_is_written_without_a_gpu(tmp_path):
-    write_figures([figures(8)], tmp_path / "gpu.json", None)
-    assert [path.name for path in tmp_path.iterdir()] == ["gpu.json"]
+    rows = [{"robots": n, "steps_per_s": 10.0 * n, "memory_gb": n / 4096, **same} for n in (8, 65_536)]
+    text = table({"device": "a GPU", "cpu_threads": 16, "cpu_steps_per_s": 1e5, "rows": rows})
+    assert "| control steps/s, all on the device | 655,360 | >= 1e+06: **missed** |" in text
+    assert text.count("**missed**") == 1
 
 
 def test_a_process_that_times_a_gpu_imports_no_stage():

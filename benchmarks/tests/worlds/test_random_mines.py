@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.worlds.random_mines import holds, judge
 from pipeline.metrics.iou import intersection_over_union
 from pipeline.metrics.topology import compare_topology
 from pipeline.mjcf.bundle import open_bundle
@@ -19,9 +20,9 @@ COARSE = [
 ]
 
 
-def check_mine(seed, drifts, folder, contacts=0):
+def test_a_random_mine_becomes_a_world_that_matches_its_plan(tmp_path):
     config = compose(COARSE)
-    built = BuiltMine(random_mine(np.random.default_rng(seed), drifts), config, folder)
+    built = BuiltMine(random_mine(np.random.default_rng(3), 3), config, tmp_path)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid
     rendered = render_free_space(world.model, np.array(world.record.T_world_mine), built.frame, 3.5)
@@ -33,18 +34,15 @@ def check_mine(seed, drifts, folder, contacts=0):
     assert match.components_world == 1
     assert match.drifts_lost == match.drifts_added == 0
     assert built.network.loops == built.free_space.areas.islands
-    params = config.validation.certificate.model_copy(update={"contacts": contacts})
-    limits = {k: v for k, v in params.limits.items() if contacts or k not in ("contacts", "escapes", "deepest_m")}
+    params = config.validation.certificate.model_copy(update={"contacts": 0})
+    limits = {k: v for k, v in params.limits.items() if k not in ("contacts", "escapes", "deepest_m")}
     measured = measure_containment(built.bundle, world, built.free_space, params, (0.25, 2.0))
     certificate = certify(world.record.world_sha256, measured, limits)
     assert certificate.holds, {name: clause for name, clause in certificate.clauses.items() if not clause.holds}
 
 
-def test_a_random_mine_becomes_a_world_that_matches_its_plan(tmp_path):
-    check_mine(seed=3, drifts=3, folder=tmp_path)
-
-
 @pytest.mark.slow
-def test_forty_random_mines_become_worlds_that_match_their_plans(tmp_path_factory):
-    for seed in range(40):
-        check_mine(seed, 2 + seed % 7, tmp_path_factory.mktemp("mine"), contacts=500 if seed < 10 else 0)
+@pytest.mark.parametrize("seed", range(4))  # a style each
+def test_a_picture_of_a_random_mine_passes_all_checks(seed):
+    row = judge(seed)
+    assert holds(row), row
