@@ -80,6 +80,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _page("round-trips", "setup", "benchmarks.scans.round_trips", 1),
     _page("drawings", "setup", "benchmarks.pictures.judge_drawings", 1.5),
     _python("splays", "setup", "benchmarks.comparisons.splays", "", 2),
+    _python("random-bends", "setup", "benchmarks.worlds.random_bends", "", 3),
     _python("reach", "setup", "benchmarks.worlds.reach", "artifacts/bench/reach.md", 10),
     # Proof
     _python("stress-test", "all", _STRESS_TEST, "artifacts/proof/certificate.json", 3),
@@ -120,5 +121,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("test-gpu", "setup-gpu", _GPU_TESTS, ""),
     Benchmark("env-page", "setup", _ENV_PAGE, "docs/reference/environment.md"),
     Benchmark("sbom", "setup", "python -m benchmarks.bill_of_materials", "artifacts/sbom.json"),
+    _python("layout", "setup", "benchmarks.tables.layout", ""),
     _python("dependencies", "setup", "benchmarks.tables.dependencies", "requirements/README.md"),
 )

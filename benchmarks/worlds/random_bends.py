@@ -6,6 +6,8 @@ Tables are read and built as `python -m pipeline new` does. Widths are measured 
 
 from __future__ import annotations
 
+import argparse
+import sys
 import tempfile
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from baselines.base.markdown import markdown_table
 from minesurveys.legs import SurveyLeg
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.station_table import read_stations
@@ -82,3 +85,23 @@ def judge(kind: str, seed: int) -> tuple[float, int]:
         legs = read_stations(path)
     free = build_workings(legs)
     return least_share(legs[0], free), robots_parts(free)
+
+
+def main() -> int:
+    """Measure all surveys and print the table; the exit code is 1 if one is narrower or in parts."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks random-bends", description=__doc__)
+    parser.add_argument("--count", type=int, default=500, help="surveys of each kind")
+    count, rows, is_good = parser.parse_args().count, [], True
+    for kind in KINDS:
+        found = [judge(kind, seed) for seed in range(count)]
+        shares, parts = zip(*found, strict=True)
+        narrow, parted = sum(share < KEPT for share in shares), sum(part != 1 for part in parts)
+        rows.append((kind, count, f"{min(shares):.3f}", narrow, parted))
+        is_good &= not narrow and not parted
+    heads = ("walls", "surveys", "least width, of the survey's", f"under {KEPT:g}", "in parts for a robot of 0.70 m")
+    print(markdown_table(heads, rows))
+    return 0 if is_good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
