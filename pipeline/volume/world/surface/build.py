@@ -11,7 +11,7 @@ from minesurveys.remarks import warn_user
 from minexplore.bundle import TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import InputError
-from pipeline.params.surface import SurfaceParams
+from pipeline.params.surface import RoughParams, SurfaceParams
 from pipeline.progress import progress
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.surface.mesh.mesh_checks import MeshReport
@@ -33,7 +33,7 @@ from pipeline.volume.world.topology import LegNetwork
 
 _WIDEST_M = 0.5
 _SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
-_WIDER = 1.02  # by which a spacing is widened at a time
+_WIDER = 1.02  # by which spacings are widened at a time
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,8 @@ def displaced_rock(
     params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN, balls: Balls = NO_BALLS
 ) -> DisplacedRock:
     """Return the displaced rock of a volume, whose narrowest passage fits `balls`; see `rock_of_volume`."""
-    spacing_m = _spacing_m(params, volume)
-    fine = refine(volume, spacing_m)
-    rough = params.rough
+    rough = _widened(params.rough, volume)
+    fine = refine(volume, rough.spacing_m, rough.roof_spacing_m)
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = _wanted_m(params, fine), unseen(fine.vertices, scan_m)
     room = room_about(fine, volume, balls)
@@ -92,36 +91,41 @@ def displaced_rock(
     return rock
 
 
-def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
-    """Return the configured spacing, or the one at which the rock has `most_faces`, with a remark."""
-    rough = params.rough
-    corners = volume.vertices[volume.faces[volume.label != FacetLabel.FLOOR]]
-    sides = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
-    spacing_m, faces = rough.spacing_m, _faces(sides, rough.spacing_m)
+def _widened(rough: RoughParams, volume: VolumeFacets) -> RoughParams:
+    """Return the configured spacings, or those at which the rock has at most `most_faces`, with a remark."""
+    faces = _faces(volume, rough)
     if rough.most_faces is None or faces <= rough.most_faces:
-        return spacing_m
-    while _faces(sides, spacing_m) > rough.most_faces and spacing_m <= _WIDEST_M:
-        spacing_m = round(_WIDER * spacing_m + 5e-4, 3)
+        return rough
+    wider, wide = 1.0, rough
+    while _faces(volume, wide) > rough.most_faces and max(wide.spacing_m, wide.roof_spacing_m) <= _WIDEST_M:
+        wider *= _WIDER
+        spacing, roof_spacing = (round(wider * s, 3) for s in (rough.spacing_m, rough.roof_spacing_m))
+        wide = rough.model_copy(update={"spacing_m": spacing, "roof_spacing_m": roof_spacing})
     area = np.linalg.norm(volume.normals[volume.label != FacetLabel.FLOOR], axis=1).sum() / 2
     size = f"{area:.0f} m2 of walls and roofs would need {faces / 1e6:.1f} million faces of rock"
-    if spacing_m > _WIDEST_M:
+    if max(wide.spacing_m, wide.roof_spacing_m) > _WIDEST_M:
         raise InputError(
             f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine, or none of "
             "the rock (preset=light)"
         )
     warn_user(
-        f"{size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing_m:g} m "
+        f"{size}, more than surface.rough.most_faces = {rough.most_faces}; points are {wide.spacing_m:g} m "
         f"apart instead of {rough.spacing_m:g} m",
         of="surface",
         option="surface.rough.most_faces",
     )
-    return spacing_m
+    return wide
 
 
-def _faces(sides_m: np.ndarray, spacing_m: float) -> int:
-    """Return how many faces facets with sorted sides (n, 3) m have at most when their sides are cut at a spacing."""
-    least, middle, most = np.maximum(1, np.ceil(sides_m / spacing_m)).T
-    return int((most * least + middle - least).sum())
+def _faces(volume: VolumeFacets, rough: RoughParams) -> int:
+    """Return about how many faces walls and roofs have: in rows along the longest side of each, up to its height."""
+    shown = volume.label != FacetLabel.FLOOR
+    apart_m = np.where(volume.label == FacetLabel.ROOF, rough.roof_spacing_m, rough.spacing_m)[shown, None]
+    corners, double = volume.vertices[volume.faces[shown]], np.linalg.norm(volume.normals[shown], axis=1)
+    sides = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    up = double / np.maximum(sides[:, 2], 1e-12)
+    least, middle, most, rows = np.maximum(1, np.rint(np.column_stack([sides, up]) / apart_m)).T
+    return int((most * rows + least + middle - 2).sum())
 
 
 def _wanted_m(params: SurfaceParams, fine: FineRock) -> np.ndarray:
