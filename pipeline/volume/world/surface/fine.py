@@ -60,7 +60,7 @@ def refine(volume: VolumeFacets, spacing_m: float, roof_spacing_m: float) -> Fin
     on_floor = np.zeros(len(volume.vertices), bool)
     on_floor[volume.faces[volume.label == FacetLabel.FLOOR]] = True
     merged = without_slivers(closed_volume(volume), _MERGED_M, on_floor)
-    down = _unit(_normals(merged.vertices, merged.faces))[:, 2]
+    down = _unit(merged.normals)[:, 2]
     piece = np.where(merged.label == FacetLabel.FLOOR, FLOOR, np.where(down > _ROOF_NZ, ROOF, WALL)).astype(np.uint8)
     apart_m = np.choose(piece, [spacing_m, roof_spacing_m, _FLOOR_M])
     vertices, faces, facet = cut_facets(merged.vertices, merged.faces, apart_m)

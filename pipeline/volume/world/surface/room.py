@@ -18,7 +18,6 @@ _LIFT_M = 2e-3  # of the rays' starts off the surface, over the rounding of 32 b
 _CONES = ((0.0, 1), (35.0, 6), (65.0, 6))  # angle from the way across, deg, and rays
 _ACROSS = (0, 1, 4)  # of these rays: from walls they lie level, and the median of the three measures the width
 _STEEP = 0.9  # of a way's height: it has no level way across
-_AT_ONCE = 100_000  # points
 _LEAST_M = 0.01  # of a radius, in means
 _CELL_M = 0.4  # with one point that is asked for each way that walls in it face
 _STEPS = 4  # along the mesh to points between; those that they do not reach are asked, too
@@ -70,14 +69,10 @@ def _last_in_cells(places: np.ndarray, ways: np.ndarray) -> np.ndarray:
 
 def _radii(scene: Any, points: np.ndarray, inward: np.ndarray) -> np.ndarray:
     """Return half width, ball in the workings and ball in the rock, (n, 3) m."""
-    found = [np.zeros((0, 3))]
-    for at in range(0, len(points), _AT_ONCE):
-        part, ways = points[at : at + _AT_ONCE], inward[at : at + _AT_ONCE]
-        free, along = _distances(scene, part, ways)
-        behind, _ = _distances(scene, part, -ways)
-        half = np.median((free * along)[:, _ACROSS], axis=1) / 2
-        found.append(np.column_stack([half, (free / along).min(axis=1) / 2, (behind / along).min(axis=1) / 2]))
-    return np.concatenate(found)
+    free, along = _distances(scene, points, inward)
+    behind, _ = _distances(scene, points, -inward)
+    half = np.median((free * along)[:, _ACROSS], axis=1) / 2
+    return np.column_stack([half, (free / along).min(axis=1) / 2, (behind / along).min(axis=1) / 2])
 
 
 def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -94,4 +89,4 @@ def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.nda
     starts = np.broadcast_to((points + _LIFT_M * ways)[:, None], (len(points), len(rays), 3))
     cast = np.concatenate([starts, np.stack(rays, axis=1)], axis=2).reshape(-1, 6).astype(np.float32)
     hit = scene.cast_rays(cast, nthreads=1)["t_hit"].numpy().astype(np.float64)
-    return np.minimum(hit, _FAR_M).reshape(len(points), -1), np.array(cosines)
+    return np.minimum(hit, _FAR_M).reshape(len(points), len(cosines)), np.array(cosines)
