@@ -34,6 +34,7 @@ from pipeline.store.manifest import code_hashes
 _MOST_CHARACTERS = 4000  # of an override; Hydra's parser takes 3 s for as many of nested lists
 # The robot's dimensions are defined only in the environment; conf/ refers to them as ${robot:radius_m}.
 OmegaConf.register_new_resolver("robot", lambda field: getattr(RobotParams(), field), replace=True)
+OmegaConf.register_new_resolver("sum", lambda one, other: round(one + other, 6), replace=True)
 _REFUSALS = (HydraException, OmegaConfBaseException, yaml.YAMLError)
 
 

@@ -59,7 +59,7 @@ def cut_chunks(
             laid_m = whole.texcoords[whole.faces] * texture_m
             del whole
             offset = relax_texture(mesh.vertices, mesh.faces[of_piece], laid_m, axes, tether_m) / texture_m
-        in_tile = _merge_single_faces(tile[of_piece], centre[of_piece])
+        in_tile = merge_single_faces(tile[of_piece], centre[of_piece])
         order = np.lexsort(in_tile.T[::-1])
         first = np.flatnonzero(np.any(np.diff(in_tile[order], axis=0, prepend=-1) != 0, axis=1))
         chunks = {}
@@ -71,7 +71,7 @@ def cut_chunks(
     return cut(WALL) | cut(ROOF)
 
 
-def _merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
+def merge_single_faces(tile: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return the faces' tiles (n, 2); a single face joins the nearest tile, since MuJoCo needs four vertices a mesh."""
     place = (tile[:, 0] - tile[:, 0].min()) * (np.ptp(tile[:, 1]) + 1) + tile[:, 1] - tile[:, 1].min()
     single = np.bincount(place)[place] == 1

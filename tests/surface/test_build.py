@@ -105,7 +105,7 @@ def test_a_large_mine_gets_wider_spacings_and_a_huge_one_is_refused(capsys):
     )
     assert len(rough.lattice.faces) == pytest.approx(100_000, rel=0.1)
     assert "720 m2 of workings would need 0.2 million faces" in capsys.readouterr().err
-    assert widen_spacing(params, shapely.box(0, 0, 20, 6), 3.5) is params
+    assert widen_spacing(params, shapely.box(0, 0, 20, 6), 3.5) == params
     with pytest.raises(InputError, match=r"would need .*most_faces is 100000; build a part"):
         widen_spacing(params, shapely.box(0, 0, 5000, 6), 3.5)
 

@@ -49,19 +49,8 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None 
     GeometryError
         If the mesh has a crack or a flipped face, intersects itself (the message gives the place), or faces outwards.
     """
-    import trimesh
-
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
     crossings = find_crossings(vertices, faces, cast)
-    report = MeshReport(
-        faces=len(faces),
-        vertices=len(vertices),
-        volume_m3=round(-float(mesh.volume), 3),
-        area_m2=round(float(mesh.area), 3),
-        watertight=bool(mesh.is_watertight),
-        winding_consistent=bool(mesh.is_winding_consistent),
-        self_intersecting=len(crossings) > 0,
-    )
+    report = report_mesh(vertices, faces, len(crossings) > 0)
     defects = [
         text
         for text, present in (
@@ -75,6 +64,24 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None 
     if defects:
         raise GeometryError(f"surface: the closed mesh {' and '.join(defects)} ({report.faces} faces)")
     return report
+
+
+def report_mesh(vertices: np.ndarray, faces: np.ndarray, self_intersecting: bool) -> MeshReport:
+    """Return the report on a mesh that faces inwards, and perhaps intersects itself."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    cross = np.cross(b - a, c - a)
+    one, other = (np.concatenate([faces[:, (k + turn) % 3] for k in range(3)]).astype(np.int64) for turn in (0, 1))
+    own, turned = np.sort(one * len(vertices) + other), np.sort(other * len(vertices) + one)
+    single = bool((np.diff(own) > 0).all())
+    return MeshReport(
+        faces=len(faces),
+        vertices=len(vertices),
+        volume_m3=round(-float(np.einsum("ij,ij->", a, cross)) / 6, 3),
+        area_m2=round(float(np.linalg.norm(cross, axis=1).sum()) / 2, 3),
+        watertight=single and bool((own == turned).all()),
+        winding_consistent=single,
+        self_intersecting=self_intersecting,
+    )
 
 
 def find_crossings(vertices: np.ndarray, faces: np.ndarray, cast: np.ndarray | None = None) -> np.ndarray:

@@ -129,11 +129,6 @@ class Mesher(Generic[_F]):
             self._share[near] = np.minimum(1.0, times * np.maximum(self._share[near], self.simplification.kept_share))
         return refined
 
-    def thin_out(self, piece: int, share: float) -> None:
-        """Keep another share of the faces of one piece, until it is refined."""
-        if self.simplification:
-            self._share[[int(self.lattice.piece[tile[0]]) == piece for tile in self._tiles]] = share
-
     @cached_property
     def _points(self) -> cKDTree:
         """Index the lattice's points."""

@@ -23,11 +23,15 @@ class Modulation:
 
 
 class Relieved(Protocol):
-    """Points (n, 3) m that a relief moves, and how far (n,) each belongs to a roof, from 0 to 1."""
+    """Points (n, 3) m that a relief moves, which way, and how far (n,) each belongs to a roof, from 0 to 1."""
 
     @property
     def vertices(self) -> np.ndarray:
         """Return the points (n, 3) m."""
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Return the ways (n, 3) into the workings, 0 of a point that stays."""
 
     @property
     def roof_share(self) -> np.ndarray:

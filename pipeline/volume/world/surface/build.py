@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,30 +11,26 @@ import numpy as np
 from minesurveys.remarks import warn_user
 from minexplore.bundle import TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
-from pipeline.errors import InputError
-from pipeline.params.surface import SurfaceParams
+from pipeline.params.surface import RoughParams, SurfaceParams
 from pipeline.progress import progress
 from pipeline.store.codecs import Bundle, decode, encode
-from pipeline.surface.mesh.mesh_checks import MeshReport
+from pipeline.surface.build import wanted_m, within_most_faces
+from pipeline.surface.mesh.mesh_checks import MeshReport, report_mesh
 from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.reference import measure_sources
-from pipeline.surface.relief.joints import JointedRock, relief_of_joints
-from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.types import Image
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
-from pipeline.volume.world.surface.fine import FineRock, refine
+from pipeline.volume.world.surface.fine import refine
 from pipeline.volume.world.surface.narrow import NO_BALLS, Balls, balls_along
 from pipeline.volume.world.surface.room import room_about
 from pipeline.volume.world.surface.scanned import NO_RGB, NO_SCAN, ScanColours, unseen
 from pipeline.volume.world.topology import LegNetwork
 
-_WIDEST_M = 0.5
 _SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
-_WIDER = 1.02  # by which a spacing is widened at a time
 
 
 @dataclass(frozen=True)
@@ -67,18 +64,18 @@ def rock_of_volume(
         chunks, texture = cut_rock(rock, params, texture, ScanColours(scan_m, scan_rgb))
         done.update()
         files = {f"{name}.msh": encode(Path(f"{name}.msh"), mesh) for name, mesh in chunks.items()}
-        return VolumeRock(files, texture, _report(rock))
+        return VolumeRock(files, texture, report_mesh(rock.mesh.vertices, rock.mesh.faces, len(rock.crossings) > 0))
 
 
 def displaced_rock(
     params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN, balls: Balls = NO_BALLS
 ) -> DisplacedRock:
     """Return the displaced rock of a volume, whose narrowest passage fits `balls`; see `rock_of_volume`."""
-    spacing_m = _spacing_m(params, volume)
-    fine = refine(volume, spacing_m)
-    rough = params.rough
+    area_m2 = np.linalg.norm(volume.normals[volume.label != FacetLabel.FLOOR], axis=1).sum() / 2
+    rough = within_most_faces(params.rough, partial(_faces, volume), f"{area_m2:.0f} m2 of walls and roofs")
+    fine = refine(volume, rough.spacing_m, rough.roof_spacing_m)
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
-    wanted, share = _wanted_m(params, fine), unseen(fine.vertices, scan_m)
+    wanted, share = wanted_m(rough, fine, _relief(params)), unseen(fine.vertices, scan_m)
     room = room_about(fine, volume, balls)
     free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
@@ -92,48 +89,15 @@ def displaced_rock(
     return rock
 
 
-def _spacing_m(params: SurfaceParams, volume: VolumeFacets) -> float:
-    """Return the configured spacing, or the one at which the rock has `most_faces`, with a remark."""
-    rough = params.rough
-    corners = volume.vertices[volume.faces[volume.label != FacetLabel.FLOOR]]
+def _faces(volume: VolumeFacets, rough: RoughParams) -> int:
+    """Return about how many faces walls and roofs have: in rows along the longest side of each, up to its height."""
+    shown = volume.label != FacetLabel.FLOOR
+    apart_m = np.where(volume.label == FacetLabel.ROOF, rough.roof_spacing_m, rough.spacing_m)[shown, None]
+    corners, double = volume.vertices[volume.faces[shown]], np.linalg.norm(volume.normals[shown], axis=1)
     sides = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
-    spacing_m, faces = rough.spacing_m, _faces(sides, rough.spacing_m)
-    if rough.most_faces is None or faces <= rough.most_faces:
-        return spacing_m
-    while _faces(sides, spacing_m) > rough.most_faces and spacing_m <= _WIDEST_M:
-        spacing_m = round(_WIDER * spacing_m + 5e-4, 3)
-    area = np.linalg.norm(volume.normals[volume.label != FacetLabel.FLOOR], axis=1).sum() / 2
-    size = f"{area:.0f} m2 of walls and roofs would need {faces / 1e6:.1f} million faces of rock"
-    if spacing_m > _WIDEST_M:
-        raise InputError(
-            f"surface: {size}, surface.rough.most_faces is {rough.most_faces}; build a part of the mine, or none of "
-            "the rock (preset=light)"
-        )
-    warn_user(
-        f"{size}, more than surface.rough.most_faces = {rough.most_faces}; points are {spacing_m:g} m "
-        f"apart instead of {rough.spacing_m:g} m",
-        of="surface",
-        option="surface.rough.most_faces",
-    )
-    return spacing_m
-
-
-def _faces(sides_m: np.ndarray, spacing_m: float) -> int:
-    """Return how many faces facets with sorted sides (n, 3) m have at most when their sides are cut at a spacing."""
-    least, middle, most = np.maximum(1, np.ceil(sides_m / spacing_m)).T
-    return int((most * least + middle - least).sum())
-
-
-def _wanted_m(params: SurfaceParams, fine: FineRock) -> np.ndarray:
-    """Return the displacement (n,) m before bounds; points that only floors touch have 0."""
-    relief, rough = _relief(params), params.rough
-    wanted = np.zeros(len(fine.vertices))
-    used = fine.direction.any(axis=1)
-    if isinstance(relief, JointedRock):
-        wanted[used] = relief_of_joints(fine.vertices[used], fine.direction[used], relief, rough.seed)
-        return wanted
-    modulation = Modulation(rough.modulation_m, rough.modulation_spread)
-    return relief_of_noise(fine, *relief, modulation, np.random.default_rng(rough.seed))
+    up = double / np.maximum(sides[:, 2], 1e-12)
+    least, middle, most, rows = np.maximum(1, np.rint(np.column_stack([sides, up]) / apart_m)).T
+    return int((most * rows + least + middle - 2).sum())
 
 
 def _relief(params: SurfaceParams) -> Relief:
@@ -145,21 +109,3 @@ def _relief(params: SurfaceParams) -> Relief:
             option="surface.reference",
         )
     return configured_rock(params.rock)
-
-
-def _report(rock: DisplacedRock) -> MeshReport:
-    vertices, faces = rock.mesh.vertices, rock.mesh.faces
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    cross = np.cross(b - a, c - a)
-    one, other = (np.concatenate([faces[:, (k + turn) % 3] for k in range(3)]).astype(np.int64) for turn in (0, 1))
-    own, turned = np.sort(one * len(vertices) + other), np.sort(other * len(vertices) + one)
-    single = bool((np.diff(own) > 0).all())
-    return MeshReport(
-        faces=len(faces),
-        vertices=len(vertices),
-        volume_m3=round(-float(np.einsum("ij,ij->", a, cross)) / 6, 3),
-        area_m2=round(float(np.linalg.norm(cross, axis=1).sum()) / 2, 3),
-        watertight=single and bool((own == turned).all()),
-        winding_consistent=single,
-        self_intersecting=len(rock.crossings) > 0,
-    )

@@ -9,6 +9,7 @@ import numpy as np
 from minexplore.bundle import ROOF as ROOF_CHUNKS
 from minexplore.bundle import WALLS, chunk_mesh
 from pipeline.params.surface import SurfaceParams
+from pipeline.surface.chunks import merge_single_faces
 from pipeline.surface.mesh.lattice import ROOF, WALL
 from pipeline.surface.mesh.normals import shade_mesh
 from pipeline.surface.mesh.simplify import SurfaceMesh
@@ -21,7 +22,6 @@ from pipeline.volume.world.surface.scanned import ScanColours
 from pipeline.volume.world.surface.texture import facing_sides, lay_texture, texture_groups
 
 _NAMES = {WALL: WALLS, ROOF: ROOF_CHUNKS}
-_LEAST_FACES = 2  # of a chunk: a mesh of MuJoCo has four vertices
 
 
 def cut_rock(
@@ -91,10 +91,6 @@ def _tiles(mesh: SurfaceMesh, tile_m: float) -> np.ndarray:
     """Return the column and row (m, 2) of each face's tile; faces alone in one join the nearest tile of their piece."""
     centre = mesh.vertices[mesh.faces].mean(axis=1)[:, :2]
     tile = np.floor((centre - mesh.vertices[:, :2].min(axis=0)) / tile_m).astype(np.int64)
-    _, number, count = np.unique(np.column_stack([mesh.piece, tile]), axis=0, return_inverse=True, return_counts=True)
-    alone = count[number.reshape(-1)] < _LEAST_FACES
-    merged = tile.copy()
-    for face in np.flatnonzero(alone):
-        distance = np.linalg.norm(centre - centre[face], axis=1)
-        merged[face] = tile[np.where(alone | (mesh.piece != mesh.piece[face]), np.inf, distance).argmin()]
-    return merged
+    for part in (mesh.piece == piece for piece in np.unique(mesh.piece)):
+        tile[part] = merge_single_faces(tile[part], centre[part])
+    return tile

@@ -23,7 +23,6 @@ _FLAT_M = 0.3
 _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to
 _WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a facet at a crossing has no relief then
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
-_FLOORS = 4.0  # times the volume's own facets: floors are cut finely with the rock about them, but do not move
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
 _CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
 _SIMPLIFIED = 0.85  # of the narrow bound: simplification moves rock in by up to 4 mm; 0.9 left 0.94995 of Wheal Pell
@@ -66,7 +65,6 @@ def displace_rock(
     """
     given = _bounded(fine, wanted_m, room, bounds, foot_m) * share
     mesher = Mesher(fine, simplification, digits=None)  # thin rock is less than 0.1 mm wide at its ends
-    mesher.thin_out(FLOOR, _FLOORS * len(free.mesh[1]) / len(fine.faces))
     folded = find_crossings(_in_32_bits(free.mesh[0]), free.mesh[1])
     near = _distance_m(fine.vertices, folded, 2 * _WIDEST_M)
     given = damp(given, np.maximum(near - _WIDEST_M, 0.0), _WIDEST_M, 0.0)

@@ -58,7 +58,7 @@ def curved_tongue(end_m):
 
 def test_fine_rock_keeps_every_corner_of_the_floor_where_rock_is_thinner_than_a_millimetre():
     volume = straight_tongue(6e-4)
-    fine = refine(volume, 0.14)
+    fine = refine(volume, 0.14, 0.14)
     corners = volume.vertices[np.unique(volume.faces[volume.label == FacetLabel.FLOOR])]
     away_m, _ = cKDTree(fine.vertices[np.unique(fine.faces[fine.piece == FLOOR])]).query(corners)
     assert away_m.max() < 1e-6
@@ -68,7 +68,7 @@ def test_fine_rock_keeps_every_corner_of_the_floor_where_rock_is_thinner_than_a_
 def test_a_wall_that_has_no_thickness_in_32_bits_stands_on_the_floor_on_both_its_sides(thickness_m):
     ends = [(EAST + x, 303 + side * thickness_m / 2) for side, x in ((-1, 8), (-1, 3), (1, 3), (1, 8))]
     volume = room([(EAST, 300), (EAST + 8, 300), *ends, (EAST + 8, 307), (EAST, 307)])
-    fine = refine(volume, 0.5)
+    fine = refine(volume, 0.5, 0.5)
     corners, number = np.unique(fine.vertices.astype(np.float32), axis=0, return_inverse=True)  # as files have them
     faces = number.reshape(-1)[fine.faces]
     rock = faces[(fine.piece != FLOOR) & (faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -125,7 +125,7 @@ def test_rock_about_a_thin_tongue_crosses_itself_nowhere_in_its_files_and_meets_
 def test_relief_that_fits_nowhere_is_taken_back_until_the_rock_crosses_itself_nowhere(simplification):
     wall = [(EAST, 303.51), (EAST + 8, 303.51), (EAST + 8, 303.49), (EAST, 303.49)]  # 2 cm thick, free at one end
     volume = room([(EAST, 300), (EAST + 12, 300), (EAST + 12, 307), (EAST, 307), *wall])
-    fine = refine(volume, 0.2)
+    fine = refine(volume, 0.2, 0.2)
     far_m = np.full(len(fine.vertices), 100.0)
     no_bound = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     bounds = dataclasses.replace(bounds_of(SURFACE.rough), wall_m=1.5, median_m=1.5)
@@ -146,7 +146,7 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
         label=np.tile(one.label, 2),
         leg=np.tile(one.leg, 2),
     )
-    fine = refine(volume, 0.3)
+    fine = refine(volume, 0.3, 0.3)
     far_m = np.full(len(fine.vertices), 100.0)
     room_m = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     wanted_m = np.random.default_rng(0).normal(0.0, 0.2, len(far_m))
