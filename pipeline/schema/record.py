@@ -18,20 +18,24 @@ from minexplore.bundle import (
 )
 from minexplore.looks import LOOKS
 from minexplore.sealed.sizes import MOST_ZONES
-from pipeline.schema.model import MOST_LIGHTS, MOST_PARTS, REACH_M, WORLD_NAME, ZONE_NAME
 from pipeline.schema.readers.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
 
+REACH_M = 1e6  # of any coordinate
+MOST_LIGHTS, MOST_PARTS = 10_000, 100_000
+_WORLD_NAME = r"[A-Za-z0-9_-]{1,64}"
+_ZONE_NAME = r"[a-z][a-z0-9_]{0,63}"
 _HASH = matching("[0-9a-f]{64}", "a sha256 in hexadecimal digits")
 _PLACE = list_of(number(-REACH_M, REACH_M), 2)
 LENGTH = number(0, REACH_M)
 _AREA = number(0, REACH_M**2)
 _ROUND = 5.1e-4  # lengths of the record have three decimals
 _TINY = 1e-9
+_DECIMETRE_M = 0.0501  # what rounding to a decimetre moves the end of a floor zone
 
 _ZONE: Table = {
-    "name": matching(ZONE_NAME, f"a name like {ZONE_NAME}"),
+    "name": matching(_ZONE_NAME, f"a name like {_ZONE_NAME}"),
     "friction": number(1e-6, 2),
     "command_scale": number(1e-6, 1),
     "speed_noise_mps": number(0, 1),
@@ -60,7 +64,7 @@ def _check_files(where: str, files: Any) -> None:
 
 RECORD_FIELDS: dict[str, Any] = {
     "format": same_json(FORMAT),
-    "name": matching(WORLD_NAME, "1 to 64 letters, digits, _ and -"),
+    "name": matching(_WORLD_NAME, "1 to 64 letters, digits, _ and -"),
     "frames": same_json(FRAMES),
     "T_world_mine": list_of(list_of(number(-2 * REACH_M, 2 * REACH_M), 4), 4),
     "tilt_deg": number(-30, 30),
@@ -125,6 +129,7 @@ def check_record(file: str, record: Any) -> None:
     check_frame(file, record)
     west, south, east, north = record["world_m"]
     check_gain(file, record)
+    check_zones(file, record)
     for name in ("anchor_m", "centre_m"):
         x, y = record["spawn"][name]
         if name == "anchor_m" and not (west < x < east and south < y < north):
@@ -148,6 +153,22 @@ def check_frame(file: str, record: Mapping[str, Any]) -> None:
                     f"{file}: T_world_mine[{i}][{j}] = {value!r}: want {wanted[i][j]!r}, "
                     f"the tilt of {record['tilt_deg']} deg about the middle of world_m"
                 )
+
+
+def check_zones(file: str, record: Mapping[str, Any]) -> None:
+    """Refuse zones that are not of equal length, to a decimetre, or do not divide the rock's box from west to east."""
+    zones = record["zones"]
+    west, south, east, north = record["world_m"]
+    length, left = (east - west) / len(zones), west
+    for at, zone in enumerate(zones):
+        where, end = f"{file}: zones[{at}]", west + (at + 1) * length
+        if abs(zone["east_m"] - end) > _DECIMETRE_M:
+            raise BundleError(f"{where}.east_m = {zone['east_m']}: want {end:.1f}, {len(zones)} zones of equal length")
+        if (zone["south_m"], zone["north_m"], zone["west_m"]) != (south, north, left) or left >= zone["east_m"]:
+            raise BundleError(f"{where}: {zone['name']!r} leaves a gap, or differs from the rock's box")
+        left = zone["east_m"]
+    if left != east:
+        raise BundleError(f"{file}: zones[{len(zones) - 1}].east_m = {left}: want {east}, as the rock's box")
 
 
 def check_gain(file: str, record: Mapping[str, Any], rise_m: float | None = None) -> None:

@@ -8,9 +8,18 @@ from typing import Any
 from minexplore.bundle import RECORD, VOLUME_FORMAT, BundleError
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.sealed.sizes import MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
-from pipeline.schema.model import MOST_LIGHTS, REACH_M
 from pipeline.schema.readers.rules import list_of, number, same_json, whole
-from pipeline.schema.record import LENGTH, RECORD_FIELDS, check_fields, check_frame, check_gain, shown
+from pipeline.schema.record import (
+    LENGTH,
+    MOST_LIGHTS,
+    REACH_M,
+    RECORD_FIELDS,
+    check_fields,
+    check_frame,
+    check_gain,
+    check_zones,
+    shown,
+)
 from pipeline.schema.volume.arrays import figures_of
 
 _PLACE = list_of(number(-REACH_M, REACH_M), 3)
@@ -68,6 +77,7 @@ def check_volume_record(record: Mapping[str, Any]) -> None:
     figures = record["volume"]
     check_frame(RECORD, record)
     check_gain(RECORD, record, figures["high_m"] - figures["low_m"])
+    check_zones(RECORD, record)
     west, south, east, north = record["world_m"]
     x, y, z = record["spawn"]["anchor_m"]
     if not (west < x < east and south < y < north and figures["low_m"] <= z < figures["high_m"]):
