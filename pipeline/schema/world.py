@@ -10,9 +10,8 @@ from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from pipeline.schema.files import check_contents
 from pipeline.schema.record import check_record
 from pipeline.schema.volume.arrays import check_arrays
-from pipeline.schema.volume.files import check_volume_files, require_volume_files
+from pipeline.schema.volume.files import check_rock, check_volume_files, require_volume_files
 from pipeline.schema.volume.record import check_figures, check_volume_record
-from pipeline.schema.volume.rock import check_rock
 
 
 def check_world(folder: Path) -> SealedWorld:
