@@ -34,7 +34,7 @@ from minexplore.sealed.json_text import read_json
 from minexplore.sealed.png import GREY, PALETTE, RGB, check_png
 from minexplore.sealed.sizes import MOST_PIXELS, MOST_TILE_PIXELS
 from pipeline.schema.meshes import check_meshes
-from pipeline.schema.readers.png import inflate_png
+from pipeline.schema.png import inflate_png
 
 FIXED = (
     CLEARANCE_GRID,

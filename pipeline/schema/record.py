@@ -18,7 +18,7 @@ from minexplore.bundle import (
 )
 from minexplore.looks import LOOKS
 from minexplore.sealed.sizes import MOST_ZONES
-from pipeline.schema.readers.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
+from pipeline.schema.rules import Rule, list_of, matching, number, one_of_texts, same_json, whole
 
 Table = Mapping[str, "Rule | Table | Callable[[str, Any], None]"]
 

@@ -29,7 +29,7 @@ from minexplore.sealed.json_text import read_json
 from minexplore.sealed.png import GREY, PALETTE, RGB, check_png
 from minexplore.sealed.sizes import MOST_CELLS, MOST_PIXELS
 from pipeline.schema.meshes import check_meshes
-from pipeline.schema.readers.png import inflate_png
+from pipeline.schema.png import inflate_png
 from pipeline.schema.volume.network import check_network
 
 _BEYOND_M = 1.0  # that visible rock reaches beyond the free space, at most

@@ -8,7 +8,6 @@ from typing import Any
 from minexplore.bundle import RECORD, VOLUME_FORMAT, BundleError
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.sealed.sizes import MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
-from pipeline.schema.readers.rules import list_of, number, same_json, whole
 from pipeline.schema.record import (
     LENGTH,
     MOST_LIGHTS,
@@ -20,6 +19,7 @@ from pipeline.schema.record import (
     check_zones,
     shown,
 )
+from pipeline.schema.rules import list_of, number, same_json, whole
 from pipeline.schema.volume.arrays import figures_of
 
 _PLACE = list_of(number(-REACH_M, REACH_M), 3)

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.scene import SpotLight
 from pipeline.params.realism import LightParams
-from pipeline.schema.readers.rules import numbers_in
+from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.bundle import lights_of
 from pipeline.volume.world.topology import LegNetwork
 

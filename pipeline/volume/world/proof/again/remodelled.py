@@ -13,7 +13,7 @@ import numpy as np
 from minexplore.bundle import MESHES, MINE_BODY, MODEL, RECORD, mesh_of
 from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
-from pipeline.schema.readers.rules import numbers_in
+from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_tree, part_elements, part_names
 from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
