@@ -99,7 +99,6 @@ def _check_fields(record: Mapping[str, Any], files: Mapping[str, bytes]) -> None
         raise BundleError(f"{HFIELDS}: {len(fields)} files; {RECORD} states a rough floor with rough_floor = true")
     for name in fields:
         size = check_png(name, files[name], (GREY,), MOST_TILE_PIXELS)
-        inflate_png(name, files[name])
         if min(size) < 2:
             raise BundleError(f"{name}: {size[0]} x {size[1]} px, want 2 or more either way")
 
