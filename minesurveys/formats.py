@@ -129,7 +129,7 @@ FORMATS: dict[str, Format] = {
     ".ptx": Format(FileKind.CLOUD, points="minesurveys.clouds.ptx_clouds:ptx_blocks"),
     **dict.fromkeys((".bt", ".ot"), Format(FileKind.CLOUD, points=_OCTREE)),
     ".zip": Format(FileKind.CLOUD),  # of clouds in any of these formats
-    ".csv": Format(FileKind.STATIONS, legs="minesurveys.stations.table:read_station_survey", points=_TEXT),
+    ".csv": Format(FileKind.STATIONS, legs="minesurveys.stations.table:read_table", points=_TEXT),
     ".plt": replace(_SOLVED, legs="minesurveys.stations.compass:read_plt"),
     ".svx": replace(_SOLVED, survex="minesurveys.survex.survex_text:project_copy"),
     ".3d": replace(_SOLVED, legs="minesurveys.solved.survex_3d:read_3d"),

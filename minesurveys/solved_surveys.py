@@ -13,8 +13,7 @@ import numpy as np
 
 from minesurveys.errors import InputError
 from minesurveys.formats import FORMATS, format_of
-from minesurveys.legs import SurveyLeg
-from minesurveys.solved.model import LegFlag, SolvedSurvey, StationFlag
+from minesurveys.solved.model import SolvedSurvey, StationFlag
 from minesurveys.solved.node_links import is_node_list, links_of, read_node_links
 from minesurveys.survex.cavern import require_cavern, require_version, solve
 from minesurveys.survex.survex_text import Written
@@ -94,14 +93,3 @@ def names_of(survey: SolvedSurvey) -> dict[str, str]:
     """Return the station of the legs that each name stands for."""
     _, node, names = survey.nodes()
     return {name: names[number] for name, number in zip(survey.names, node.tolist(), strict=True) if name}
-
-
-def ties_of(survey: SolvedSurvey) -> list[SurveyLeg]:
-    """Return the legs that are flagged duplicate: they tie passages together, and have no walls."""
-    places, node, names = survey.nodes()
-    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
-    nobody = np.full((2, 2), np.nan)
-    return [
-        SurveyLeg("repeated", [names[a], names[b]], at[:, :2], nobody, np.column_stack([at[:, 2], nobody]))
-        for a, b, at in ((a, b, places[[a, b]]) for a, b in pairs if a != b)
-    ]

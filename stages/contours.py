@@ -32,7 +32,7 @@ from pipeline.geometry.outline.trace import trace_outline
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.params.contours import ContoursParams
 from pipeline.progress import progress
-from pipeline.report.figures.graph import network_dot, width_table
+from pipeline.report.figures.graph import width_table
 from pipeline.report.figures.plans import draw_contours
 from pipeline.scans.correct import Correction, correct_by_sweeps, read_sweeps
 from pipeline.stage import Artifact, Stage, by_model, main
@@ -150,7 +150,6 @@ def _view_from_above(params: ContoursParams, mine: MineSurvey) -> dict[str, Any]
 def _evidence(raw: Mask, outline: Polygon | MultiPolygon, drifts: DriftNetwork, frame: Frame) -> dict[str, Any]:
     """Return what no other stage reads."""
     return {
-        "topology.dot": network_dot(drifts),
         "widths.csv": width_table(drifts),
         "contours.png": draw_contours(raw, outline, drifts, frame),
     }

@@ -18,9 +18,13 @@ from shapely import LineString, Polygon
 from benchmarks.worlds.small_world import finish_world
 from minexplore.bundle import UNSEALED, world_sha256
 from minexplore.sealed.world import SealedWorld, hash_files, open_files
+from pipeline.errors import MineError
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.rock.extrude import section_footprint
+from pipeline.mjcf.bundle import read_record
 from pipeline.params.config import Config
+from pipeline.proof.rebuilt.remake import read_free_space
+from pipeline.proof.rebuilt.same_model import require_same_model
 from pipeline.schema import check_tables
 from pipeline.store.mine_survey import MineSurvey
 from pipeline.types import DrawnPlan, DriftNetwork, Frame, FreeSpace, Scale, Survey
@@ -106,6 +110,17 @@ def sealed(files: dict[str, bytes], **fields: Any) -> dict[str, bytes]:
 def require_allowed(folder: Path | str, files: dict[str, bytes]) -> SealedWorld:
     """Open a bundle of these files as `minexplore` does, then apply the tables, as `certify` does."""
     return check_tables(Path(folder), open_files(Path(folder), files, hash_files(files)))
+
+
+def model_refusal(folder: Path, files: dict[str, bytes]) -> str:
+    """Write a level world with its hashes and return the message with which its model is refused."""
+    for name, data in sealed(files).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+    with pytest.raises(MineError) as caught:
+        require_same_model(folder, read_record(folder), read_free_space(folder).polygon)
+    assert str(caught.value).isprintable()
+    return str(caught.value)
 
 
 def end_build(root: Path) -> None:

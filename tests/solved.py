@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from minesurveys.legs import SurveyLeg
 from minesurveys.solved.model import SolvedSurvey
 from minesurveys.solved_surveys import solve_file
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.survey.solved.plan_view import plan_legs
 
 

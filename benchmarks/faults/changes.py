@@ -39,6 +39,7 @@ _ELEMENTS = """<option gravity="0 0 -3.7"/>|<option timestep="0.05" cone="ellipt
 <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>|<light name="spot_77" pos="1 1 1"/>|<material name="ground_more"/>
 <mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>|<texture name="t" type="2d" builtin="flat" width="4" height="4"/>
 <numeric name="n" data="1"/>|<default class="more"/>""".replace("\n", "|").split("|")
+_IMPLIED = ("texture", "name")  # without it MuJoCo takes the name of the file, which is the same
 _ELEMENT = re.compile(r"<([a-z]+)((?: [a-zA-Z_]+=\"[^\"]*\")*) ?/?>")
 _ATTRIBUTE = re.compile(r' ([a-zA-Z_]+)="([^"]*)"')
 
@@ -196,7 +197,8 @@ def model_changes(text: str) -> Iterator[tuple[str, bytes]]:
             for how, value in _other_values(attribute[2]):
                 yield f"{'.'.join(key)}: {how}", (text[: where[0]] + value + text[where[1] :]).encode()
             out = element.start(2) + attribute.start(), element.start(2) + attribute.end()
-            yield f"{'.'.join(key)}: dropped", (text[: out[0]] + text[out[1] :]).encode()
+            if key != _IMPLIED:
+                yield f"{'.'.join(key)}: dropped", (text[: out[0]] + text[out[1] :]).encode()
         if kind == "light" and ("light",) not in seen:
             seen.add(("light",))
             yield "light: dropped", (text[: element.start()] + text[element.end() :]).encode()

@@ -17,7 +17,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from baselines.base.markdown import markdown_table
-from minesurveys.legs import SurveyLeg
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.station_table import read_stations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from pkgutil import resolve_name
@@ -10,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from minesurveys.clouds.measured_points import measured
 from minesurveys.clouds.point_blocks import PLACES, PointBlock, Wanted, block_of, fields_of
 from minesurveys.clouds.text_clouds import has_point_rows
 from minesurveys.clouds.zipped_clouds import zipped_blocks
@@ -18,8 +18,43 @@ from minesurveys.errors import InputError
 from minesurveys.formats import FORMATS, FileKind, format_of, kind_of
 from minesurveys.guard.reading_process import Payload, Task, run_limited
 from minesurveys.limits import FILE, reader_limits
+from minesurveys.remarks import warn_user
 from minesurveys.solids.ply_meshes import read_ply_mesh
 from minesurveys.solids.polygons import with_triangles
+
+
+def measured(path: Path, blocks: Iterator[PointBlock]) -> Iterator[PointBlock]:
+    """Yield the blocks without points that are no finite numbers, or lie at 0 0 0, with a warning at the end.
+
+    Organised clouds have a row for each direction. Where nothing came back, it is NaN in PCD and PLY files, and 0 0 0,
+    the scanner's own place, in others.
+
+    Raises
+    ------
+    InputError
+        If no point is left.
+    """
+    no_numbers = zeros = left = 0
+    for block in blocks:
+        finite = np.isfinite(block.points).all(axis=1)
+        kept = finite & block.points.any(axis=1)
+        no_numbers, zeros = no_numbers + int((~finite).sum()), zeros + int((finite & ~kept).sum())
+        left += int(kept.sum())
+        yield block if kept.all() else _some(block, kept)
+    count = no_numbers + zeros + left
+    if count and not left:
+        raise InputError(f"{path}: none of its {count} points was measured: {no_numbers} are NaN, {zeros} lie at 0 0 0")
+    for rows, what in ((no_numbers, "are no finite numbers (NaN)"), (zeros, "lie at 0 0 0")):
+        if rows:
+            warn_user(
+                f"points {what}, as scanners write what they missed; left out", of=path.name, count=f"{rows} of {count}"
+            )
+
+
+def _some(block: PointBlock, kept: np.ndarray) -> PointBlock:
+    colours, times = (None if each is None else each[kept] for each in (block.colours, block.times))
+    return replace(block, points=block.points[kept], colours=colours, times=times)
+
 
 LEAST_POINTS = 100
 _UNPACKED = 4  # times as large as its zip file is a cloud of text

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -42,10 +44,16 @@ class LegStyle(IntEnum):
 
 @dataclass(frozen=True)
 class Passage:
-    """Cross-sections in a row: station indices (k,); distances left, right, up, down (k, 4) m, nan if unknown."""
+    """Cross-sections in a row: station indices (k,); distances left, right, up, down (k, 4) m, nan if unknown.
+
+    A leg of a table has a name. `grades` (k - 1,) are rise over run of its shots as stated, nan where none is; None if
+    the survey states none.
+    """
 
     stations: np.ndarray
     lrud_m: np.ndarray
+    name: str = ""
+    grades: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,8 @@ class SolvedSurvey:
         When the file was made, as it states it.
     doubt : str
         The worst misclosure, if a reading must be wrong.
+    has_elevations : bool
+        Whether the file states elevations; else all stations are at 0.
     is_named : bool
         Whether the user knows the stations' names; those of lines do not stand in the file.
     files : tuple of Path
@@ -89,8 +99,18 @@ class SolvedSurvey:
     crs: str | None = None
     date: str = ""
     doubt: str = ""
+    has_elevations: bool = True
     is_named: bool = True
     files: tuple[Path, ...] = ()
+
+    @classmethod
+    def of_passages(cls, names: Iterable[str], places_m: np.ndarray, passages: Sequence[Passage], path: Path) -> Self:
+        """Return the survey of a file whose legs are the shots of its passages."""
+        pairs = np.concatenate([np.column_stack([one.stations[:-1], one.stations[1:]]) for one in passages])
+        flags = np.full(len(places_m), StationFlag.UNDERGROUND, np.uint8)
+        styles = np.full(len(pairs), LegStyle.CARTESIAN, np.uint8)
+        plain, title = np.zeros(len(pairs), np.uint8), path.stem
+        return cls(tuple(names), places_m, flags, pairs, plain, styles, tuple(passages), title, files=(path,))
 
     def centreline(self) -> np.ndarray:
         """Return the indices of the legs along the passages: underground, neither duplicate nor splay."""

@@ -14,10 +14,9 @@ from minesurveys.coordinates.stray_heights import stray_zero
 from minesurveys.errors import InputError, one_line
 from minesurveys.guard.csv_text import number_of
 from minesurveys.guard.plain_number import plain_number
-from minesurveys.legs import SurveyLeg
 from minesurveys.limits import FILE, reader_limits
 from minesurveys.remarks import warn_user
-from minesurveys.solved.model import LegStyle, Passage, SolvedSurvey, StationFlag
+from minesurveys.solved.model import Passage, SolvedSurvey
 from minesurveys.stations.rows import COLUMNS, GRADE, HEIGHTS, WALLS, read_rows
 from minesurveys.vector.shapes import REACH_M
 
@@ -29,7 +28,7 @@ _ONE_PLACE_M = 0.01  # stations of two legs that are nearer are one, whatever th
 
 def read_table(
     path: Path, reach_m: float = FARTHEST_M, walls_needed: bool = False, columns: Mapping[str, str] | None = None
-) -> list[SurveyLeg]:
+) -> SolvedSurvey:
     """Read a station table, whose legs may be steep, pass over each other and be in pieces.
 
     Parameters
@@ -48,8 +47,8 @@ def read_table(
 
     Returns
     -------
-    list of SurveyLeg
-        In the file's order, m. `grades` are None if the table states none.
+    SolvedSurvey
+        m; a passage for each leg, in the file's order. Stations of a table without elevations are at 0.
 
     Raises
     ------
@@ -104,40 +103,21 @@ def read_table(
         )
     other = _other_names(path, legs, {name: place for name, (place, _) in positions.items()})
     renamed = {leg: [(other.get(name, name), row) for name, row in stations] for leg, stations in legs.items()}
-    found = [_leg(path, name, stations) for name, stations in renamed.items()]
-    if all(np.isnan(grade) for grades in stated.values() for grade in grades):
-        return found
-    return [replace(leg, grades=np.array(stated[leg.name][:-1])) for leg in found]
-
-
-def read_station_survey(path: Path) -> SolvedSurvey:
-    """Read a station table as a survey in three dimensions; stations of a table without elevations are at 0.
-
-    Raises
-    ------
-    InputError
-        As `read_table`; it may be steep and pass over itself.
-    """
-    return survey_of_legs(path, read_table(path))
-
-
-def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
-    """Return the legs of a station table as a survey in three dimensions; stations without elevations are at 0."""
+    has_grades = any(math.isfinite(grade) for grades in stated.values() for grade in grades)
     number: dict[str, int] = {}
-    places: list[np.ndarray] = []
-    for leg in legs:
-        for name, place in zip(leg.stations, leg.places_m, strict=True):
-            if number.setdefault(name, len(number)) == len(places):
-                places.append(place)
-    rows = [np.array([number[name] for name in leg.stations]) for leg in legs]
-    pairs = np.concatenate([np.column_stack([row[:-1], row[1:]]) for row in rows])
-    passages = tuple(Passage(row, leg.lrud_m) for row, leg in zip(rows, legs, strict=True))
-    flags = np.full(len(places), StationFlag.UNDERGROUND, np.uint8)
-    styles = np.full(len(pairs), LegStyle.CARTESIAN, np.uint8)
-    plain = np.zeros(len(pairs), np.uint8)
-    return SolvedSurvey(
-        tuple(number), np.array(places), flags, pairs, plain, styles, passages, path.stem, files=(path,)
-    )
+    places: list[tuple[float, ...]] = []
+    passages = []
+    for name, stations in renamed.items():
+        _require_leg(path, name, stations)
+        for station, (east, north, _, _, *height) in stations:
+            if number.setdefault(station, len(number)) == len(places):
+                places.append((east, north, height[0] if height else 0.0))
+        unknown = (math.nan, math.nan)
+        lrud = [(left, right, *(height[1:] or unknown)) for _, (_, _, left, right, *height) in stations]
+        grades = np.array(stated[name][:-1]) if has_grades else None
+        passages.append(Passage(np.array([number[station] for station, _ in stations]), np.array(lrud), name, grades))
+    survey = SolvedSurvey.of_passages(number, np.array(places), passages, path)
+    return replace(survey, has_elevations=has_heights)
 
 
 def _other_names(
@@ -222,7 +202,8 @@ def _require_no_stray_zero(path: Path, stations: list[tuple[tuple[float, ...], i
         )
 
 
-def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -> SurveyLeg:
+def _require_leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -> None:
+    """Refuse a leg of one station, or of two that follow each other at one position."""
     if len(stations) < 2:
         raise InputError(f"{path}: leg {name} has one station ({stations[0][0]}); a leg needs two")
     values = np.array([v for _, v in stations])
@@ -230,5 +211,3 @@ def _leg(path: Path, name: str, stations: list[tuple[str, tuple[float, ...]]]) -
     if step.min() == 0:
         i = int(step.argmin())
         raise InputError(f"{path}: stations {stations[i][0]} and {stations[i + 1][0]} of leg {name} have one position")
-    heights = values[:, 4:] if values.shape[1] > 4 else None
-    return SurveyLeg(name, [s for s, _ in stations], values[:, :2], values[:, 2:4], heights)

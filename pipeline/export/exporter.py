@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from minexplore import __version__
-from minexplore.bundle import RECORD, BundleError
+from minexplore.bundle import MODEL, RECORD, BundleError
 from minexplore.world import World
 from pipeline.errors import ArtifactError, InputError, LimitError
 from pipeline.export.checks.prove import Proof, prove
@@ -73,6 +73,9 @@ def export_world(bundle: Path, to: str, out: Path | None, licence: str, params: 
     folder = out or ARTIFACTS / "export" / f"{world.record['name']}-{to}"
     _require_place(folder)
     scene, proof_of = (_volume if world.volume is not None else _plan)(bundle, world, licence, params)
+    lacking = {surface.material for surface in scene.surfaces} - scene.materials.keys()
+    if lacking:
+        raise ArtifactError(f"{bundle / MODEL}: material {min(lacking)!r} is missing")
     files = chosen.write(scene)
     with tempfile.TemporaryDirectory() as name:
         for file, data in files.items():

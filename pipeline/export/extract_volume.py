@@ -12,11 +12,13 @@ from minexplore.bundle import (
     ROCK_TEXTURE,
     ROOF,
     WALLS,
+    BundleError,
     TriangleMesh,
     fitting_material,
     ground_material,
     has_visible_rock,
     is_fitting,
+    line_of,
     mesh_file,
     mesh_of,
 )
@@ -44,11 +46,14 @@ def read_volume_scene(world: World, licence: str) -> ExportScene:
     Raises
     ------
     BundleError
-        If a file has changed since the world was loaded.
+        If a file has changed since the world was loaded, or MuJoCo refuses the model.
     """
     record: VolumeRecord = TypeAdapter(VolumeRecord).validate_python(world.record)
     rock = sorted(mesh_of(name) for name in record.files if name.startswith(MESHES))
-    spec = mujoco.MjSpec.from_string(without_parts(world.read(MODEL)))
+    try:
+        spec = mujoco.MjSpec.from_string(without_parts(world.read(MODEL)))
+    except ValueError as error:
+        raise BundleError(f"{world.folder / MODEL}: MuJoCo does not read it: {line_of(error)}") from error
     return ExportScene(
         facts_of(record, round(record.volume.high_m - record.volume.low_m, 6), licence),
         _parts(record, arrays_of(world)),

@@ -39,12 +39,17 @@ def read_spec(path: Path) -> mujoco.MjSpec:
     Raises
     ------
     ArtifactError
-        If MuJoCo refuses it; the message is MuJoCo's, on one line.
+        If MuJoCo refuses it, with MuJoCo's message on one line; or a geom has no mesh, which MuJoCo finds later.
     """
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
         raise ArtifactError(f"{path}: MuJoCo does not read it: {line_of(error)}") from error
+    meshes = {mesh.name for mesh in spec.meshes}
+    for geom in spec.geoms:
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH and geom.meshname not in meshes:
+            raise ArtifactError(f"{path}: geom {geom.name}: mesh {geom.meshname!r} is missing")
+    return spec
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:

@@ -1,9 +1,8 @@
-"""What a world bundle may hold: an allow-list of files, record fields, elements, attributes and values.
+"""What a world bundle may hold beside its model: an allow-list of files and of the fields of `world.json`.
 
 `certify`, `export`, `verify` and stage 6 apply it to every bundle, after `minexplore` has opened it; see
-`docs/security.md`. Everything that is not listed is refused, with its path in the file. `model.py` is the table of
-`mine.xml` (`light.py` without visible rock), `record.py` that of `world.json`, `files.py` that of the folder;
-`agreement` compares the three.
+`docs/security.md`. Everything that is not listed is refused, with its path in the file. `record.py` is the table of
+`world.json`, `files.py` that of the folder. No table describes `mine.xml`: it is made again and compared.
 """
 
 from pipeline.schema.world import check_tables, check_world

@@ -27,15 +27,14 @@ from minexplore.bundle import (
     TOPOLOGY,
     VOLUME,
     BundleError,
+    has_rough_floor,
     has_visible_rock,
 )
 from minexplore.sealed.json_text import read_json
 from minexplore.sealed.png import GREY, PALETTE, RGB, check_png
-from minexplore.sealed.sizes import MOST_PIXELS
-from pipeline.schema.agreement.rock import rock_box
+from minexplore.sealed.sizes import MOST_PIXELS, MOST_TILE_PIXELS
 from pipeline.schema.meshes import check_meshes
-from pipeline.schema.readers.png import inflate_png
-from pipeline.schema.readers.rules import numbers_in
+from pipeline.schema.png import inflate_png
 
 FIXED = (
     CLEARANCE_GRID,
@@ -53,16 +52,11 @@ VISIBLE = (PREVIEW, ROCK_TEXTURE)  # of these, only worlds with visible rock hav
 PICTURES = {PREVIEW: (RGB,), NAV2_PICTURE: (GREY,), ROCK_TEXTURE: (RGB, PALETTE)}
 _BEYOND_M = 1.0  # rough rock reaches a little beyond the box of the rock in plan
 _BELOW_M, _ABOVE_M = 1.0, 5.0  # and so far below the floor and above the height
-_MAP = re.compile(
-    r"image: map\.png\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
-    r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
-    re.ASCII,
-)
 _STOREY_MAP = re.compile(STOREY_MAPS, re.ASCII)
 
 
 def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], grid: Mapping[str, np.ndarray]) -> None:
-    """Refuse meshes, a grid, a map or pictures that a level world cannot have.
+    """Refuse meshes, a grid or pictures that a level world cannot have.
 
     Raises
     ------
@@ -77,8 +71,9 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], grid: 
             raise BundleError(f"{name}: missing")
     if not has_visible_rock(record):
         _refuse_visible(files)
-    low, high = rock_box(record)
-    low, high = low - [_BEYOND_M, _BEYOND_M, _BELOW_M], high + np.array([_BEYOND_M, _BEYOND_M, _ABOVE_M])
+    west, south, east, north = record["world_m"]
+    low = np.array([west - _BEYOND_M, south - _BEYOND_M, -_BELOW_M])
+    high = np.array([east + _BEYOND_M, north + _BEYOND_M, record["height_m"] + _ABOVE_M])
     check_meshes(files, low, high)
     for name, kind in _fixed_pictures(record).items():
         width, height = check_png(name, files[name], kind, MOST_PIXELS[name])
@@ -87,7 +82,7 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], grid: 
             raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
         if name == PREVIEW and not 64 <= width <= 4096:
             raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
-    _check_map(files[NAV2_MAP])
+    _check_fields(record, files)
     _check_grid(grid)
     for name in (FREE_SPACE, TOPOLOGY):
         read_json(name, files[name])
@@ -95,6 +90,17 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], grid: 
 
 def _fixed_pictures(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
+
+
+def _check_fields(record: Mapping[str, Any], files: Mapping[str, bytes]) -> None:
+    """Check the pictures of a rough floor, which a world has if its record states it."""
+    fields = sorted(name for name in files if name.startswith(HFIELDS))
+    if bool(fields) != has_rough_floor(record):
+        raise BundleError(f"{HFIELDS}: {len(fields)} files; {RECORD} states a rough floor with rough_floor = true")
+    for name in fields:
+        size = check_png(name, files[name], (GREY,), MOST_TILE_PIXELS)
+        if min(size) < 2:
+            raise BundleError(f"{name}: {size[0]} x {size[1]} px, want 2 or more either way")
 
 
 def _refuse_visible(files: Mapping[str, bytes]) -> None:
@@ -109,11 +115,3 @@ def _check_grid(grid: Mapping[str, np.ndarray]) -> None:
         raise BundleError(f"{CLEARANCE_GRID}: a cell that is neither true nor false")
     if clearance[~free].any():
         raise BundleError(f"{CLEARANCE_GRID}: a clearance above 0 in rock")
-
-
-def _check_map(data: bytes) -> None:
-    found = _MAP.fullmatch(data.decode("ascii", "replace"))
-    if found is None or any(numbers_in(value) is None for value in found.groups()):
-        raise BundleError(
-            f"{NAV2_MAP}: want image: {NAV2_PICTURE}, mode, resolution, origin, negate and the two thresholds only"
-        )

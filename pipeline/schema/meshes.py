@@ -7,17 +7,21 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from minexplore.bundle import (
+    COVER_M,
+    FURNITURE_ABOVE_M,
+    LINES_ABOVE_M,
     MESHES,
     BundleError,
     TriangleMesh,
     decode_msh,
     is_cover,
     is_fitting,
+    mesh_file,
     mesh_of,
 )
-from pipeline.schema.fittings import check_heights
 
 _MOST_REPEATS = 1e7  # of the texture
+_SLACK_M = 1e-6  # of heights, which are in 32 bits
 _AT_ONCE_BYTES = 16 << 20  # of meshes that are copied into one array
 
 
@@ -112,7 +116,20 @@ def _check_fittings(names: list[str], meshes: list[TriangleMesh], over_m: Callab
     for name, mesh in zip(names, meshes, strict=True):
         if is_fitting(mesh_of(name)):
             heights = over_m(mesh.vertices)
-            check_heights(mesh_of(name), float(heights.min()), float(heights.max()))
+            _check_heights(mesh_of(name), float(heights.min()), float(heights.max()))
+
+
+def _check_heights(name: str, lowest_m: float, highest_m: float) -> None:
+    """Refuse a fitting's mesh that is not where fittings are: under a decimetre, or above every robot."""
+    kind = name.partition("_")[0]
+    least = 0.0 if is_cover(name) else FURNITURE_ABOVE_M if kind == "bolts" else LINES_ABOVE_M
+    most = COVER_M if is_cover(name) else float("inf")
+    if not (lowest_m >= least - _SLACK_M and highest_m <= most + _SLACK_M):
+        wanted = f"{least:g} to {most:g} m" if is_cover(name) else f"{least:g} m or more"
+        raise BundleError(
+            f"{mesh_file(name)}: from {lowest_m:g} to {highest_m:g} m above the floor, want {wanted}; "
+            "it is seen and not touched"
+        )
 
 
 def _check_faces(names: list[str], meshes: list[TriangleMesh]) -> None:

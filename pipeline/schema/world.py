@@ -1,25 +1,17 @@
-"""Check a whole bundle: what `minexplore` checks of it, then record, files and model, and that they agree."""
+"""Check a whole bundle but its model: what `minexplore` checks of it, then the record and the files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from minexplore.bundle import MODEL, RECORD, BundleError, has_visible_rock
+from minexplore.bundle import RECORD, BundleError, has_visible_rock
 from minexplore.sealed.files import read_folder
 from minexplore.sealed.world import SealedWorld, hash_files, open_files
-from pipeline.schema.agreement import check_agreement
-from pipeline.schema.elements import check_elements
 from pipeline.schema.files import check_contents
-from pipeline.schema.light import LIGHT_WORLD
-from pipeline.schema.model import WORLD
-from pipeline.schema.readers.xml import read_xml
 from pipeline.schema.record import check_record
-from pipeline.schema.volume.agreement import check_volume_model
 from pipeline.schema.volume.arrays import check_arrays
-from pipeline.schema.volume.files import check_volume_files, require_volume_files
-from pipeline.schema.volume.model import VOLUME_WORLD
+from pipeline.schema.volume.files import check_rock, check_volume_files, require_volume_files
 from pipeline.schema.volume.record import check_figures, check_volume_record
-from pipeline.schema.volume.rock import ROCK_VOLUME_WORLD, check_rock
 
 
 def check_world(folder: Path) -> SealedWorld:
@@ -47,9 +39,6 @@ def _check_level(world: SealedWorld) -> None:
     record, files = world.record, world.files
     check_record(RECORD, record)
     check_contents(record, files, world.grid)
-    root = read_xml(MODEL, files[MODEL])
-    check_elements(MODEL, root, WORLD if has_visible_rock(record) else LIGHT_WORLD)
-    check_agreement(root, record, files)
 
 
 def _check_volume(world: SealedWorld) -> None:
@@ -60,8 +49,5 @@ def _check_volume(world: SealedWorld) -> None:
     check_arrays(volume)
     check_figures(record, volume)
     check_volume_files(record, files, volume)
-    root = read_xml(MODEL, files[MODEL])
-    check_elements(MODEL, root, ROCK_VOLUME_WORLD if has_visible_rock(record) else VOLUME_WORLD)
-    check_volume_model(root, record, volume)
     if has_visible_rock(record):
-        check_rock(root, record, files, volume)
+        check_rock(files, volume)

@@ -15,7 +15,6 @@ from minesurveys.errors import InputError
 from minesurveys.formats import files_of, format_of, solver_limits
 from minesurveys.frames import METRIC, Georeference, Heights
 from minesurveys.guard.reading_process import Payload, run_limited
-from minesurveys.legs import SurveyLeg
 from minesurveys.pictures.georeference import find_placement, placement_files
 from minesurveys.pictures.image import read_image
 from minesurveys.remarks import collect_remarks
@@ -45,6 +44,7 @@ from pipeline.survey.drawing.reduction import in_reduced_px, size_read
 from pipeline.survey.drawing.scale import measure_bar
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.relief import floor_of
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.solved.station_table import read_stations

@@ -14,7 +14,6 @@ from shapely.geometry.base import BaseGeometry
 from minesurveys.errors import NAMED, InputError, one_line
 from minesurveys.formats import files_of
 from minesurveys.frames import METRIC, Georeference
-from minesurveys.legs import SurveyLeg
 from minesurveys.reading import read_shapes
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
@@ -37,6 +36,7 @@ from pipeline.survey.levels.drawn import read_levels
 from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import legs_of, require_no_crossing
 from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.survey.passages.workings import build_workings, level_legs
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.surfaces import wall_heights

@@ -15,20 +15,19 @@ from shapely.geometry.base import BaseGeometry
 
 from minesurveys.errors import InputError, first_few, one_line
 from minesurveys.frames import Source
-from minesurveys.legs import SurveyLeg, shots_of
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
-from minesurveys.solved_surveys import entrances_of, names_of, solve_file, ties_of
-from minesurveys.stations.table import survey_of_legs
+from minesurveys.solved_surveys import entrances_of, names_of, solve_file
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.passages.legs import legs_of, pack_legs
 from pipeline.survey.passages.pieces import require_near
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
-from pipeline.survey.passages.ties import passages_of_ties
+from pipeline.survey.passages.survey_leg import SurveyLeg, shots_of
+from pipeline.survey.passages.ties import passages_of_ties, ties_of
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
-from pipeline.survey.solved.station_table import read_station_legs
+from pipeline.survey.solved.station_table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, SurveyedLegs, text_array
 
 _NAME_CHARS = 40  # of a station

@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from minesurveys.frames import Source
-from minesurveys.legs import SurveyLeg
 from pipeline.errors import InputError
 from pipeline.survey.passages.relief import heights_along, known_of
 from pipeline.survey.passages.sections import LEAST_M, narrow_sections, sections_of
+from pipeline.survey.passages.survey_leg import SurveyLeg
 
 _INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3

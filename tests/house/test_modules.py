@@ -16,7 +16,6 @@ MOST_LINES = 300
 MOST_MODULES = 15  # of a folder, beside its __init__.py
 LONGER = {  # and why
     "minexplore/bundle.py": "the contract of a bundle: every name that the pipeline and the environment share",
-    "pipeline/schema/model.py": "one table of the elements of mine.xml",
     "pipeline/mjcf/bundle.py": "what world.json states, beside its reading and sealing",
     "pipeline/types.py": "the types that stages hand on",
     "pipeline/proof/texture.py": "the paper's six scores with their two readings, which share their points",

@@ -101,7 +101,7 @@ def test_the_certificate_slices_by_the_frame_that_the_record_states(tee, opened,
             edit_record(lambda record: record["geom_groups"].pop("collision")),
             r"world\.json: geom_groups = \{.*\}: want",
         ),
-        (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), r"body\[pit\]: <body> is not allowed"),
+        (edit_model(lambda spec: setattr(spec.body("mine"), "name", "pit")), "no body of the name mine"),
     ],
 )
 def test_a_bundle_without_the_expected_groups_or_body_is_refused(tee, tmp_path, change, message):
@@ -133,24 +133,6 @@ def test_robots_thrown_at_every_kind_of_target_stay_inside(tee, opened):
     assert found.contacts >= 1000
     assert found.escapes == 0
     assert set(found.targets) == {"corners", "seams", "zone borders", "tile borders", "walls"}
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (edit_model(lambda spec: setattr(spec.option, "gravity", [0, 0, -3.7])), r"option: <option> is not allowed"),
-        (edit_model(lambda spec: spec.delete(spec.geom("floor_mud"))), r"floor_mud"),
-        (edit_record(lambda record: record.update(rock_friction=0.1)), r"friction.*, world\.json gives 0\.1"),
-        (edit_record(lambda record: record["spawn"].update(anchor_m=[-3.0, 0.0])), r"spawn|statistic@center"),
-    ],
-)
-def test_a_model_that_differs_from_its_record_is_refused(tee, tmp_path, change, message):
-    bundle = tmp_path / "world"
-    shutil.copytree(tee.bundle, bundle)
-    change(bundle)
-    seal(bundle)
-    with pytest.raises(ArtifactError, match=message):
-        open_bundle(bundle)
 
 
 def test_the_ranges_of_all_backends_agree(tee, opened):

@@ -106,7 +106,7 @@ def test_visible_rock_with_a_hole_a_panel_or_its_inside_out_is_refused(small, tm
         (lambda r: r["areas"].update(tunnel_m2=1.0), "areas.tunnel_m2 = 1.0"),
         (lambda r: r.update(loops=2), "loops = 2, drifts"),
         (lambda r: r["spawn"].update(anchor_clearance_m=9.0), "spawn.anchor_clearance_m = 9.0, want"),
-        (lambda r: r["spawn"].update(anchor_m=[2.0, 2.0]), "statistic@center"),
+        (lambda r: r["spawn"].update(anchor_m=[2.0, 2.0]), "spawn.anchor_m[0] = 2.0, want"),
         (lambda r: r["plan_frame"].update(px_per_m=8.1), "plan_frame.px_per_m = 8.1, want 8.0"),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from pipeline.proof.rebuilt.same_surface import triangles_differ
+from pipeline.proof.rebuilt.smooth import triangles_differ
 
 # A chamfer of 0.9 m along 80 m of wall, as two triangles.
 CHAMFER = np.array([[30.0, 5, 2.6], [110, 5, 2.6], [110, 4.1, 3.5], [30, 4.1, 3.5]])

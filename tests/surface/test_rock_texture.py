@@ -7,7 +7,7 @@ import pytest
 from minexplore.bundle import BundleError
 from minexplore.sealed.png import PALETTE, RGB, check_png
 from pipeline.errors import ParamsError
-from pipeline.schema.readers.png import inflate_png
+from pipeline.schema.png import inflate_png
 from pipeline.store.codecs import decode
 from pipeline.store.palette_png import encode_palette_png
 from pipeline.surface.texture.coordinates import relax_texture

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from minesurveys.stations.table import survey_of_legs
 from pipeline.geometry.raycast import RayCaster
 from pipeline.survey.solved.plan_view import plan_legs
-from pipeline.survey.solved.station_table import read_station_legs
+from pipeline.survey.solved.station_table import read_station_legs, survey_of_legs
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.network import network_of
 from tests.heights import HEADER

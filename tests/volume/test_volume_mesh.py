@@ -9,10 +9,10 @@ import pytest
 from benchmarks.comparisons.volume.cases import GateCase
 from benchmarks.comparisons.volume.random_caves import random_cave
 from benchmarks.comparisons.volume.random_volumes import beyond, judge
-from minesurveys.legs import SurveyLeg
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import InputError
 from pipeline.geometry.facets.crossings import crossing_facets
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.types import ClosedMesh
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor

@@ -9,48 +9,60 @@ import mujoco
 import numpy as np
 import shapely
 
-from minexplore.bundle import MODEL
+from minexplore.bundle import MODEL, RECORD
 from pipeline.errors import ArtifactError
 from pipeline.geometry.polyline import arc_length
 from pipeline.mjcf.scene import SpotLight, place_lights
 from pipeline.types import DriftNetwork
 
 _OFF_M = 0.02  # along the drift: places have three decimals, and rounding adds up over a line
+_LENGTH = 1e-4
 _TURNED = 0.05  # of the direction: it follows from two places 4 m apart
 _LONGEST_M = 1e9
+_HIGHEST_M = 1000.0
+_WIDEST_DEG = 90.0
 
 
-def remake_lights(folder: Path, stated: mujoco.MjSpec, network: DriftNetwork) -> list[SpotLight]:
-    """Return the lights as the builder places them along the main drift or all drifts.
+def remake_lights(folder: Path, stated: mujoco.MjSpec, count: int, network: DriftNetwork) -> list[SpotLight]:
+    """Return the lights, `count` by the record, as the builder places them along the main drift or all drifts.
 
     Height, pitch and cut-off angle are those of the first light; the distance is read off two lights of one line.
 
     Raises
     ------
     ArtifactError
-        If no distance along either gives the places of the lights.
+        If there are more or fewer, they are not over the floor, look up, or no distance along either gives their
+        places.
     """
     lights = list(stated.lights)
+    if len(lights) != count:
+        raise ArtifactError(f"{folder / MODEL}: {len(lights)} lights, {RECORD} has {count}")
     if not lights:
         return []
-    places = np.array([light.pos for light in lights])
-    found = places[:, :2]
+    places, ways = np.array([light.pos for light in lights]), np.array([light.dir for light in lights])
+    if not (np.abs(np.linalg.norm(ways, axis=1) - 1) <= _LENGTH).all():
+        raise ArtifactError(f"{folder / MODEL}: a light whose direction has not the length 1")
     height, cutoff = float(places[0, 2]), float(lights[0].cutoff)
-    pitch = math.degrees(math.asin(min(1.0, max(-1.0, -lights[0].dir[2] / np.linalg.norm(lights[0].dir)))))
-    best = _LONGEST_M
+    pitch = math.degrees(math.asin(min(1.0, max(-1.0, -float(ways[0, 2])))))
+    if not (0 < height <= _HIGHEST_M and pitch >= 0 and 0 < cutoff <= _WIDEST_DEG):
+        raise ArtifactError(
+            f"{folder / MODEL}: light {lights[0].name}: {height:g} m high, {pitch:.1f} deg down, {cutoff:g} deg wide; "
+            f"want at most {_HIGHEST_M:g} m over the floor, looking down, and at most {_WIDEST_DEG:g} deg"
+        )
+    found, best = places[:, :2], _LONGEST_M
     for lines in ([np.array(network.main_drift_m)], [np.array(leg.stations_m) for leg in network.legs]):
-        for spacing, count in _spacings(lines, found):
-            made = place_lights(lines, spacing, height, pitch, cutoff, count)
+        for spacing, most in _spacings(lines, found):
+            made = place_lights(lines, spacing, height, pitch, cutoff, most)
             if len(made) != len(found):
                 continue
-            off = np.linalg.norm(np.array([light.place_m[:2] for light in made]) - found, axis=1)
-            turned = np.array([light.direction for light in made]) - [light.dir for light in lights]
+            off = np.linalg.norm(np.array([light.place_m for light in made]) - places, axis=1)
+            turned = np.array([light.direction for light in made]) - ways
             best = min(best, float(off.max()))
-            if off.max() <= _OFF_M and np.abs(turned).max() <= _TURNED:
+            if off.max() <= _OFF_M and np.abs(turned).max() <= _TURNED and np.abs(turned[:, 2]).max() <= _LENGTH:
                 # The distance was read off rounded places: the lights' own places are within that error.
                 return [
-                    SpotLight(tuple(map(float, place)), tuple(map(float, own.dir)), cutoff)  # type: ignore[arg-type]
-                    for place, own in zip(places, lights, strict=True)
+                    SpotLight((float(x), float(y), height), tuple(map(float, way)), cutoff)  # type: ignore[arg-type]
+                    for (x, y, _), way in zip(places, ways, strict=True)
                 ]
     raise ArtifactError(
         f"{folder / MODEL}: light {lights[0].name} and {len(lights) - 1} more: not at even distances along the drifts "

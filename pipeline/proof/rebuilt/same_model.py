@@ -14,6 +14,7 @@ import numpy as np
 from shapely import Polygon
 
 from minexplore.bundle import (
+    COVER_M,
     HFIELDS,
     MESHES,
     MODEL,
@@ -25,11 +26,13 @@ from minexplore.bundle import (
     is_rock,
     line_of,
     puddle_geom,
+    rock_geom,
     shade_geom,
     smooth_mesh,
 )
 from minexplore.looks import SHADE_LEVELS
 from minexplore.physics.local_models import part_vertices
+from minexplore.sealed.files import read_folder
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord
@@ -38,13 +41,14 @@ from pipeline.mjcf.scene import MineScene, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.prisms import require_prisms
-from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
 _LEVELS = 1  # of 255: another processor may round the other way
+_SHOWN = ("geom_", "light_", "mat_")  # fields that say most come first: others follow from them
 _PLACE_M = 2e-4  # centres have four decimals
+_THINNEST_M = 0.05  # of floor and roof: a robot must not pass through them in one step
 # Where files lie, a checksum of the sources, and the trees that speed up collisions, which follow from the rest.
 _UNREAD = re.compile(r"signature|paths|.*_pathadr|bvh_.*|.*_bvhadr|.*_bvhnum|npaths|nbvh.*|nbuffer")
 
@@ -64,13 +68,15 @@ def require_same_model(
     ArtifactError
         With the field of the compiled model, the element, the value and what it should be.
     """
-    files = check_world(folder).files
-    stated = read_spec(folder / MODEL)
+    files, stated = read_folder(folder), read_spec(folder / MODEL)
+    _require_parts(folder, record, stated)
     if prisms:
         require_prisms(folder, record, stated, free, tile_m)
     spec = _rebuilt(folder, record, files, stated)
     assets = {name: data for name, data in files.items() if name.startswith((MESHES, HFIELDS)) or name == ROCK_TEXTURE}
     _require_fields(folder, files, spec)
+    if stated.compiler.degree:  # as without a statement
+        raise ArtifactError(f"{folder / MODEL}: compiler: want angle = radian")
     text = text_of(spec, folder / MODEL)
     if text.encode() == files[MODEL]:  # then the compiled models are equal too
         return
@@ -78,9 +84,25 @@ def require_same_model(
         made, own = (mujoco.MjModel.from_xml_string(t, assets) for t in (text, files[MODEL].decode()))
     except ValueError as error:
         raise ArtifactError(f"{folder / MODEL}: MuJoCo does not compile it: {line_of(error)}") from error
-    differs = model_difference(own, made)
+    differs = _other_element(stated, spec) or model_difference(own, made)
     if differs:
         raise ArtifactError(f"{folder / MODEL}: {differs}, as the builder makes it")
+
+
+def _require_parts(folder: Path, record: WorldRecord, stated: mujoco.MjSpec) -> None:
+    """Refuse a model whose collision parts are not as many as recorded, each with its own mesh, or that has no roof."""
+    names = [geom.name for geom in stated.geoms if is_rock(geom.name)]
+    wanted = [rock_geom(number) for number in range(record.collision_parts)]
+    if names != wanted:
+        raise ArtifactError(f"{folder / MODEL}: {len(names)} collision parts, want rock_0000 to {wanted[-1]} in order")
+    shaped = {mesh.name for mesh in stated.meshes if len(mesh.uservert) and len(mesh.uservert) % 3 == 0}
+    for name in names:
+        if name not in shaped or stated.geom(name).meshname != name:
+            raise ArtifactError(f"{folder / MODEL}: geom {name}: want a mesh of its name with vertices")
+    roof = next((geom for geom in stated.geoms if geom.name == ROOF_GEOM), None)
+    if roof is None or not 2 * roof.size[2] >= _THINNEST_M:
+        thick = "missing" if roof is None else f"{2 * roof.size[2]:g} m thick"
+        raise ArtifactError(f"{folder / MODEL}: geom {ROOF_GEOM}: {thick}, want {_THINNEST_M} m")
 
 
 def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stated: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -94,6 +116,9 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     chunks = {name: data for name, data in meshes.items() if name not in SMOOTH_MESHES}
     named = {geom.name: geom for geom in stated.geoms}
     lowest = named.get(shade_geom(0))
+    water_m = float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0
+    if lowest and not 0 < water_m <= COVER_M:
+        raise ArtifactError(f"{folder / MODEL}: water at {water_m:g} m, want a height of at most {COVER_M:g} m")
     scene = MineScene(
         name=record.name,
         extent=SolidExtent(record.height_m, record.world_m),
@@ -101,8 +126,8 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         rock_friction=record.rock_friction,
         floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]),
         zones=record.zones,
-        lights=remake_lights(folder, stated, network),
-        smooth=_smooth(stated),
+        lights=remake_lights(folder, stated, record.lights, network),
+        smooth=_smooth(record),
         rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
         texture=files.get(ROCK_TEXTURE, b""),
         anchor_m=record.spawn.anchor_m,
@@ -111,7 +136,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         look=record.look,
         fittings={f"{name}.msh": chunks[name] for name in sorted(chunks) if is_fitting(name)},
         puddles=tuple(zone.name for zone in record.zones if puddle_geom(zone.name) in named),
-        water_m=float(lowest.pos[2]) / SHADE_LEVELS[0] if lowest else 0.0,
+        water_m=water_m,
         is_rough=record.rough_floor,
     )
     spec = build_spec(scene)
@@ -126,8 +151,24 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
     return spec
 
 
+def _other_element(stated: mujoco.MjSpec, made: mujoco.MjSpec) -> str | None:
+    """Return the first element, by its name, that one of two specifications has alone, or None."""
+    for kind in ("bodies", "geoms", "meshes", "materials", "textures", "hfields", "lights", "cameras"):
+        one, two = ({element.name for element in getattr(spec, kind)} for spec in (stated, made))
+        if one != two:
+            name = min(one ^ two)
+            return f"{kind}: {name!r} is {'missing' if name in two else 'one too many'}"
+    return None
+
+
 def _require_fields(folder: Path, files: Mapping[str, bytes], made: mujoco.MjSpec) -> None:
     """Compare the pictures of a rough floor with those that the visible floor gives."""
+    stated_names, wanted_names = ({name for name in some if name.startswith(HFIELDS)} for some in (files, made.assets))
+    if stated_names != wanted_names:
+        odd = min(stated_names ^ wanted_names)
+        raise ArtifactError(
+            f"{folder / odd}: {'no picture of a' if odd in stated_names else 'missing from the'} rough floor"
+        )
     for name, data in made.assets.items():
         if name.startswith(HFIELDS):
             stated: Image = decode(folder / name, Image)
@@ -136,10 +177,10 @@ def _require_fields(folder: Path, files: Mapping[str, bytes], made: mujoco.MjSpe
                 raise ArtifactError(f"{folder / name}: not the heights of the visible floor")
 
 
-def _smooth(stated: mujoco.MjSpec) -> dict[str, Mesh]:
-    """Return empty pieces of the smooth surface in the order of the model; their bytes are replaced later."""
+def _smooth(record: WorldRecord) -> dict[str, Mesh]:
+    """Return empty pieces of the smooth surface of a world with visible rock; their bytes are replaced later."""
     nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 2)))
-    return {mesh.name.removeprefix(smooth_mesh("")): nothing for mesh in stated.meshes if mesh.name in SMOOTH_MESHES}
+    return {name.removeprefix(smooth_mesh("")): nothing for name in sorted(SMOOTH_MESHES) if record.has_visible_rock}
 
 
 def model_difference(found: mujoco.MjModel, wanted: mujoco.MjModel, margin: float = _MARGIN) -> str | None:
@@ -147,7 +188,7 @@ def model_difference(found: mujoco.MjModel, wanted: mujoco.MjModel, margin: floa
 
     Numbers are equal if they differ by at most `margin`, plus `margin` times their size.
     """
-    for name in sorted(dir(wanted)):
+    for name in sorted(dir(wanted), key=lambda name: (not name.startswith(_SHOWN), name)):
         if name.startswith("_") or _UNREAD.fullmatch(name):
             continue
         differs = _difference(name, getattr(found, name), getattr(wanted, name), wanted, margin)

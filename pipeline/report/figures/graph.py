@@ -1,23 +1,10 @@
-"""The drift network as Graphviz text, and tables of widths and blocked columns."""
+"""Tables of the widths of drifts and of blocked columns."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pipeline.types import DriftNetwork, Points2
-
-
-def network_dot(network: DriftNetwork) -> str:
-    """Return the network as Graphviz text: nodes at their places in the mine (`neato -n2`), legs with their lengths."""
-    lines = ["graph drifts {", "  node [shape=circle, fontsize=10, width=0.3, fixedsize=true];", "  edge [fontsize=8];"]
-    for name, (x, y) in network.nodes_m.items():
-        style = ", style=filled, fillcolor=lightblue" if name in network.dead_ends else ""
-        lines.append(f'  {name} [pos="{4 * x:.1f},{4 * y:.1f}"{style}];')
-    main = set(zip(network.main_drift, network.main_drift[1:], strict=False))
-    for leg in network.legs:
-        bold = ", penwidth=3" if {(leg.start, leg.end), (leg.end, leg.start)} & main else ""
-        lines.append(f'  {leg.start} -- {leg.end} [label="{leg.name} {leg.length_m:.0f} m"{bold}];')
-    return "\n".join([*lines, "}", ""])
 
 
 def width_table(network: DriftNetwork) -> str:

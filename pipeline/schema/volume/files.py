@@ -1,4 +1,4 @@
-"""The table of the folder of a world that is one volume, and what its maps and texts may hold."""
+"""The table of the folder of a world that is one volume, and what its network and maps may hold."""
 
 from __future__ import annotations
 
@@ -6,59 +6,87 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from minexplore.bundle import (
     CELLS,
+    FURNITURE_MESH,
     MADE_BY,
+    MESHES,
     MODEL,
+    NO_OVERLAY,
     OCTREE,
     PARTS,
     RECORD,
+    ROCK_TEXTURE,
+    ROUGH_MESH,
     TOPOLOGY,
     VOLUME,
     BundleError,
+    has_visible_rock,
     storey_map,
 )
-from minexplore.floors.volume_arrays import FloorSpans, VolumeArrays
+from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.sealed.json_text import read_json
-from minexplore.sealed.png import GREY, check_png
-from minexplore.sealed.sizes import MOST_CELLS
-from pipeline.schema.readers.png import inflate_png
-from pipeline.schema.readers.rules import numbers_in
+from minexplore.sealed.png import GREY, PALETTE, RGB, check_png
+from minexplore.sealed.sizes import MOST_CELLS, MOST_PIXELS
+from pipeline.schema.meshes import check_meshes
+from pipeline.schema.png import inflate_png
 from pipeline.schema.volume.network import check_network
-from pipeline.schema.volume.rock import require_rock_files
 
-VOLUME_FILES = (CELLS, MODEL, OCTREE, PARTS, RECORD, TOPOLOGY, VOLUME)
-_OCTREE_BEGINS = b"# Octomap OcTree binary file\n"
-_MAP = re.compile(
-    r"# storey (\d+): floor ([-0-9.]+) to ([-0-9.]+) m high\n"
-    r"image: (map_\d+\.png)\nmode: trinary\nresolution: ([-0-9.e+]+)\norigin: \[([-0-9.]+), ([-0-9.]+), 0\.0\]\n"
-    r"negate: 0\noccupied_thresh: 0\.65\nfree_thresh: 0\.25\n",
-    re.ASCII,
-)
+_BEYOND_M = 1.0  # that visible rock reaches beyond the free space, at most
+_MESH_FILE = re.compile(rf"{MESHES}(?:{ROUGH_MESH}|{FURNITURE_MESH})\.msh", re.ASCII)
 
 
-def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
-    """Refuse files that a volume has not, or maps and a network that it cannot have.
+def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) -> set[str]:
+    """Return the names of the files that show rock; refuse them in a world without, and a world that lacks them.
+
+    Raises
+    ------
+    BundleError
+        Naming the file.
+    """
+    found = {name for name in files if name == ROCK_TEXTURE or _MESH_FILE.fullmatch(name)}
+    if not has_visible_rock(record):
+        for name in sorted(found):
+            raise BundleError(
+                f"{name}: no file of a world that is one volume, as {RECORD} says overlay = {NO_OVERLAY!r}"
+            )
+    elif ROCK_TEXTURE not in found or len(found) < 2:
+        raise BundleError(f"{MESHES if ROCK_TEXTURE in found else ROCK_TEXTURE}: missing")
+    return found
+
+
+def check_rock(files: Mapping[str, bytes], volume: VolumeArrays) -> None:
+    """Refuse meshes and a texture that no volume has.
 
     Raises
     ------
     BundleError
         Naming the file, the value and the limit.
     """
-    _check_octree(files[OCTREE])
-    spans = volume.spans
+    vertices = volume.facets.vertices
+    check_meshes(files, vertices.min(axis=0) - _BEYOND_M, vertices.max(axis=0) + _BEYOND_M, volume.spans.heights_over)
+    width, height = check_png(ROCK_TEXTURE, files[ROCK_TEXTURE], (RGB, PALETTE), MOST_PIXELS[ROCK_TEXTURE])
+    inflate_png(ROCK_TEXTURE, files[ROCK_TEXTURE])
+    if width != height or width < 16:
+        raise BundleError(f"{ROCK_TEXTURE}: {width} x {height} px, want a square of 16 px or more")
+
+
+VOLUME_FILES = (CELLS, MODEL, OCTREE, PARTS, RECORD, TOPOLOGY, VOLUME)
+
+
+def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
+    """Refuse a network that a volume cannot have, and pictures of maps that are none; what they show is made again.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
+    """
     check_network(record, read_json(TOPOLOGY, files[TOPOLOGY]), volume.facets)
     for storey in range(record["volume"]["storeys"]):
-        name, picture = storey_map(storey)
-        if (name in files) != (picture in files):
-            raise BundleError(f"{name if picture in files else picture}: missing; a map has a text and a picture")
-        if name in files:
-            _check_map(storey, name, files[name], spans)
-            size, wanted = check_png(picture, files[picture], (GREY,), MOST_CELLS), _size_of(spans, storey)
-            if size != wanted:
-                raise BundleError(f"{picture}: {size[0]} x {size[1]} px, want {wanted[0]} x {wanted[1]}")
+        _, picture = storey_map(storey)
+        if picture in files:
+            check_png(picture, files[picture], (GREY,), MOST_CELLS)
             inflate_png(picture, files[picture])
 
 
@@ -78,28 +106,3 @@ def require_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes]) 
     for name in files:
         if name not in known:
             raise BundleError(f"{name}: no file of a world that is one volume, or a map of a storey that it has not")
-
-
-def _check_octree(data: bytes) -> None:
-    if not data.startswith(_OCTREE_BEGINS):
-        raise BundleError(f"{OCTREE}: not a binary octree of OctoMap")
-
-
-def _size_of(spans: FloorSpans, storey: int) -> tuple[int, int]:
-    """Return the width and height, cells, of a storey's map, which has a cell round it."""
-    own = spans.storey == storey
-    width, height = (int(np.ptp(axis[own])) + 3 for axis in (spans.column, spans.row))
-    return width, height
-
-
-def _check_map(storey: int, name: str, data: bytes, spans: FloorSpans) -> None:
-    found = _MAP.fullmatch(data.decode("ascii", "replace"))
-    number, low, high, image, *values = found.groups() if found else (None,) * 5
-    numbers = [value for value in (low, high, *values) if value is not None]
-    if image != storey_map(storey)[1] or number != str(storey) or any(numbers_in(value) is None for value in numbers):
-        raise BundleError(
-            f"{name}: want a remark on storey {storey}, image: {storey_map(storey)[1]}, mode, resolution, origin, "
-            "negate and the two thresholds only"
-        )
-    if not (spans.storey == storey).any():
-        raise BundleError(f"{name}: a map of storey {storey}, which has no floor")

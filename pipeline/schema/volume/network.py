@@ -9,9 +9,8 @@ import numpy as np
 
 from minexplore.bundle import RECORD, TOPOLOGY, BundleError
 from minexplore.floors.volume_arrays import VolumeFacets
-from pipeline.schema.model import REACH_M
-from pipeline.schema.readers.rules import Rule, is_number, list_of, number, whole
-from pipeline.schema.record import LENGTH, check_fields, shown
+from pipeline.schema.record import LENGTH, REACH_M, check_fields, shown
+from pipeline.schema.rules import Rule, is_number, list_of, number, whole
 
 MOST_NAME = 200  # characters of a station's name
 _BEYOND_M = 10.0  # the mesh: stations are in the workings, or on their walls

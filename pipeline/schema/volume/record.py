@@ -5,12 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from minexplore.bundle import RECORD, VOLUME_FORMAT, BundleError
+from minexplore.bundle import RECORD, BundleError
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.sealed.sizes import MOST_FACETS, MOST_SPANS, MOST_VOLUME_PARTS
-from pipeline.schema.model import MOST_LIGHTS, REACH_M
-from pipeline.schema.readers.rules import list_of, number, same_json, whole
-from pipeline.schema.record import LENGTH, RECORD_FIELDS, check_fields, check_frame, check_gain, shown
+from pipeline.schema.record import (
+    LENGTH,
+    MOST_LIGHTS,
+    REACH_M,
+    RECORD_FIELDS,
+    check_fields,
+    check_frame,
+    check_gain,
+    check_zones,
+    shown,
+)
+from pipeline.schema.rules import list_of, number, whole
 from pipeline.schema.volume.arrays import figures_of
 
 _PLACE = list_of(number(-REACH_M, REACH_M), 3)
@@ -47,11 +56,9 @@ _FIGURES = {
 }
 VOLUME_FIELDS: dict[str, Any] = {
     **{name: rule for name, rule in RECORD_FIELDS.items() if name != "height_m"},
-    "format": same_json(VOLUME_FORMAT),
     "tilt_deg": number(0, 0),
     "lights": whole(0, MOST_LIGHTS),
     "collision_parts": whole(1, MOST_VOLUME_PARTS),
-    "spawn": {**RECORD_FIELDS["spawn"], "anchor_m": _PLACE, "centre_m": _PLACE},
     "volume": _FIGURES,
 }
 
@@ -68,10 +75,10 @@ def check_volume_record(record: Mapping[str, Any]) -> None:
     figures = record["volume"]
     check_frame(RECORD, record)
     check_gain(RECORD, record, figures["high_m"] - figures["low_m"])
-    west, south, east, north = record["world_m"]
+    check_zones(RECORD, record)
     x, y, z = record["spawn"]["anchor_m"]
-    if not (west < x < east and south < y < north and figures["low_m"] <= z < figures["high_m"]):
-        raise BundleError(f"{RECORD}: spawn.anchor_m = [{x}, {y}, {z}]: want a place in world_m and in the volume")
+    if not figures["low_m"] <= z < figures["high_m"]:
+        raise BundleError(f"{RECORD}: spawn.anchor_m = [{x}, {y}, {z}]: want a place in the volume")
     if figures["parts"] != record["collision_parts"]:
         raise BundleError(f"{RECORD}: volume.parts = {figures['parts']}: want collision_parts")
     if not figures["built_m"] <= figures["piece_m"] <= figures["surveyed_m"]:

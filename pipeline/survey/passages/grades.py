@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.legs import SurveyLeg, require_connected
 from minesurveys.remarks import warn_user
 from pipeline.geometry.floor.grade_heights import heights_of_grades, misclosure_at
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
+from pipeline.survey.passages.survey_leg import SurveyLeg, require_connected
 
 _LEAST_MISCLOSURE_M = 0.01  # smaller misclosures come from the rounding of coordinates
 _CHANGED = 1e-6  # smaller changes of a grade come from the solution, also where there is no loop

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 
 from minesurveys.errors import InputError
-from minesurveys.legs import SurveyLeg
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.types import SurveyedLegs, lines_of, text_array
 
 _BLOCK = 256

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.frames import Source
-from minesurveys.legs import SurveyLeg
 from minesurveys.remarks import warn_user
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.legs import along_stations
+from pipeline.survey.passages.survey_leg import SurveyLeg
 
 _EVEN_M = 0.01  # smaller differences are rounding
 _LEAST_ROOFS = 10  # measured ones that show a survey's usual one

@@ -9,8 +9,20 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.legs import SurveyLeg, shots_of
+from minesurveys.solved.model import LegFlag, SolvedSurvey
+from pipeline.survey.passages.survey_leg import SurveyLeg, shots_of
 from pipeline.survey.passages.workings import build_workings
+
+
+def ties_of(survey: SolvedSurvey) -> list[SurveyLeg]:
+    """Return the legs that are flagged duplicate: they tie passages together, and have no walls."""
+    places, node, names = survey.nodes()
+    pairs = node[survey.legs[survey.leg_flags == LegFlag.DUPLICATE]].tolist()
+    nobody = np.full((2, 2), np.nan)
+    return [
+        SurveyLeg("repeated", [names[a], names[b]], at[:, :2], nobody, np.column_stack([at[:, 2], nobody]))
+        for a, b, at in ((a, b, places[[a, b]]) for a, b in pairs if a != b)
+    ]
 
 
 def passages_of_ties(legs: list[SurveyLeg], ties: list[SurveyLeg]) -> list[SurveyLeg]:

@@ -10,10 +10,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.legs import SurveyLeg
 from pipeline.survey.passages.bends import LegEnd, outer_sectors
 from pipeline.survey.passages.legs import pack_legs
 from pipeline.survey.passages.sections import sections_of
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.types import SurveyedLegs
 
 _STEP_RAD = 0.1  # an arc is 1 mm off at 1 m

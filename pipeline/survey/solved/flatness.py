@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from minesurveys.errors import InputError
-from minesurveys.legs import SurveyLeg
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
+from pipeline.survey.passages.survey_leg import SurveyLeg
 
 _BLOCK = 256
 # A station may be on the floor, a wall or the roof: a smaller rise between neighbours need not be the floor's.

@@ -13,10 +13,10 @@ import numpy as np
 from minesurveys.errors import InputError
 from minesurveys.frames import Source
 from minesurveys.guard.plain_file import require_at_most
-from minesurveys.legs import SurveyLeg, cut_at_shafts
 from minesurveys.limits import reader_limits
 from minesurveys.remarks import warn_user
 from minesurveys.solved.model import LegFlag, LegStyle, SolvedSurvey
+from pipeline.survey.passages.survey_leg import SurveyLeg, cut_at_shafts
 from pipeline.survey.solved.splay_hits import SplayHits
 from pipeline.survey.solved.splay_walls import (
     Rows,

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.legs import SurveyLeg, cut_at_shafts, require_connected
+from minesurveys.solved.model import Passage, SolvedSurvey
 from minesurveys.stations.table import read_table
 from minesurveys.vector.shapes import REACH_M
 from pipeline.params.floor_rules import FLOOR_RULES, FloorRules
 from pipeline.survey.passages.grades import with_grades
 from pipeline.survey.passages.legs import require_no_crossing
+from pipeline.survey.passages.survey_leg import SurveyLeg, cut_at_shafts, require_connected
 from pipeline.survey.solved.flatness import require_flat
 
 
@@ -42,7 +43,7 @@ def read_stations(
         cannot be used; if the workings are too steep or pass over each other. The message names the file, the line or
         leg, and the value.
     """
-    result = _graded(path, read_table(path, REACH_M, walls_needed=True), grades, rules)
+    result = _graded(path, _legs_of(read_table(path, REACH_M, walls_needed=True)), grades, rules)
     if result[0].heights_m is not None and result[0].grades is None:
         require_flat(path, result, rules)
     require_connected(path, result)
@@ -62,7 +63,30 @@ def read_station_legs(
     one position in plan are the ends of a shaft, which is a leg of its own, after the others. `columns` names the
     table's columns that are ours (`columns_of`).
     """
-    return cut_at_shafts(_graded(path, read_table(path, columns=columns), grades, rules))
+    return cut_at_shafts(_graded(path, _legs_of(read_table(path, columns=columns)), grades, rules))
+
+
+def survey_of_legs(path: Path, legs: list[SurveyLeg]) -> SolvedSurvey:
+    """Return the legs of a station table as a survey in three dimensions; stations without elevations are at 0."""
+    places = dict[str, np.ndarray]()
+    for leg in legs:
+        for name, place in zip(leg.stations, leg.places_m, strict=True):
+            places.setdefault(name, place)
+    number = {name: k for k, name in enumerate(places)}
+    passages = [Passage(np.array([number[name] for name in leg.stations]), leg.lrud_m) for leg in legs]
+    return SolvedSurvey.of_passages(places, np.array(list(places.values())), passages, path)
+
+
+def _legs_of(survey: SolvedSurvey) -> list[SurveyLeg]:
+    """Return the passages of a table as legs."""
+    legs = []
+    for passage in survey.passages:
+        places, names = survey.positions_m[passage.stations], [survey.names[k] for k in passage.stations]
+        heights = np.column_stack([places[:, 2], passage.lrud_m[:, 2:]]) if survey.has_elevations else None
+        legs.append(
+            SurveyLeg(passage.name, names, places[:, :2], passage.lrud_m[:, :2], heights, grades=passage.grades)
+        )
+    return legs
 
 
 def _graded(path: Path, legs: list[SurveyLeg], grades: dict[str, float] | None, rules: FloorRules) -> list[SurveyLeg]:

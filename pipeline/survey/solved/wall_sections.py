@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from minesurveys.frames import Source
-from minesurveys.legs import SurveyLeg
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.survey.solved.splay_hits import AT_STATION_M, ShotSplays, SplayHits
 
 _APART_M = 0.15  # between sections, at least

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from minesurveys.legs import SurveyLeg
 from pipeline.survey.passages.relief import usual_roof_m
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.volume.network import NEAR_M, SurveyNetwork, network_of
 from pipeline.volume.union import STEEPEST
 

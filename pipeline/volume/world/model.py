@@ -70,7 +70,7 @@ def part_names(parts: Parts, zones: Sequence[ZoneStrip]) -> list[str]:
 
 def model_xml(scene: VolumeScene) -> bytes:
     """Return `mine.xml`. It is written as text: MuJoCo's specs take minutes for 100,000 meshes."""
-    root = model_tree(scene, _part_elements(scene))
+    root = model_tree(scene, part_elements(scene))
     ElementTree.indent(root)
     return ElementTree.tostring(root) + b"\n"
 
@@ -122,7 +122,7 @@ def model_tree(scene: VolumeScene, parts: Iterable[tuple[Element, Element]]) -> 
     return root
 
 
-def _part_elements(scene: VolumeScene) -> Iterator[tuple[Element, Element]]:
+def part_elements(scene: VolumeScene) -> Iterator[tuple[Element, Element]]:
     """Yield mesh and geom of each part. A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits."""
     parts, zones = scene.parts, zone_numbers(scene.parts, scene.zones)
     for number, name in enumerate(part_names(parts, scene.zones)):

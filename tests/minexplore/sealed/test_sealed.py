@@ -13,17 +13,11 @@ from minexplore.bundle import BundleError, decode_msh, encode_msh
 from minexplore.sealed import xml
 from minexplore.sealed.files import read_folder
 from minexplore.sealed.json_text import read_json
-from minexplore.sealed.model import ELEMENTS, NUMBERS, TEXTS
 from minexplore.sealed.sizes import most_bytes
 from minexplore.sealed.world import hash_files, open_files
 from minexplore.sealed.xml import walk_xml
 from minexplore.sensing.lidar import shared_lidar
 from minexplore.world import load_world
-from pipeline.schema.attributes import Element
-from pipeline.schema.light import LIGHT_WORLD
-from pipeline.schema.model import WORLD
-from pipeline.schema.volume.model import VOLUME_WORLD
-from pipeline.schema.volume.rock import ROCK_VOLUME_WORLD
 from tests.mines import BuiltMine, sealed
 
 
@@ -97,21 +91,6 @@ def test_a_model_that_reaches_outside_or_sizes_a_buffer_is_refused(files, new, m
     found = refusal(sealed({**files, "mine.xml": model}))
     assert found.startswith("w/mine.xml: ")
     assert message in found
-
-
-def test_elements_and_attributes_are_those_of_the_tables_of_certify():
-    elements, attributes = set(), set()
-
-    def walk(element: Element) -> None:
-        elements.add(element.tag)
-        attributes.update(element.attributes)
-        for child in element.children:
-            walk(child)
-
-    for table in (WORLD, LIGHT_WORLD, VOLUME_WORLD, ROCK_VOLUME_WORLD):
-        walk(table)
-    assert elements == ELEMENTS
-    assert attributes == TEXTS | NUMBERS
 
 
 @pytest.mark.parametrize(

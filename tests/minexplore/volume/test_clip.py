@@ -4,7 +4,7 @@ import manifold3d
 import numpy as np
 import pytest
 
-from minexplore.volume.clip import clip_convex
+from minexplore.volume.models import clip_convex
 
 CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 2) for z in (0, 2)], float)
 

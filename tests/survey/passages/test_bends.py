@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from benchmarks.worlds.random_bends import KEPT, KINDS, judge, least_share, robots_parts
-from minesurveys.legs import SurveyLeg, shots_of
 from pipeline.survey.passages.sections import sections_of, widths_kept
+from pipeline.survey.passages.survey_leg import SurveyLeg, shots_of
 from pipeline.survey.passages.workings import build_workings
 
 

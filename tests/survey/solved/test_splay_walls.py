@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from minesurveys.frames import Source
-from minesurveys.legs import SurveyLeg
 from minesurveys.solved.model import LegFlag, LegStyle, Passage, SolvedSurvey
 from minesurveys.solved.node_links import read_node_links
 from minesurveys.solved_surveys import survey_files
 from pipeline.errors import InputError
 from pipeline.survey.passages.relief import roofs_of, usual_roof_m
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.solved.splay_walls import (
     fill_down,

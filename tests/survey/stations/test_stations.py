@@ -374,3 +374,19 @@ def test_what_only_python_reads_as_a_number_or_nobody_as_a_name_is_refused(tmp_p
     path.write_bytes(f"{HEADER}A,a,0,0,2,2\n{row}\n".encode())
     with pytest.raises(InputError, match=message):
         read_stations(path)
+
+
+def test_a_table_that_is_read_alone_has_the_names_and_grades_of_its_legs(tmp_path):
+    rows = "A,a,0,0,2,3,0.1\nA,b,10,0,2,3,\nA,c,20,0,2,3,\nB,b,10,0,1,1,\nB,d,10,8,1,1,\n"
+    survey = solve_file(write(tmp_path, HEADER.strip() + ",rise_over_run\n" + rows))
+    assert [passage.name for passage in survey.passages] == ["A", "B"]
+    assert survey.passages[0].grades == pytest.approx([0.1, np.nan], nan_ok=True)
+    assert np.isnan(survey.passages[1].grades).all()
+    assert survey.names == ("a", "b", "c", "d")
+    assert survey.legs.tolist() == [[0, 1], [1, 2], [1, 3]]
+    assert not survey.has_elevations
+    assert not survey.positions_m[:, 2].any()
+    assert survey.passages[1].lrud_m[:, :2].tolist() == [[1, 1], [1, 1]]
+    high = solve_file(write(tmp_path, HEADER.strip() + ",elevation_m\nA,a,0,0,2,2,10\nA,b,40,0,2,2,20\n"))
+    assert high.has_elevations
+    assert high.passages[0].grades is None

@@ -84,7 +84,7 @@ class _WrittenParts:
         self._open.pop()
 
     def text(self, text: str) -> None:
-        """Pass text over: the schema refuses it."""
+        """Pass text over: `minexplore` refuses it."""
 
     def _take_mesh(self, number: int, vertices: str) -> None:
         corners, own = _numbers(vertices), self._parts[number]

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from minexplore.bundle import ROCK_TEXTURE, BundleError, ground_material, is_floor, surface_geom, world_sha256
+from minexplore.bundle import ROCK_TEXTURE, BundleError, ground_material, is_floor, world_sha256
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from minexplore.looks import cover_rgba
 from minexplore.sealed.files import read_folder
@@ -18,11 +18,13 @@ from minexplore.sealed.world import hash_files
 from minexplore.sensing.facet_meshes import facet_meshes, volume_meshes
 from minexplore.sensing.lidar import Lidar
 from minexplore.world import load_world
+from pipeline.errors import ArtifactError
 from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.lattice import WALL
 from pipeline.surface.mesh.mesh_checks import find_crossings
 from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.proof.again.remodelled import require_same_model
 from pipeline.volume.world.proof.certificate import open_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
@@ -187,7 +189,7 @@ def resealed(files, **changes):
     return files
 
 
-def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(files, tmp_path):
+def test_a_bundle_that_lacks_files_of_its_rock_or_states_none_is_refused(files, tmp_path):
     def refusal(**changes):
         changed = resealed(files, **changes)
         with pytest.raises(BundleError) as error:
@@ -195,23 +197,28 @@ def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(files, 
         return str(error.value)
 
     chunk = next(name for name in files if name.startswith("meshes/walls"))
-    stem = chunk.removeprefix("meshes/").removesuffix(".msh")
-    model = files["mine.xml"].decode()
-    line = next(one for one in model.splitlines() if f'"{surface_geom(stem)}"' in one)
     assert f"{chunk}'" in refusal(**{chunk: None})
     assert "missing" in refusal(**{ROCK_TEXTURE: None})
-    assert "does not use it" in refusal(**{"meshes/roof_77_77.msh": files[chunk]})
-    assert "want one geom of each" in refusal(**{"mine.xml": model.replace(line + "\n", "").encode()})
-    assert "contype" in refusal(**{"mine.xml": model.replace('contype="0"', 'contype="1"').encode()})
-    assert "fogend" in refusal(**{"mine.xml": model.replace('fogend="9"', 'fogend="7"').encode()})
-    no_texture, other_texture = (re.sub(r' texcoord="[^ ]* ', new, model, count=1) for new in (' x="', ' texcoord="7 '))
-    assert "mesh[floor_" in refusal(**{"mine.xml": no_texture.encode()})
-    assert "want those of its part's corners" in refusal(**{"mine.xml": other_texture.encode()})
-    bare = re.sub(r'(<material name="ground_[^>]*) texture="rock"', r"\1", model)
-    assert "material[ground_" in refusal(**{"mine.xml": bare.encode()})
     record = files["world.json"].decode().replace('"overlay":"rough"', '"overlay":"none"')
     record = record.replace('"overlay": "rough"', '"overlay": "none"')
     assert "overlay = 'none'" in refusal(**{"world.json": record.encode()})
+
+
+def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(box, files):
+    world, model = open_volume(box / "rocky"), files["mine.xml"].decode()
+    line = re.search(r'<geom name="surface_walls[^>]*>', model)
+    assert line is not None
+    no_texture, other_texture = (re.sub(r' texcoord="[^ ]* ', new, model, count=1) for new in (' x="', ' texcoord="7 '))
+    for changed, message in (
+        (model.replace(line[0], ""), "geom[surface_"),
+        (model.replace('contype="0"', 'contype="1"'), "geom@contype = 1, want 0"),
+        (model.replace('fogend="9"', 'fogend="7"'), "map@fogend = 7, want 9"),
+        (no_texture, "mesh[floor_"),
+        (other_texture, "@texcoord = 7"),
+        (re.sub(r'(<material name="ground_[^>]*) texture="rock"', r"\1", model), "material[ground_"),
+    ):
+        with pytest.raises(ArtifactError, match=re.escape(message)):
+            require_same_model(box / "rocky", dataclasses.replace(world, model=changed.encode()))
 
 
 def test_floors_have_the_texture_of_their_places_and_the_colour_of_their_zone(box, files):

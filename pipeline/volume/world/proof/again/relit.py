@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.scene import SpotLight
 from pipeline.params.realism import LightParams
-from pipeline.schema.readers.rules import numbers_in
+from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.bundle import lights_of
 from pipeline.volume.world.topology import LegNetwork
 
@@ -23,6 +23,7 @@ _OFF_M = 0.005  # places have three decimals, and a distance that is read off th
 _TURNED = 1e-6  # of a direction, whose height has twelve digits
 _MIDDLE_M = 2e-3  # from the middle of its leg, of a leg's only light
 _TRIED = 8  # distances: those that occur most often between neighbours
+_WIDEST_DEG = 90.0
 _LEAST_M = 1e-9  # height of lights on the floor, which other heights are read off
 
 
@@ -35,10 +36,13 @@ class StatedLight:
     cutoff_deg: float
 
     @classmethod
-    def of(cls, attributes: dict[str, str]) -> Self:
-        """Return the light of an element that the schema has checked."""
-        place, direction, (cutoff,) = (numbers_in(attributes[name]) or [0.0] for name in ("pos", "dir", "cutoff"))
-        return cls(tuple(place), tuple(direction), cutoff)
+    def of(cls, model: Path, attributes: dict[str, str]) -> Self:
+        """Return the light of an element; `ArtifactError` if it lacks a place, a direction or an angle."""
+        texts = {name: attributes.get(name, "") for name in ("pos", "dir", "cutoff")}
+        place, direction, cutoff = (numbers_in(text) or [] for text in texts.values())
+        if (len(place), len(direction), len(cutoff)) != (3, 3, 1) or not 0 < cutoff[0] <= _WIDEST_DEG:
+            raise ArtifactError(f"{model}: light: {texts}, want a place, a direction and at most {_WIDEST_DEG:g} deg")
+        return cls(tuple(place), tuple(direction), cutoff[0])
 
 
 def remake_lights(model: Path, stated: Sequence[StatedLight], legs: LegNetwork) -> list[SpotLight]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -13,24 +13,25 @@ import numpy as np
 from minexplore.bundle import MESHES, MINE_BODY, MODEL, RECORD, mesh_of
 from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
-from pipeline.schema.readers.rules import numbers_in
+from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.content import world_box
-from pipeline.volume.world.model import VolumeScene, model_tree
+from pipeline.volume.world.model import VolumeScene, model_tree, part_elements, part_names
 from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.topology import heading_at
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 12 digits
 _SHOWN = 60  # characters of a value in a message
-_MINE, _LIGHT = f"body[{MINE_BODY}]", "/light["
+_WHERE = {"mesh": ("mujoco", "asset"), "geom": ("mujoco", "worldbody", f"body[{MINE_BODY}]")}  # parts stand in these
+
+_Stated = tuple[str, str, dict[str, str]]  # tag, path and attributes of an element
 
 
 def require_same_model(folder: Path, world: VolumeBundle) -> None:
-    """Compare all elements and attributes of the model, but those of parts, with those that the builder writes.
+    """Compare all elements and attributes of the model with those that the builder writes.
 
-    The compiled model follows from these and from the files that they name; `pipeline.schema` has compared the parts.
-    Taken from the model are height, pitch, cut-off angle and distance of the lights. All else follows from
-    `world.json`, the network and the mesh.
+    The compiled model follows from these and from the files that they name. Taken from the model are height, pitch,
+    cut-off angle and distance of the lights. All else follows from `world.json`, the network, the mesh and the parts.
 
     Raises
     ------
@@ -57,53 +58,83 @@ def require_same_model(folder: Path, world: VolumeBundle) -> None:
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
         rock=sorted(mesh_of(name) for name in record.files if name.startswith(MESHES)),
     )
-    found = _Elements()
+    found = _Elements(scene)
     walk_xml(MODEL, world.model, found)
-    lights = [StatedLight.of(attributes) for at, attributes in found.kept if _LIGHT in at]
-    lit = remake_lights(folder / MODEL, lights, world.legs)
-    differs = _difference(found, model_tree(replace(scene, lights=lit), ()))
+    path = folder / MODEL
+    lights = [StatedLight.of(path, attributes) for tag, _, attributes in found.kept if tag == "light"]
+    if len(lights) != record.lights:
+        raise ArtifactError(f"{path}: {len(lights)} lights, {RECORD} has {record.lights}")
+    lit = remake_lights(path, lights, world.legs)
+    differs = found.differs or found.missing or _difference(found.kept, model_tree(replace(scene, lights=lit), ()))
     if differs:
-        raise ArtifactError(f"{folder / MODEL}: {differs}, as the builder writes it")
+        raise ArtifactError(f"{path}: {differs}, as the builder writes it")
 
 
 class _Elements:
-    """Keeps the elements of a model as they come, but those of parts, each with its path."""
+    """Takes the elements of a model as they come: those of parts are compared, the others kept with their paths.
 
-    def __init__(self) -> None:
-        self._open, self.kept = list[str](), list[tuple[str, dict[str, str]]]()
+    A cave has a million elements of parts, so none of them is kept.
+    """
+
+    def __init__(self, scene: VolumeScene) -> None:
+        self._open, self.kept = list[str](), list[_Stated]()
+        self._parts = set(part_names(scene.parts, scene.zones))
+        self._wanted = {
+            "mesh": (mesh for mesh, _ in part_elements(scene)),
+            "geom": (geom for _, geom in part_elements(scene)),
+        }
+        self.differs: str | None = None
+
+    @property
+    def missing(self) -> str | None:
+        """Return the first element of a part that did not come."""
+        left = next((_of_part(part) for wanted in self._wanted.values() for part in wanted), None)
+        return None if left is None else _of_two(None, left)
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """Take the begin of an element."""
-        step = _step(tag, attributes)
-        of_part = (tag == "geom" and self._open[-1:] == [_MINE]) or (tag == "mesh" and "file" not in attributes)
-        if not of_part:
-            self.kept.append(("/".join([*self._open, step]), attributes))
-        self._open.append(step)
+        at = "/".join([*self._open, _step(tag, attributes)])
+        if tag in self._wanted and attributes.get("name") in self._parts:
+            wanted = next((_of_part(part) for part in self._wanted[tag]), None)
+            self.differs = self.differs or _of_two((tag, at, attributes), wanted)
+        else:
+            self.kept.append((tag, at, attributes))
+        self._open.append(_step(tag, attributes))
 
     def end(self, tag: str) -> None:
         """Leave an element."""
         self._open.pop()
 
     def text(self, text: str) -> None:
-        """Pass text over: the schema refuses it."""
+        """Pass text over: `minexplore` refuses it."""
 
 
-def _difference(found: _Elements, wanted: Element) -> str | None:
+def _of_part(element: Element) -> _Stated:
+    """Return the mesh or the geom of a part with its path in the model."""
+    return element.tag, "/".join([*_WHERE[element.tag], _step(element.tag, element.attrib)]), element.attrib
+
+
+def _difference(found: Iterable[_Stated], root: Element) -> str | None:
     """Return the first element or attribute that differs from those of a tree, with both values, or None."""
-    for one, two in zip_longest(found.kept, _walk(wanted)):
-        if one is None or two is None or one[0] != two[0]:
-            at = (one or two)[0]  # type: ignore[index]
-            return f"{at}: {'missing' if one is None else 'the builder writes no such element here'}"
-        for name in {**two[1], **one[1]}:
-            pair = one[1].get(name), two[1].get(name)
-            if pair[0] != pair[1] and not _equal(*pair):
-                return f"{one[0]}@{name} = {pair[0]!s:.{_SHOWN}}, want {pair[1]!s:.{_SHOWN}}"
+    pairs = zip_longest(found, _walk(root))
+    return next((differs for one, two in pairs if (differs := _of_two(one, two))), None)
+
+
+def _of_two(one: _Stated | None, two: _Stated | None) -> str | None:
+    """Return how two elements differ, of which one may be missing, or None."""
+    if one is None or two is None or one[1] != two[1]:
+        at = (one or two)[1]  # type: ignore[index]
+        return f"{at}: {'missing' if one is None else 'the builder writes no such element here'}"
+    for name in {**two[2], **one[2]}:
+        pair = one[2].get(name), two[2].get(name)
+        if pair[0] != pair[1] and not _equal(*pair):
+            return f"{one[1]}@{name} = {pair[0]!s:.{_SHOWN}}, want {pair[1]!s:.{_SHOWN}}"
     return None
 
 
-def _walk(element: Element, above: str = "") -> Iterator[tuple[str, dict[str, str]]]:
+def _walk(element: Element, above: str = "") -> Iterator[_Stated]:
     at = f"{above}{_step(element.tag, element.attrib)}"
-    yield at, element.attrib
+    yield element.tag, at, element.attrib
     for child in element:
         yield from _walk(child, f"{at}/")
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from minesurveys.frames import Source
-from minesurveys.legs import SurveyLeg
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.survey.passages.legs import legs_of
 from pipeline.survey.passages.relief import known_of
+from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.types import SurveyedLegs
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.inside import Inside

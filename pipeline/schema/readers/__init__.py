@@ -1,1 +1,0 @@
-"""Bounded readers of a bundle's files."""
