@@ -178,11 +178,6 @@ def test_a_wrong_action_names_its_robot_and_changes_nothing(tee: BuiltMine):
     np.testing.assert_array_equal(made.robots.state, before)
 
 
-def test_step_before_reset_is_refused(tee: BuiltMine):
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        MineVectorEnv(1, tee.bundle).step(np.zeros((1, 2)))
-
-
 def test_memory_does_not_grow_over_resets(tee: BuiltMine):
     made = MineVectorEnv(8, tee.bundle)
     made.reset(seed=0)
@@ -197,10 +192,10 @@ def test_memory_does_not_grow_over_resets(tee: BuiltMine):
     assert grown < 200_000
 
 
-def test_the_scalar_env_survives_pickling_and_its_spec_a_round_trip(tee: BuiltMine):
+def test_the_scalar_env_survives_pickling_and_its_spec_round_trips(tee: BuiltMine):
     made = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), max_episode_steps=9)
     spec = gymnasium.envs.registration.EnvSpec.from_json(made.spec.to_json())
-    again = gymnasium.make(spec)
+    again = gymnasium.make(pickle.loads(pickle.dumps(spec)))
     assert again.spec.max_episode_steps == 9
     copy = pickle.loads(pickle.dumps(made.unwrapped))
     np.testing.assert_array_equal(copy.reset(seed=3)[0], made.reset(seed=3)[0])
@@ -228,17 +223,6 @@ def test_the_plan_turns_green_where_the_robot_has_looked(tee: BuiltMine):
             picture = made.render().astype(int)
             green.append(int(((picture[..., 1] - picture[..., 0]) > 50).sum()))
     assert green[1] > green[0] > 0
-
-
-def test_videos_are_recorded_headless(tee: BuiltMine, tmp_path):
-    pytest.importorskip("moviepy")
-    made = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), render_mode="rgb_array", camera="top")
-    made = gymnasium.wrappers.RecordVideo(made, str(tmp_path), episode_trigger=lambda k: True)
-    made.reset(seed=0)
-    for _ in range(5):
-        made.step(made.action_space.sample())
-    made.close()
-    assert list(tmp_path.glob("*.mp4"))
 
 
 def test_a_reset_forgets_all_that_a_robot_has_seen_and_nothing_of_the_others(tee: BuiltMine):
