@@ -16,7 +16,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from benchmarks.worlds.small_world import finish_world
-from minexplore.bundle import UNSEALED, world_sha256
+from minexplore.bundle import UNSEALED, BundleError, world_sha256
 from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from pipeline.geometry.rasterize import fill_polygon
 from pipeline.geometry.rock.extrude import section_footprint
@@ -106,6 +106,14 @@ def sealed(files: dict[str, bytes], **fields: Any) -> dict[str, bytes]:
 def require_allowed(folder: Path | str, files: dict[str, bytes]) -> SealedWorld:
     """Open a bundle of these files as `minexplore` does, then apply the tables, as `certify` does."""
     return check_tables(Path(folder), open_files(Path(folder), files, hash_files(files)))
+
+
+def refusal(files: dict[str, bytes], **fields: Any) -> str:
+    """Return the message with which `certify`'s tables refuse these files, sealed anew."""
+    changed = sealed(files, **fields)
+    with pytest.raises(BundleError) as caught:
+        require_allowed("w", changed)
+    return str(caught.value)
 
 
 def end_build(root: Path) -> None:

@@ -1,11 +1,9 @@
 import dataclasses
 import pickle
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 from minexplore.envs.env import MineEnv
 from minexplore.envs.family import FamilyVectorEnv
@@ -20,12 +18,6 @@ from minexplore.task import TaskParams
 from tests.mines import BuiltMine
 
 NAMES = ("husky", "quadrotor")
-
-
-@pytest.mark.parametrize("robot", NAMES)
-def test_an_environment_of_each_robot_passes_gymnasiums_checks(tee: BuiltMine, robot: str):
-    env = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), robot=robot).unwrapped
-    check_env(env, skip_render_check=True)
 
 
 @pytest.mark.parametrize("robot", NAMES)
