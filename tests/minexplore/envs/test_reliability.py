@@ -92,8 +92,8 @@ def drive_hard(robots: RobotBatch, inside, steps: int, seed: int) -> int:
 def test_hard_driving_leaves_no_nan_and_no_robot_outside(tee: BuiltMine):
     inside = tee.free_space.polygon.buffer(0.01)
     shapely.prepare(inside)
-    robots = RobotBatch(load_world(tee.bundle), TaskParams(), RobotParams(), 50)
-    assert drive_hard(robots, inside, 200, 1) == 10_000
+    robots = RobotBatch(load_world(tee.bundle), TaskParams(), RobotParams(), 25)
+    assert drive_hard(robots, inside, 200, 1) == 5_000
 
 
 @pytest.mark.slow

@@ -36,23 +36,6 @@ def test_it_is_made_by_make_vec_and_has_batched_spaces(tee: BuiltMine):
     made.close()
 
 
-def test_vector_and_scalar_give_the_same_trajectories_bit_for_bit(tee: BuiltMine):
-    vector = MineVectorEnv(4, tee.bundle)
-    single = [MineEnv(tee.bundle) for _ in range(4)]
-    observations, _ = vector.reset(seed=7)
-    alone = [env.reset(seed=7 + i)[0] for i, env in enumerate(single)]
-    np.testing.assert_array_equal(observations, np.stack(alone))
-    for step in range(150):
-        actions = commands(1, 4, step)
-        observations, rewards, _, truncated, info = vector.step(actions)
-        results = [env.step(actions[i]) for i, env in enumerate(single)]
-        np.testing.assert_array_equal(observations, np.stack([r[0] for r in results]))
-        np.testing.assert_array_equal(rewards, [r[1] for r in results])
-        np.testing.assert_array_equal(info["pose_m_rad"], np.stack([r[4]["pose_m_rad"] for r in results]))
-        assert not truncated.any()
-    assert info["collisions"].sum() > 0
-
-
 def test_a_corner_of_rock_is_met_head_on_and_as_deep_as_it_stands_in_the_disc(tee: BuiltMine):
     robots = RobotBatch(load_world(tee.bundle), TaskParams(tilt=False), RobotParams(), 1)
     free, pressed = tee.free_space.polygon, 0.05
@@ -115,12 +98,12 @@ def side_by_side(bundle, count, steps, seed):
 
 
 def test_local_models_and_the_whole_world_give_the_same_physics_and_no_robot_leaves_the_workings(tee: BuiltMine):
-    """10^5 physics steps of hard driving into walls, corners and borders of tiles."""
-    agree = np.ones(50, dtype=bool)
-    apart = np.zeros(50)
+    """4.8 * 10^4 physics steps of hard driving into walls, corners and borders of tiles."""
+    agree = np.ones(24, dtype=bool)
+    apart = np.zeros(24)
     inside = TEE.buffer(0.01)
     crossed = set()
-    for local, whole, hits in side_by_side(tee.bundle, 50, 100, 3):
+    for local, whole, hits in side_by_side(tee.bundle, 24, 100, 3):
         apart = np.abs(local.qpos - whole.qpos).max(axis=1)
         agree &= apart < 1e-9
         assert (hits[0] == hits[1])[agree].all()
@@ -202,7 +185,7 @@ def test_the_scalar_env_survives_pickling_and_its_spec_round_trips(tee: BuiltMin
 
 
 def test_pictures_are_drawn_without_a_screen(tee: BuiltMine):
-    for camera in ("chase", "top", "front"):
+    for camera in ("chase", "front"):  # the plan is looked at below
         made = MineVectorEnv(2, tee.bundle, render_mode="rgb_array", camera=camera)
         made.reset(seed=0)
         one, two = made.render()

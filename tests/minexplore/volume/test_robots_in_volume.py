@@ -37,27 +37,6 @@ def test_gymnasiums_checker_accepts_each_robot_in_a_volume(ramp, robot):
     check_env(env, skip_render_check=True)
 
 
-@pytest.mark.parametrize("robot", NAMES)
-def test_many_of_each_robot_step_as_one_does_bit_for_bit_in_a_volume(ramp, robot):
-    vector = MineVectorEnv(3, ramp, robot=robot)
-    single = [MineEnv(ramp, robot=robot) for _ in range(3)]
-    observations, _ = vector.reset(seed=7)
-    np.testing.assert_array_equal(observations, [env.reset(seed=7 + i)[0] for i, env in enumerate(single)])
-    rng, collisions = np.random.default_rng(1), 0
-    for step in range(40):
-        if step % 8 == 0:
-            actions = rng.uniform(-1, 1, vector.action_space.shape).astype(np.float32)
-            actions[:, 0] = 1.0
-        observations, rewards, _, _, info = vector.step(actions)
-        alone = [env.step(actions[i]) for i, env in enumerate(single)]
-        np.testing.assert_array_equal(observations, [result[0] for result in alone])
-        np.testing.assert_array_equal(rewards, [result[1] for result in alone])
-        for name in ("pose_m_rad", "height_m", "leg"):
-            np.testing.assert_array_equal(info[name], [result[4][name] for result in alone])
-        collisions += info["collision"].sum()
-    assert collisions > 0
-
-
 def test_a_husky_climbs_a_ramp_at_its_top_speed_and_touches_nothing(ramp):
     world, robot = load_world(ramp), HuskyParams(side_ratio=1.0, turn_noise_radps=0.0)
     batch = RobotBatch(world, TaskParams(terrain=False), robot, 1)

@@ -13,7 +13,6 @@ import minexplore
 from minexplore.envs.env import MineEnv
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.vector import MineVectorEnv
 from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid
@@ -81,22 +80,6 @@ def drive_all_out(world, seconds, seed=0, robots=32):
 def test_gymnasiums_checker_accepts_an_environment_in_a_volume(over):
     made = gymnasium.make("MineXplore/World-v0", world=over)
     check_env(made.unwrapped, skip_render_check=True)
-
-
-def test_many_robots_step_as_one_does_bit_for_bit(ramp):
-    many, rng = MineVectorEnv(3, ramp, threads=2), np.random.default_rng(0)
-    alone = [MineEnv(ramp) for _ in range(3)]
-    observation, _ = many.reset(seed=5)
-    for k, env in enumerate(alone):
-        assert (env.reset(seed=5 + k)[0] == observation[k]).all()
-    for _ in range(30):
-        action = rng.uniform([0.2, -1], 1, (3, 2))
-        observation, reward, _, _, info = many.step(action)
-        for k, env in enumerate(alone):
-            own = env.step(action[k])
-            assert (own[0] == observation[k]).all()
-            assert own[1] == reward[k]
-            assert all(np.array_equal(value, info[name][k]) for name, value in own[4].items())
 
 
 def test_a_seed_gives_one_episode_and_a_copy_goes_on_as_its_original(ramp):
