@@ -16,7 +16,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from benchmarks.worlds.small_world import finish_world
-from minexplore.bundle import UNSEALED, world_sha256
+from minexplore.bundle import UNSEALED, BundleError, world_sha256
 from minexplore.sealed.world import SealedWorld, hash_files, open_files
 from pipeline.errors import MineError
 from pipeline.geometry.rasterize import fill_polygon
@@ -120,6 +120,14 @@ def model_refusal(folder: Path, files: dict[str, bytes]) -> str:
     with pytest.raises(MineError) as caught:
         require_same_model(folder, read_record(folder), read_free_space(folder).polygon)
     assert str(caught.value).isprintable()
+    return str(caught.value)
+
+
+def refusal(files: dict[str, bytes], **fields: Any) -> str:
+    """Return the message with which `certify`'s tables refuse these files, sealed anew."""
+    changed = sealed(files, **fields)
+    with pytest.raises(BundleError) as caught:
+        require_allowed("w", changed)
     return str(caught.value)
 
 

@@ -19,7 +19,9 @@ def test_a_broken_composed_configuration_is_refused_in_one_line_of_our_own_words
     assert "Input" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["overrides: [1]\n", "overides: ''\n", "overrides: 'a=\"b'\n", "a: [\n", "- 3\n"])
+@pytest.mark.parametrize(
+    "text", ["overrides: [1]\n", "overrides: 5\n", "overides: ''\n", "overrides: 'a=\"b'\n", "a: [\n", "- 3\n"]
+)
 def test_a_file_without_a_line_of_overrides_is_refused_in_our_own_words(tmp_path, monkeypatch, text):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "params.yaml").write_text(text)

@@ -99,28 +99,6 @@ def test_a_script_that_does_not_close_its_environment_ends_well_and_keeps_the_us
     assert (done.stdout.strip(), done.stderr) == (f"(480, 640, 3) {library}", "")
 
 
-@pytest.mark.slow  # the quick run records a policy, and draws without a display
-@needs_opengl
-def test_a_policy_is_recorded_without_a_display(tee: BuiltMine, tmp_path):
-    pytest.importorskip("moviepy")
-    done = run(
-        "-m",
-        "minexplore",
-        "play",
-        "MineXplore/World-v0",
-        "--world",
-        str(tee.bundle),
-        "--policy",
-        "ahead",
-        "--steps",
-        "5",
-        "--video",
-        str(tmp_path),
-    )
-    assert done.returncode == 0, done.stderr
-    assert list(tmp_path.glob("*.mp4"))
-
-
 def test_a_machine_without_any_library_gets_a_line_on_what_to_install(tee: BuiltMine):
     play = ["minexplore", "play", "World", "--world", str(tee.bundle), "--policy", "ahead", "--video", "videos"]
     done = run("-c", NOTHING + f"import minexplore.__main__ as m; sys.argv = {play}; sys.exit(m.main())")

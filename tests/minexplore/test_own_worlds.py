@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from minexplore.unfinished import command_to_end
 from tests.mines import BuiltMine, end_build
 from tests.project import ROOT
 
@@ -41,12 +42,6 @@ def test_the_spec_of_an_own_world_can_be_written_as_json(checkout):
     assert done.returncode == 0, done.stderr
     world = checkout / "artifacts" / "worlds" / "my-mine" / "realism" / "world"
     assert json.loads(done.stdout)["kwargs"] == {"world": str(world)}
-
-
-def test_an_own_world_is_timed_by_its_id(checkout):
-    done = run(checkout, "time", MINE, "--robots", "2", "--steps", "2")
-    assert done.returncode == 0, done.stderr
-    assert "control steps/s: 2 robots" in done.stdout
 
 
 def test_an_own_world_is_played_by_its_id(checkout, tmp_path):
@@ -97,6 +92,7 @@ def test_the_page_names_the_built_in_environments_only(checkout):
 
 
 NEW = "python -m pipeline new my-mine --from 'a plan.png' preset=light"
+PARAMS = f"# Composed from conf/; do not edit.\n# Continue with: {NEW}\nsurvey: {{}}\n"
 MAKE = f"""
 import gymnasium, minexplore
 ways = lambda: gymnasium.make({MINE!r}), lambda: gymnasium.make_vec({MINE!r}, 2), lambda: minexplore.load("my-mine")
@@ -127,34 +123,48 @@ def of_another_stage(root):
     manifest.write_text(manifest.read_text().replace('"validation"', '"realism"'))
 
 
+@pytest.fixture
+def root(checkout, tmp_path):
+    """Return a copy of an own world with its stages, in a folder of artifacts."""
+    root = tmp_path / "artifacts" / "worlds" / "my-mine"
+    shutil.copytree(checkout / "artifacts" / "worlds" / "my-mine", root)
+    return root
+
+
+def end_of(root):
+    """Return the command that ends a world, as a checkout with its artifacts says."""
+    return command_to_end(root / "realism" / "world", root.parents[1])
+
+
 @pytest.mark.parametrize("state", [never_validated, built_again, cut_short, of_another_stage])
-def test_a_world_whose_last_stage_has_not_ended_is_unfinished_and_the_command_is_named(checkout, tmp_path, state):
+def test_a_world_whose_last_stage_has_not_ended_is_unfinished(root, state):
+    (root / "params.yaml").write_text(PARAMS)
+    assert end_of(root) is None
+    state(root)
+    assert end_of(root) == NEW
+
+
+@pytest.mark.parametrize("params", ["", "# Continue with: \x1b[2J\n", "# Continue with: " + "x" * 600, "\udcff"])
+def test_an_unfinished_world_of_an_older_build_names_the_usual_command(root, params):
+    (root / "params.yaml").write_bytes(params.encode(errors="surrogateescape"))
+    never_validated(root)
+    assert end_of(root) == "python -m pipeline new my-mine --from FILE"
+
+
+def test_whatever_makes_an_unfinished_world_names_the_command_that_ends_it(checkout, tmp_path):
     folder = tmp_path / "copy"
     shutil.copytree(checkout, folder)
     root = folder / "artifacts" / "worlds" / "my-mine"
-    (root / "params.yaml").write_text(f"# Composed from conf/; do not edit.\n# Continue with: {NEW}\nsurvey: {{}}\n")
-    state(root)
+    (root / "params.yaml").write_text(PARAMS)
+    never_validated(root)
     done = run(folder, "list")
     (line,) = [line for line in done.stdout.splitlines() if line.startswith(MINE)]
     assert "unfinished" in line
     assert f"`{NEW}` ends it" in line
     made = subprocess.run([sys.executable, "-c", MAKE], capture_output=True, text=True, cwd=folder, check=False)
-    assert made.returncode == 0, made.stderr
-    assert len(made.stdout.splitlines()) == 3
-    assert all(
-        f"unfinished: its last stage has not ended; `{NEW}` ends it" in line for line in made.stdout.splitlines()
-    )
+    refused = f"unfinished: its last stage has not ended; `{NEW}` ends it"
+    assert [refused in line for line in made.stdout.splitlines()] == [True] * 3, made.stderr
     played = run(folder, "time", MINE)
     assert played.returncode == 2
     assert f"`{NEW}` ends it" in played.stderr
     assert played.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("params", ["", "# Continue with: \x1b[2J\n", "# Continue with: " + "x" * 600, "\udcff"])
-def test_an_unfinished_world_of_an_older_build_names_the_usual_command(checkout, tmp_path, params):
-    folder = tmp_path / "copy"
-    shutil.copytree(checkout, folder)
-    root = folder / "artifacts" / "worlds" / "my-mine"
-    (root / "params.yaml").write_bytes(params.encode(errors="surrogateescape"))
-    never_validated(root)
-    assert "`python -m pipeline new my-mine --from FILE` ends it" in run(folder, "list").stdout

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from minexplore.bundle import MODEL, BundleError, GeomGroup, is_shade, shade_geom
+from minexplore.bundle import MODEL, GeomGroup, is_shade, shade_geom
 from minexplore.looks import CUT_MATERIAL, LOOKS, SHADE, cover_rgba
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.pictures.atmosphere import add_headlamp, add_sky, has_haze, let_light_pass
@@ -21,7 +21,7 @@ from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from tests.composed import compose
-from tests.mines import BuiltMine, model_refusal, require_allowed, sealed
+from tests.mines import BuiltMine, model_refusal, refusal
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])
 COARSE = [
@@ -48,14 +48,6 @@ def wet(looking: Config, tmp_path_factory) -> BuiltMine:
 def plain(tmp_path_factory) -> BuiltMine:
     config = compose([*COARSE, "look=plain", "surface.texture.size_px=128"])
     return BuiltMine(DRIFT, config, tmp_path_factory.mktemp("plain") / "world")
-
-
-def refusal(files: dict[str, bytes], **fields) -> str:
-    """Return the message with which a sealed world is refused by the tables."""
-    changed = sealed(files, **fields)
-    with pytest.raises(BundleError) as caught:
-        require_allowed("w", changed)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize("name", LOOKS)

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from minesurveys.frames import Heights
-from minexplore.bundle import COVER_M, HFIELDS, BundleError, decode_msh, is_cover, is_rough_floor
+from minexplore.bundle import COVER_M, HFIELDS, decode_msh, is_cover, is_rough_floor
 from minexplore.extra.placing.place import place
 from minexplore.physics.local_models import LocalModels
 from minexplore.physics.robot import RobotParams
@@ -27,7 +27,7 @@ from pipeline.store.mine_survey import MineSurvey
 from pipeline.types import DrawnPlan
 from stages.realism import STAGE, write_world
 from tests.composed import compose
-from tests.mines import TEE, BuiltMine, frame_for, model_refusal, require_allowed, sealed, survey_of
+from tests.mines import TEE, BuiltMine, frame_for, model_refusal, refusal, sealed, survey_of
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 ROUGH = [
@@ -64,13 +64,6 @@ def files(rough: BuiltMine) -> dict[str, bytes]:
 def covers(files) -> dict[str, bytes]:
     stems = {name.removeprefix("meshes/").removesuffix(".msh"): name for name in files}
     return {stem: files[name] for stem, name in stems.items() if is_cover(stem)}
-
-
-def refusal(files: dict[str, bytes]) -> str:
-    changed = sealed(files)
-    with pytest.raises(BundleError) as caught:
-        require_allowed("w", changed)
-    return str(caught.value)
 
 
 def test_a_rough_world_is_what_the_builder_makes_of_its_own_parts(rough: BuiltMine, config: Config):

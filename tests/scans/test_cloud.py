@@ -25,6 +25,11 @@ def drift() -> np.ndarray:
     return np.column_stack([x, y, z]).round(4)
 
 
+def read(path):
+    """Return all points of a cloud in metres."""
+    return np.concatenate([block.points for block in read_blocks(path, 1.0)])
+
+
 def write_dat(path, points, header="time x y z intensity"):
     rows = [f"{1398177459 + i * 1e-5:.6f} {x:.4f} {y:.4f} {z:.4f} {i % 255}" for i, (x, y, z) in enumerate(points)]
     path.write_text("\n".join([header, *rows]) + "\n")

@@ -3,30 +3,21 @@
 import numpy as np
 import pytest
 
-from minesurveys.clouds.cloud_formats import read_blocks
 from minesurveys.coordinates.precision import require_fine, steps_of_floats, steps_seen
 from pipeline.errors import InputError
 from pipeline.geometry.ray_scene import load_open3d
 from pipeline.survey.clouds.points import ScanFile, read_here
 from tests.project import shared_file
+from tests.scans.test_cloud import read, write_open3d
 
 POINTS = np.random.default_rng(0).uniform(-5, 5, (200, 3)).round(3)
 GRID = np.array([456_780.0, 5_712_340.0, 400.0])
-
-
-def read(path):
-    return np.concatenate([block.points for block in read_blocks(path, 1.0)])
 
 
 def as_scan(path, points, text="%.3f", unit_m=1.0):
     """Read points as a scan, thinned to 1 mm."""
     np.savetxt(path, points, fmt=text) if path.suffix == ".xyz" else write_open3d(path, points)
     return read_here(vars(ScanFile(path.as_posix(), unit_m, "z", None, 0.001)))
-
-
-def write_open3d(path, points, **how):
-    open3d = load_open3d()
-    open3d.io.write_point_cloud(str(path), open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points)), **how)
 
 
 @pytest.mark.parametrize(

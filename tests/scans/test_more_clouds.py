@@ -6,20 +6,16 @@ import numpy as np
 import pytest
 
 from minesurveys.clouds import zipped_clouds
-from minesurveys.clouds.cloud_formats import read_blocks
 from minesurveys.clouds.text_clouds import has_point_rows
 from minesurveys.limits import reader_limits
 from pipeline.errors import InputError
+from tests.scans.test_cloud import read
 
 POINTS = np.random.default_rng(0).uniform(-5, 5, (200, 3)).round(3)
 
 
 def rows(mark=" ", points=POINTS):
     return "".join(mark.join(f"{value:.3f}" for value in point) + "\n" for point in points)
-
-
-def read(path):
-    return np.concatenate([block.points for block in read_blocks(path, 1.0)])
 
 
 @pytest.mark.parametrize(

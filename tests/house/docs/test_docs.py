@@ -50,7 +50,7 @@ ELSEWHERE = {
     r"python -m pipeline verify my-mine": "`verify` of the default is run here; this mine is an example",
     r"python -m baselines.evaluate --policy my-mine-.*": "baselines/tests/ppo/test_ppo.py; the policy is an example",
     r"python -m baselines.split .*": "baselines/tests/test_split.py; it needs the mines of a split",
-    r"python -m pipeline export .* --to usd": "tests/export/test_formats.py; it needs the extra `export`",
+    r"python -m pipeline export .* --to usd": "tests/export/test_export_formats.py; it needs the extra `export`",
     r"python -m minexplore play [^ ]+": "tests/minexplore/envs/test_env.py; it opens a window",
 }
 

@@ -64,10 +64,11 @@ def test_a_survey_is_read_without_the_pipeline(tmp_path):
     assert "coordinate system epsg:27700" in done.stdout
     page = (ROOT / "minesurveys/README.md").read_text()
     (block,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.M | re.S)
-    done = subprocess.run([sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True)
-    assert done.stdout == "856 stations epsg:27700\n", done.stderr
-    program = "import sys, minesurveys.reading; print(*{name.partition('.')[0] for name in sys.modules})"
-    loaded = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True).stdout.split()
+    listing = "import sys; print(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", block + listing], cwd=ROOT, capture_output=True, text=True)
+    printed, loaded = done.stdout.splitlines()
+    assert printed == "856 stations epsg:27700", done.stderr
+    loaded = loaded.split()
     assert "minesurveys" in loaded
     assert not {"pipeline", "stages", "minexplore", "mujoco", "gymnasium", "hydra"} & set(loaded)
 

@@ -39,7 +39,9 @@ def test_robots_of_any_kind_hold_each_other_up(tee: BuiltMine, robot, action):
     assert x[1] > x[0]
 
 
-@pytest.mark.parametrize(("robot", "conditions"), [("husky", "ideal"), ("quadrotor", "ideal"), ("husky", "typical")])
+@pytest.mark.parametrize(
+    ("robot", "conditions"), [(None, "ideal"), ("husky", "ideal"), ("quadrotor", "ideal"), ("husky", "typical")]
+)
 def test_beams_of_any_kind_hit_the_other_robot(tee: BuiltMine, robot, conditions):
     env = MineParallelEnv(2, world=tee.bundle, robot=robot, conditions=conditions, task=LEVEL)
     facing(env)
@@ -47,6 +49,8 @@ def test_beams_of_any_kind_hit_the_other_robot(tee: BuiltMine, robot, conditions
     assert env.team.true_ranges(np.arange(2))[:, 0] == pytest.approx(4.0 - radius_m, abs=0.02)
     measured = env.team._cast(np.arange(2))[2][:, 0]
     assert measured == pytest.approx(4.0 - radius_m, abs=0.1)
+    env.team.place(1, 24.0, 3.5, np.pi)
+    assert env.team.true_ranges(np.arange(2))[0, 0] == 10.0  # past the other one
 
 
 def test_a_flyer_over_another_is_hit_by_the_beam_upwards(tee: BuiltMine):

@@ -16,6 +16,7 @@ def test_gymnasiums_checker_draws_in_all_modes_that_there_are_without_a_display(
         monkeypatch.delenv(name, raising=False)
     made = gymnasium.make(ID, world=str(tee.bundle), render_mode="rgb_array")
     assert made.unwrapped.metadata["render_modes"] == ["rgb_array"]
+    assert (made.observation_space.shape, made.action_space.shape) == ((19,), (2,))
     check_env(made.unwrapped)
     made.close()
 

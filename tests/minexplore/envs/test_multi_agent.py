@@ -26,18 +26,6 @@ def test_robots_start_apart(tee: BuiltMine):
     assert apart.min() >= 1.2
 
 
-def test_robots_see_each_other(tee: BuiltMine):
-    env = MineParallelEnv(robots=2, world=tee.bundle)
-    env.reset(seed=0)
-    put(env, [(20.0, 2.5, 0.0), (24.0, 2.5, np.pi)])
-    ranges = env.team.true_ranges(np.arange(2))
-    assert ranges[0, 0] == pytest.approx(4.0 - env.robot.scanner_radius_m, abs=0.02)
-    assert ranges[1, 0] == pytest.approx(4.0 - env.robot.scanner_radius_m, abs=0.02)
-    put(env, [(20.0, 2.5, 0.0), (24.0, 3.5, np.pi)])
-    ranges = env.team.true_ranges(np.arange(2))
-    assert ranges[0, 0] == 10.0
-
-
 def test_robots_hit_each_other_and_that_is_no_collision_with_rock(tee: BuiltMine):
     env = MineParallelEnv(robots=2, world=tee.bundle, task={"terrain": False})
     env.reset(seed=0)
@@ -87,9 +75,16 @@ def test_calls_in_the_wrong_state_and_actions_that_are_no_dict_are_refused(tee: 
     env = MineParallelEnv(robots=2, world=tee.bundle, render_mode="rgb_array")
     with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before render"):
         env.render()
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step({})
     env.reset(seed=0)
-    for actions in (None, [[0, 0], [0, 0]]):
-        with pytest.raises(ValueError, match="want a dict with an action for each robot"):
+    for actions, message in (
+        (None, "want a dict with an action for each robot"),
+        ([[0, 0], [0, 0]], "want a dict with an action for each robot"),
+        ({"robot_0": np.zeros(2)}, "actions: none for 'robot_1'"),
+        ({f"robot_{k}": np.zeros(2) for k in range(3)}, "unknown agent 'robot_2'; there are robot_0 to robot_1"),
+    ):
+        with pytest.raises(ValueError, match=message):
             env.step(actions)
     env.close()
     env.close()

@@ -10,7 +10,6 @@ import pytest
 
 from minexplore.envs.call_checks import numbers_of, spread_seeds
 from minexplore.envs.env import MineEnv
-from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.robot import RobotParams
 from minexplore.task import TaskParams
@@ -177,15 +176,6 @@ def test_a_copy_of_a_new_environment_wants_a_reset_and_one_of_a_closed_one_is_cl
         copy.deepcopy(closed).reset()
 
 
-def test_a_team_refuses_unclear_calls(tee: BuiltMine):
-    team = MineParallelEnv(2, world=tee.bundle)
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        team.step({})
-    team.reset(seed=0)
-    with pytest.raises(ValueError, match="actions: none for 'robot_1'"):
-        team.step({"robot_0": np.zeros(2)})
-
-
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 @pytest.mark.parametrize("threads", [1, 3])
 def test_an_environment_steps_in_a_fork_of_its_process(tee: BuiltMine, threads):
@@ -240,11 +230,6 @@ def test_a_list_that_holds_itself_is_no_action_and_no_seed():
         spread_seeds(endless, 2)
 
 
-def test_a_backend_that_is_no_name_is_refused(tee: BuiltMine):
-    with pytest.raises(ValueError, match=r"lidar = \[\]: want auto, embree, open3d"):
-        MineVectorEnv(1, tee.bundle, lidar=[])
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("large", [1e300, 10**30, np.longdouble("1e300"), np.float32(3e38)])
 def test_a_finite_action_beyond_the_space_is_clipped_however_large_it_is(tee: BuiltMine, large):
@@ -269,11 +254,3 @@ def test_masked_seeds_and_masks_of_many_robots_are_refused(tee: BuiltMine):
     made.reset(seed=np.iinfo(np.int64).max)
     with pytest.raises(ValueError, match="reset_mask: want no masked values"):
         made.reset(options={"reset_mask": np.ma.masked_array([True, True], [False, True])})
-
-
-def test_a_team_refuses_actions_of_robots_that_it_does_not_have(tee: BuiltMine):
-    team = MineParallelEnv(2, world=tee.bundle)
-    team.reset(seed=0)
-    actions = {name: np.zeros(2) for name in ("robot_0", "robot_1", "robot_2")}
-    with pytest.raises(ValueError, match="actions: unknown agent 'robot_2'; there are robot_0 to robot_1"):
-        team.step(actions)

@@ -1,11 +1,9 @@
 import dataclasses
 import pickle
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 from minexplore.envs.env import MineEnv
 from minexplore.envs.family import FamilyVectorEnv
@@ -22,16 +20,13 @@ from tests.mines import BuiltMine
 NAMES = ("husky", "quadrotor")
 
 
-@pytest.mark.parametrize("robot", NAMES)
-def test_an_environment_of_each_robot_passes_gymnasiums_checks(tee: BuiltMine, robot: str):
-    env = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), robot=robot).unwrapped
-    check_env(env, skip_render_check=True)
-
-
-@pytest.mark.parametrize("robot", NAMES)
-def test_vector_and_scalar_of_each_robot_give_the_same_trajectories_bit_for_bit(tee: BuiltMine, robot: str):
-    vector = MineVectorEnv(3, tee.bundle, robot=robot)
-    single = [MineEnv(tee.bundle, robot=robot) for _ in range(3)]
+@pytest.mark.parametrize("mine", ["tee", "ramp"])
+@pytest.mark.parametrize("robot", [None, *NAMES])
+def test_vector_and_scalar_of_each_robot_give_the_same_trajectories_bit_for_bit(request, mine: str, robot: str):
+    found = request.getfixturevalue(mine)
+    bundle = getattr(found, "bundle", found)
+    vector = MineVectorEnv(3, bundle, robot=robot, threads=2)
+    single = [MineEnv(bundle, robot=robot) for _ in range(3)]
     observations, _ = vector.reset(seed=7)
     np.testing.assert_array_equal(observations, [env.reset(seed=7 + i)[0] for i, env in enumerate(single)])
     rng, collisions = np.random.default_rng(1), 0
@@ -43,7 +38,8 @@ def test_vector_and_scalar_of_each_robot_give_the_same_trajectories_bit_for_bit(
         alone = [env.step(actions[i]) for i, env in enumerate(single)]
         np.testing.assert_array_equal(observations, [result[0] for result in alone])
         np.testing.assert_array_equal(rewards, [result[1] for result in alone])
-        np.testing.assert_array_equal(info["pose_m_rad"], [result[4]["pose_m_rad"] for result in alone])
+        for name in alone[0][4]:
+            np.testing.assert_array_equal(info[name], [result[4][name] for result in alone], err_msg=name)
         collisions += info["collision"].sum()
     assert collisions > 0
 

@@ -36,23 +36,6 @@ def test_it_is_made_by_make_vec_and_has_batched_spaces(tee: BuiltMine):
     made.close()
 
 
-def test_vector_and_scalar_give_the_same_trajectories_bit_for_bit(tee: BuiltMine):
-    vector = MineVectorEnv(4, tee.bundle)
-    single = [MineEnv(tee.bundle) for _ in range(4)]
-    observations, _ = vector.reset(seed=7)
-    alone = [env.reset(seed=7 + i)[0] for i, env in enumerate(single)]
-    np.testing.assert_array_equal(observations, np.stack(alone))
-    for step in range(150):
-        actions = commands(1, 4, step)
-        observations, rewards, _, truncated, info = vector.step(actions)
-        results = [env.step(actions[i]) for i, env in enumerate(single)]
-        np.testing.assert_array_equal(observations, np.stack([r[0] for r in results]))
-        np.testing.assert_array_equal(rewards, [r[1] for r in results])
-        np.testing.assert_array_equal(info["pose_m_rad"], np.stack([r[4]["pose_m_rad"] for r in results]))
-        assert not truncated.any()
-    assert info["collisions"].sum() > 0
-
-
 def test_a_corner_of_rock_is_met_head_on_and_as_deep_as_it_stands_in_the_disc(tee: BuiltMine):
     robots = RobotBatch(load_world(tee.bundle), TaskParams(tilt=False), RobotParams(), 1)
     free, pressed = tee.free_space.polygon, 0.05
@@ -115,12 +98,12 @@ def side_by_side(bundle, count, steps, seed):
 
 
 def test_local_models_and_the_whole_world_give_the_same_physics_and_no_robot_leaves_the_workings(tee: BuiltMine):
-    """10^5 physics steps of hard driving into walls, corners and borders of tiles."""
-    agree = np.ones(50, dtype=bool)
-    apart = np.zeros(50)
+    """4.8 * 10^4 physics steps of hard driving into walls, corners and borders of tiles."""
+    agree = np.ones(24, dtype=bool)
+    apart = np.zeros(24)
     inside = TEE.buffer(0.01)
     crossed = set()
-    for local, whole, hits in side_by_side(tee.bundle, 50, 100, 3):
+    for local, whole, hits in side_by_side(tee.bundle, 24, 100, 3):
         apart = np.abs(local.qpos - whole.qpos).max(axis=1)
         agree &= apart < 1e-9
         assert (hits[0] == hits[1])[agree].all()
@@ -178,11 +161,6 @@ def test_a_wrong_action_names_its_robot_and_changes_nothing(tee: BuiltMine):
     np.testing.assert_array_equal(made.robots.state, before)
 
 
-def test_step_before_reset_is_refused(tee: BuiltMine):
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        MineVectorEnv(1, tee.bundle).step(np.zeros((1, 2)))
-
-
 def test_memory_does_not_grow_over_resets(tee: BuiltMine):
     made = MineVectorEnv(8, tee.bundle)
     made.reset(seed=0)
@@ -197,17 +175,17 @@ def test_memory_does_not_grow_over_resets(tee: BuiltMine):
     assert grown < 200_000
 
 
-def test_the_scalar_env_survives_pickling_and_its_spec_a_round_trip(tee: BuiltMine):
+def test_the_scalar_env_survives_pickling_and_its_spec_round_trips(tee: BuiltMine):
     made = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), max_episode_steps=9)
     spec = gymnasium.envs.registration.EnvSpec.from_json(made.spec.to_json())
-    again = gymnasium.make(spec)
+    again = gymnasium.make(pickle.loads(pickle.dumps(spec)))
     assert again.spec.max_episode_steps == 9
     copy = pickle.loads(pickle.dumps(made.unwrapped))
     np.testing.assert_array_equal(copy.reset(seed=3)[0], made.reset(seed=3)[0])
 
 
 def test_pictures_are_drawn_without_a_screen(tee: BuiltMine):
-    for camera in ("chase", "top", "front"):
+    for camera in ("chase", "front"):  # the plan is looked at below
         made = MineVectorEnv(2, tee.bundle, render_mode="rgb_array", camera=camera)
         made.reset(seed=0)
         one, two = made.render()
@@ -228,17 +206,6 @@ def test_the_plan_turns_green_where_the_robot_has_looked(tee: BuiltMine):
             picture = made.render().astype(int)
             green.append(int(((picture[..., 1] - picture[..., 0]) > 50).sum()))
     assert green[1] > green[0] > 0
-
-
-def test_videos_are_recorded_headless(tee: BuiltMine, tmp_path):
-    pytest.importorskip("moviepy")
-    made = gymnasium.make("MineXplore/World-v0", world=str(tee.bundle), render_mode="rgb_array", camera="top")
-    made = gymnasium.wrappers.RecordVideo(made, str(tmp_path), episode_trigger=lambda k: True)
-    made.reset(seed=0)
-    for _ in range(5):
-        made.step(made.action_space.sample())
-    made.close()
-    assert list(tmp_path.glob("*.mp4"))
 
 
 def test_a_reset_forgets_all_that_a_robot_has_seen_and_nothing_of_the_others(tee: BuiltMine):

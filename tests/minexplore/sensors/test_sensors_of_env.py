@@ -70,33 +70,18 @@ def test_a_beam_without_a_return_reads_the_farthest_range_and_sees_nothing(small
 
 
 def test_degraded_robots_of_a_vector_are_those_alone(small_world):
-    alone = drive(MineEnv(small_world, conditions="dusty"), 8, seed=4)
-    many = MineVectorEnv(2, small_world, conditions="dusty")
-    observation, _ = many.reset(seed=3)
+    given = {"conditions": "dusty", "pose": "odometry"}
+    alone = drive(MineEnv(small_world, **given), 8, seed=4)
+    many = MineVectorEnv(2, small_world, **given)
+    observation, info = many.reset(seed=3)
     np.testing.assert_array_equal(observation[1], alone[0][0])
+    np.testing.assert_array_equal(info["pose_m_rad"][1], alone[0][1]["pose_m_rad"])
     for expected, info in alone[1:]:
         observation, *_, infos = many.step(np.tile(AHEAD, (2, 1)))
         np.testing.assert_array_equal(observation[1], expected)
+        np.testing.assert_array_equal(infos["pose_m_rad"][1], info["pose_m_rad"])
         assert infos["cells_seen"][1] == info["cells_seen"]
     many.close()
-
-
-def test_a_vector_counts_the_same_poses_as_one_robot(small_world):
-    alone = drive(MineEnv(small_world, pose="odometry"), 10, seed=4)
-    many = MineVectorEnv(2, small_world, pose="odometry")
-    _, info = many.reset(seed=3)
-    np.testing.assert_array_equal(info["pose_m_rad"][1], alone[0][1]["pose_m_rad"])
-    for _, expected in alone[1:]:
-        info = many.step(np.tile(AHEAD, (2, 1)))[4]
-        np.testing.assert_array_equal(info["pose_m_rad"][1], expected["pose_m_rad"])
-    many.close()
-
-
-def test_the_counted_pose_begins_true_and_drifts(small_world):
-    states = drive(MineEnv(small_world, pose="odometry"), 60)
-    error = [np.linalg.norm(info["pose_m_rad"][:2] - info["true_pose_m_rad"][:2]) for _, info in states]
-    assert error[0] == 0
-    assert 0.02 < error[-1] < 5
 
 
 def test_a_straight_way_counts_its_length_and_the_slip_of_the_log():

@@ -1,6 +1,5 @@
 """The husky and the quadrotor in mines that are one volume: on ramps, and in shafts that no wheels reach."""
 
-import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -10,7 +9,6 @@ from minexplore.envs.env import MineEnv
 from minexplore.envs.robot_batch import RobotBatch
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.husky import HuskyParams
-from minexplore.physics.quadrotor import QuadrotorParams
 from minexplore.sensing.cubes import CubeGrid
 from minexplore.sensing.scanners import LABELS
 from minexplore.task import TaskParams
@@ -29,33 +27,6 @@ SHAFT = HEADER + (
 @pytest.fixture(scope="module")
 def shaft(tmp_path_factory):
     return build_volume(SHAFT, tmp_path_factory.mktemp("shaft"))
-
-
-@pytest.mark.parametrize("robot", NAMES)
-def test_gymnasiums_checker_accepts_each_robot_in_a_volume(ramp, robot):
-    env = gymnasium.make("MineXplore/World-v0", world=str(ramp), robot=robot).unwrapped
-    check_env(env, skip_render_check=True)
-
-
-@pytest.mark.parametrize("robot", NAMES)
-def test_many_of_each_robot_step_as_one_does_bit_for_bit_in_a_volume(ramp, robot):
-    vector = MineVectorEnv(3, ramp, robot=robot)
-    single = [MineEnv(ramp, robot=robot) for _ in range(3)]
-    observations, _ = vector.reset(seed=7)
-    np.testing.assert_array_equal(observations, [env.reset(seed=7 + i)[0] for i, env in enumerate(single)])
-    rng, collisions = np.random.default_rng(1), 0
-    for step in range(40):
-        if step % 8 == 0:
-            actions = rng.uniform(-1, 1, vector.action_space.shape).astype(np.float32)
-            actions[:, 0] = 1.0
-        observations, rewards, _, _, info = vector.step(actions)
-        alone = [env.step(actions[i]) for i, env in enumerate(single)]
-        np.testing.assert_array_equal(observations, [result[0] for result in alone])
-        np.testing.assert_array_equal(rewards, [result[1] for result in alone])
-        for name in ("pose_m_rad", "height_m", "leg"):
-            np.testing.assert_array_equal(info[name], [result[4][name] for result in alone])
-        collisions += info["collision"].sum()
-    assert collisions > 0
 
 
 def test_a_husky_climbs_a_ramp_at_its_top_speed_and_touches_nothing(ramp):
@@ -184,8 +155,3 @@ def test_a_quadrotor_sees_less_in_dust_and_is_placed_as_in_clear_air(shaft):
     assert less["cells_seen"] < seen["cells_seen"]
     np.testing.assert_array_equal(seen["pose_m_rad"], less["pose_m_rad"])
     check_env(dusty, skip_render_check=True)
-
-
-def test_a_quadrotor_has_no_wheels_in_a_volume_either(shaft):
-    with pytest.raises(ValueError, match="pose = 'odometry': a quadrotor has no wheels; want true"):
-        MineEnv(shaft, robot=QuadrotorParams(), pose="odometry")

@@ -13,7 +13,6 @@ import minexplore
 from minexplore.envs.env import MineEnv
 from minexplore.envs.multi_agent import MineParallelEnv
 from minexplore.envs.robot_batch import RobotBatch
-from minexplore.envs.vector import MineVectorEnv
 from minexplore.floors.volume_arrays import VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.sensing.coverage import CoverageGrid
@@ -25,6 +24,7 @@ from pipeline.volume.world.content import closed_volume
 from tests.volumes import HEADER, TEE, build_volume, spiral_with_side_drift
 
 DRY = {"terrain": False}
+PELL = Path("data/wheal_pell/pell.3d")
 PIT = HEADER + (
     "A,1,0,0,2,2,0,3,0\nA,2,20,0,2,2,0,3,0\n"
     "B,2,20,0,2,2,0,3,0\nB,3,20,0,1,1,-12,3,0\nC,3,20,0,2,2,-12,3,0\nC,4,40,0,2,2,-12,3,0\n"
@@ -53,6 +53,15 @@ def spread(batch, rng, clearance_m=0.5):
         batch.place(robot, x, y, rng.uniform(-np.pi, np.pi), z)
 
 
+def placed(folder, *place, task=None, robot=None, whole=False):
+    """Return a robot at a place of a world, as a batch, and its source of noise."""
+    batch = RobotBatch(minexplore.load(folder), task or TaskParams(**DRY), robot or RobotParams(), 1, whole=whole)
+    rngs = [np.random.default_rng(0)]
+    batch.reset(np.zeros(1, int), rngs)
+    batch.place(0, *place)
+    return batch, rngs
+
+
 def drive_all_out(world, seconds, seed=0, robots=32):
     """Drive robots at full throttle from anywhere; return how far each is from rock, and how many touched any."""
     rng = np.random.default_rng(seed)
@@ -71,22 +80,6 @@ def drive_all_out(world, seconds, seed=0, robots=32):
 def test_gymnasiums_checker_accepts_an_environment_in_a_volume(over):
     made = gymnasium.make("MineXplore/World-v0", world=over)
     check_env(made.unwrapped, skip_render_check=True)
-
-
-def test_many_robots_step_as_one_does_bit_for_bit(ramp):
-    many, rng = MineVectorEnv(3, ramp, threads=2), np.random.default_rng(0)
-    alone = [MineEnv(ramp) for _ in range(3)]
-    observation, _ = many.reset(seed=5)
-    for k, env in enumerate(alone):
-        assert (env.reset(seed=5 + k)[0] == observation[k]).all()
-    for _ in range(30):
-        action = rng.uniform([0.2, -1], 1, (3, 2))
-        observation, reward, _, _, info = many.step(action)
-        for k, env in enumerate(alone):
-            own = env.step(action[k])
-            assert (own[0] == observation[k]).all()
-            assert own[1] == reward[k]
-            assert all(np.array_equal(value, info[name][k]) for name, value in own[4].items())
 
 
 def test_a_seed_gives_one_episode_and_a_copy_goes_on_as_its_original(ramp):
@@ -114,10 +107,7 @@ def test_the_info_names_the_floor_and_the_leg_of_passages_over_each_other(over):
 
 
 def test_beams_mark_the_cells_of_their_own_passage_and_not_those_under_it(over):
-    batch = RobotBatch(minexplore.load(over), TaskParams(**DRY), RobotParams(), 1)
-    rngs = [np.random.default_rng(0)]
-    batch.reset(np.zeros(1, int), rngs)
-    batch.place(0, 15.0, 0.0, 0.0, 8.0)
+    batch, rngs = placed(over, 15.0, 0.0, 0.0, 8.0)
     batch.seen[:] = False
     batch.step(np.zeros((1, 2)), rngs)
     low = batch.grid.low_m[batch.seen[0]]
@@ -127,17 +117,12 @@ def test_beams_mark_the_cells_of_their_own_passage_and_not_those_under_it(over):
 
 
 def test_ranges_are_those_of_the_drift_that_was_surveyed(box):
-    batch = RobotBatch(minexplore.load(box), TaskParams(**DRY, beams=4), RobotParams(), 1)
-    batch.reset(np.zeros(1, int), [np.random.default_rng(0)])
-    batch.place(0, 8.0, 0.5, 0.0, 0.0)
+    batch, _ = placed(box, 8.0, 0.5, 0.0, 0.0, task=TaskParams(**DRY, beams=4))
     assert batch.true_ranges(np.zeros(1, int))[0] == pytest.approx([10.0, 1.5, 8.0, 2.5], abs=1e-3)
 
 
 def test_a_robot_climbs_a_ramp_as_fast_as_it_is_told_and_touches_nothing(ramp):
-    batch = RobotBatch(minexplore.load(ramp), TaskParams(**DRY), RobotParams(), 1)
-    rngs = [np.random.default_rng(0)]
-    batch.reset(np.zeros(1, int), rngs)
-    batch.place(0, 18.0, 0.0, 0.0, 0.0)
+    batch, rngs = placed(ramp, 18.0, 0.0, 0.0, 0.0)
     for _ in range(100):
         info = batch.step(np.array([[1.0, 0.0]]), rngs).info
     x, _, yaw = info["pose_m_rad"][0]
@@ -148,10 +133,7 @@ def test_a_robot_climbs_a_ramp_as_fast_as_it_is_told_and_touches_nothing(ramp):
 
 
 def test_a_robot_at_rest_on_a_ramp_stays(ramp):
-    batch = RobotBatch(minexplore.load(ramp), TaskParams(**DRY), RobotParams(), 1)
-    rngs = [np.random.default_rng(0)]
-    batch.reset(np.zeros(1, int), rngs)
-    batch.place(0, 30.0, 0.0, 0.3, 3.0)
+    batch, rngs = placed(ramp, 30.0, 0.0, 0.3, 3.0)
     for step in range(60):
         pose = batch.step(np.zeros((1, 2)), rngs).info["pose_m_rad"][0]
         start = pose if step == 9 else None if step < 9 else start
@@ -159,13 +141,9 @@ def test_a_robot_at_rest_on_a_ramp_stays(ramp):
 
 
 def test_boxes_under_feet_and_the_floors_parts_carry_a_robot_alike(ramp):
-    world = minexplore.load(ramp)
     found = []
     for robot, whole in ((RobotParams(), False), (RobotParams(), True), (OtherRobot(), False)):
-        batch = RobotBatch(world, TaskParams(**DRY), robot, 1, whole=whole)
-        rngs = [np.random.default_rng(0)]
-        batch.reset(np.zeros(1, int), rngs)
-        batch.place(0, 25.0, 0.0, 0.0, 1.0)
+        batch, rngs = placed(ramp, 25.0, 0.0, 0.0, 1.0, robot=robot, whole=whole)
         for _ in range(30):
             info = batch.step(np.array([[0.5, 0.0]]), rngs).info
         x, y, yaw = info["pose_m_rad"][0]
@@ -176,27 +154,23 @@ def test_boxes_under_feet_and_the_floors_parts_carry_a_robot_alike(ramp):
 
 
 def test_a_robot_that_drives_into_a_pit_falls_no_faster_than_it_is_braked_and_lands(tmp_path):
-    world = minexplore.load(build_volume(PIT, tmp_path))
-    batch = RobotBatch(world, TaskParams(**DRY), RobotParams(), 1)
-    rngs = [np.random.default_rng(0)]
-    batch.reset(np.zeros(1, int), rngs)
-    batch.place(0, 18.2, 0.0, 0.0, 12.0)
+    batch, rngs = placed(build_volume(PIT, tmp_path), 18.2, 0.0, 0.0, 12.0)
     fastest = 0.0
     for _ in range(75):
         info = batch.step(np.array([[1.0, 0.0]]), rngs).info
         fastest = max(fastest, -batch.qvel[0, 2])
     assert 2.5 < fastest < 5.0
     assert info["height_m"][0] < 1
+    world = batch.world
     assert inside_of(world).distance_m(batch.qpos[:, :3] - world.T_world_mine[:3, 3])[0] > 0
 
 
 def test_wheels_have_the_friction_of_the_zone_that_they_are_in(box):
     world = minexplore.load(box)
-    batch = RobotBatch(world, TaskParams(), RobotParams(), 1)
-    rngs = [np.random.default_rng(0)]
-    batch.reset(np.zeros(1, int), rngs)
     border = world.floor_zones[0].east_m
-    batch.place(0, border, 0.0, -np.pi / 2, 0.0)  # heads south: the left wheel is in the east
+    batch, _ = placed(
+        box, border, 0.0, -np.pi / 2, 0.0, task=TaskParams()
+    )  # heads south: the left wheel is in the east
     place = batch._mine_places(np.zeros(1, int))
     number, code = batch.ground.prepare(batch.stepper, np.zeros(1, int), place)[0].tolist()
     model = batch.local_models.model((number, code))
@@ -241,28 +215,20 @@ def test_pictures_show_the_plan_with_what_was_seen_and_the_robot_in_the_model(bo
         env.close()
 
 
-@pytest.mark.parametrize("mine", ["ramp", pytest.param("tee", marks=pytest.mark.slow)])
-def test_robots_at_full_throttle_stay_in_the_volume(mine, ramp, tmp_path):
-    world = minexplore.load(ramp if mine == "ramp" else build_volume(TEE, tmp_path))
-    distance, collisions = drive_all_out(world, 3.0)
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("mine", "seconds", "least_m"),
+    [(None, 3.0, 0.1), slow(TEE, 3.0, 0.1), slow(spiral_with_side_drift(), 5.0, 0.1), slow(PELL, 3.0, 0.05)],
+    ids=["ramp", "tee", "spiral", "pell"],
+)
+def test_robots_at_full_throttle_stay_in_the_volume(ramp, tmp_path, mine, seconds, least_m):
+    world = minexplore.load(build_volume(mine, tmp_path) if mine else ramp)
+    distance, collisions = drive_all_out(world, seconds)
     assert collisions.sum() > 0
-    assert (distance > 0.1).all()
-
-
-@pytest.mark.slow
-def test_robots_at_full_throttle_stay_in_a_spiral(tmp_path):
-    world = minexplore.load(build_volume(spiral_with_side_drift(), tmp_path))
-    distance, collisions = drive_all_out(world, 5.0)
-    assert collisions.sum() > 0
-    assert (distance > 0.1).all()
-
-
-@pytest.mark.slow
-def test_robots_at_full_throttle_stay_in_wheal_pell(tmp_path):
-    world = minexplore.load(build_volume(Path("data/wheal_pell/pell.3d"), tmp_path))
-    distance, collisions = drive_all_out(world, 3.0)
-    assert collisions.sum() > 0
-    assert (distance > 0.05).all()
+    assert (distance > least_m).all()
 
 
 def test_a_robot_that_fits_nowhere_is_one_error(box):

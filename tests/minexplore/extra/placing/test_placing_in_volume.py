@@ -1,7 +1,6 @@
 """Robots of any MJCF file in mines that are one volume, on its floors, its ramps and in its shafts."""
 
 import math
-import warnings
 from pathlib import Path
 
 import gymnasium
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 
 import minexplore
-from minexplore.extra.placing.place import PlacementWarning
 from minexplore.world import load_world
+from tests.minexplore.extra.placing.test_placing import placed
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 BALL = """<mujoco><worldbody><body name="b"><freejoint/><geom size=".2" name="ball" friction="1 0.1 0.1"/></body>
@@ -26,16 +25,6 @@ def over(over):
 @pytest.fixture(scope="module")
 def ramp(ramp):
     return load_world(ramp)
-
-
-def placed(world, robot, pose, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PlacementWarning)
-        model = minexplore.place(world, robot, pose, **options).compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key("spawn").id)
-    mujoco.mj_forward(model, data)
-    return model, data
 
 
 def height_of(world, data, body="robot/b"):
