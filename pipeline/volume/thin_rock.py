@@ -7,6 +7,8 @@ from contextlib import suppress
 import manifold3d
 import numpy as np
 import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel
@@ -25,11 +27,12 @@ _UNLIKE, _TURN = (1e-3, 3e-3, 1e-2), (np.sqrt(5) - 1) / 2
 _ALWAYS = 2  # rounds; others if there is more left than this, m2
 _LEFT_M2 = 0.02
 _BEHIND_M = 0.002  # a place that is so far behind a facet may be before it
+NARROW_M = 0.06  # of a circle: no body that is thrown is narrower, so that none sinks in there
 _POCKET_M3 = 1e-3  # of free space that becomes rock
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 
 
-def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.inf) -> Volume:
+def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.inf, narrow_m: float = 0.0) -> Volume:
     """Return the volume with at least 2 cm of rock behind its facets.
 
     In front of each facet behind which no part of 2 cm is in the rock, 5 cm or more become rock: two passages with less
@@ -37,11 +40,14 @@ def without_thin_rock(volume: Volume, ways: np.ndarray, floating_m3: float = np.
     heights: what a part below them reaches gets the rock. Nor is it put on places (n, 3) m of surveyed ways, which may
     run on a wall. Rock that floats stays if it is larger than `floating_m3`. Each round looks about the rock of the one
     before.
+
+    Nothing is put before thin facets that hold no circle wider than `narrow_m`, m, together with those that they touch:
+    the rock before a facet has some twenty, and where rock tapers a scan's mesh has many thin ones.
     """
     some: np.ndarray | None = None
     tree = cKDTree(ways)
     for number, (half_m, least_m2) in enumerate(_ROUNDS):
-        facets, thin_m2 = _to_thicken(volume, some, least_m2)
+        facets, thin_m2 = _to_thicken(volume, some, least_m2, narrow_m)
         facets = facets[~_on_ways(volume, facets, tree, half_m)]
         if not len(facets) or (number >= _ALWAYS and thin_m2 < _LEFT_M2):
             break
@@ -64,14 +70,31 @@ def _with_rock(volume: Volume, facets: np.ndarray, half_m: float, floating_m3: f
     return without_slivers(_thickened(volume, facets, half_m, floating_m3))
 
 
-def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float) -> tuple[np.ndarray, float]:
+def _to_thicken(volume: Volume, some: np.ndarray | None, least_m2: float, narrow_m: float) -> tuple[np.ndarray, float]:
     """Return the facets in front of which rock is put, and the area of those with thin rock, m2."""
     area = np.linalg.norm(volume.normals, axis=1) / 2
     is_floor = volume.label == FacetLabel.FLOOR
     thin = facets_without_part(volume, some, least_m2)
-    facets = {below for k, reached in thin.items() for below in (reached if is_floor[k] else [k])}
+    wide = _wide(volume, np.array(list(thin), int), narrow_m)
+    facets = {below for k in wide.tolist() for below in (thin[k] if is_floor[k] else [k])}
     found = np.array(sorted(facets), int)
-    return found[~is_floor[found]], float(area[list(thin)].sum())
+    return found[~is_floor[found]], float(area[wide].sum())
+
+
+def _wide(volume: Volume, facets: np.ndarray, narrow_m: float) -> np.ndarray:
+    """Return those of some facets (n,) that may hold a circle wider than `narrow_m` with others that they touch.
+
+    It is at most as wide as the circles in all of these together, as in `widest_gap`.
+    """
+    own = volume.faces[facets]
+    corners = volume.vertices[own]
+    around = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).sum(axis=1)
+    width = 2 * np.linalg.norm(volume.normals[facets], axis=1) / np.maximum(around, 1e-30)
+    pairs = np.concatenate([own[:, :2], own[:, 1:]])
+    touching = coo_matrix((np.ones(len(pairs), bool), pairs.T), (len(volume.vertices),) * 2)
+    group = connected_components(touching, directed=False)[1][own[:, 0]]
+    found: np.ndarray = facets[np.bincount(group, width)[group] > narrow_m]
+    return found
 
 
 def _on_ways(volume: Volume, facets: np.ndarray, ways: cKDTree, half_m: float) -> np.ndarray:

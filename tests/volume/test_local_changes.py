@@ -86,11 +86,16 @@ def test_rock_is_put_into_the_whole_volume_where_a_neighbourhood_cannot_be_put_b
     assert thin_m2(found) < 1.1 * thin_m2(wanted) < 0.5 * thin_m2(clean)
 
 
-@pytest.mark.parametrize("wide_m", [2.0, 0.05])
-def test_thin_rock_gets_more_behind_wide_facets_and_behind_narrow_ones(wide_m):
-    """A round wall has narrow facets alone."""
-    rooms = [manifold3d.Manifold.cube([0.5, wide_m, 2.0]).translate([x, 0.0, 0.0]) for x in (0.0, 0.51)]
+@pytest.mark.parametrize(
+    ("wide_m", "pieces", "grows"), [(2.0, 1, True), (0.05, 1, True), (0.02, 1, False), (0.24, 12, True)]
+)
+def test_thin_rock_gets_more_where_a_body_fits_into_its_facets_together(wide_m, pieces, grows):
+    """A round wall has narrow facets alone, but they touch."""
+    across = np.linspace(0.0, wide_m, pieces + 1)
+    outline = [(0.0, 0.0), *((0.5, y) for y in across), (0.0, wide_m)]
+    room = manifold3d.CrossSection([outline]).extrude(2.0)
+    rooms = [room, room.mirror([1.0, 0.0, 0.0]).translate([1.01, 0.0, 0.0])]
     vertices, faces = arrays_of(manifold3d.Manifold.compose(rooms))
     volume = volume_of_solid(ClosedMesh(vertices, faces.astype(np.int32), 0.0), steepest=0.5)
-    found = thin_rock.without_thin_rock(volume, np.zeros((0, 3)))
-    assert found.solid.volume() < volume.solid.volume() - 0.01 * wide_m
+    found = thin_rock.without_thin_rock(volume, np.zeros((0, 3)), narrow_m=thin_rock.NARROW_M)
+    assert (found.solid.volume() < volume.solid.volume() - 0.01 * wide_m) == grows

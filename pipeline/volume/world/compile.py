@@ -27,7 +27,7 @@ from pipeline.volume.merged import merge_parts
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.parted import parted
 from pipeline.volume.shell import build_shell
-from pipeline.volume.thin_rock import without_thin_rock
+from pipeline.volume.thin_rock import NARROW_M, without_thin_rock
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
@@ -151,7 +151,7 @@ def _warn_of_lowered(network: SurveyNetwork) -> None:
 
 def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
     robot = robot_size(params.volume)
-    solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3)
+    solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3, NARROW_M)
     apart = uncrossed(solved.vertices, solved.faces)
     if apart.crossed:  # manifold3d may do so where much of the rock is thin
         solved = volume_of_solid(

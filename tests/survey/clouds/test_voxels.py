@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from pipeline.survey.clouds.flood import Walls
-from pipeline.survey.clouds.voxels import cells_of_keys, components_of, grown, is_in, keys_of
+from pipeline.survey.clouds.voxels import STEPS, cells_of_keys, components_of, grown, is_in, keys_of, offsets_of
 
 SIZE = 12
 
@@ -46,3 +46,19 @@ def test_a_wall_is_counted_in_each_direction_in_which_it_lies():
     cube[[0, -1]] = cube[:, [0, -1]] = cube[:, :, [0, -1]] = True
     walls = Walls(keys(cube, (0, 0, 0)), 0.2)
     assert walls.hits(np.array([[10, 10, 10], [100, 10, 10], [-100, 10, 10]]))[0].tolist() == [26, 1, 1]
+
+
+@pytest.mark.parametrize(("share", "seed"), [(0.0, 0), (0.01, 0), (0.01, 1), (0.05, 0), (0.05, 1)])
+def test_where_a_roof_was_hardly_seen_the_flood_ends_without_dents(share, seed):
+    cells = np.argwhere(np.ones((40, 30, 20), bool))
+    low, high = cells.min(axis=0), cells.max(axis=0)
+    edge, roof = ((cells == low) | (cells == high)).any(axis=1), cells[:, 2] == high[2]
+    seen = edge & (~roof | (np.random.default_rng(seed).random(len(cells)) < share))
+    walls = Walls(np.sort(keys_of(cells[seen])), 0.2)
+    found = walls.flood(keys_of(np.array([[20, 15, 8]])))
+    near = found.ends[:, None] + offsets_of(STEPS)
+    dented = 2 * is_in(near, found.free).sum(axis=1) > (~is_in(near, walls.thick)).sum(axis=1)
+    assert len(found.ends) > 600
+    assert not dented.any()
+    assert not is_in(found.free, walls.thick).any()
+    assert cells_of_keys(found.free)[:, 2].max() <= high[2] + 1
