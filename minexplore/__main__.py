@@ -165,7 +165,7 @@ def _run() -> None:
     commands.add_parser("page", help=page.__doc__).set_defaults(run=lambda a: print(page(), end=""))
     player = commands.add_parser("play", help=play.__doc__)
     timer = commands.add_parser("time", help=time_env.__doc__)
-    recorder = commands.add_parser("record", help="Record one episode as MCAP for ROS 2.")
+    recorder = commands.add_parser("record", help="Record one episode as MCAP for ROS 2, or show it in a browser.")
     for command in (player, timer, recorder):
         command.add_argument("id", type=_known_id, metavar="ID", help=_ID)
         command.add_argument("--world", help="a bundle's folder, for MineXplore/World-v0 only")

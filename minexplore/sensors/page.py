@@ -75,11 +75,12 @@ means over a control step.
 ```sh
 python -m minexplore record MineXplore/ChileanMine-v0 --policy nearest-frontier --sensors os1-64,depth --steps 50 \\
     --every 10 --out episode.mcap
+python -m minexplore record MineXplore/ChileanMine-v0 --sensors mid-360,rgb --live
 ```
 
-It writes MCAP with ROS 2 messages (extra `record`): `/clock`, `/tf`, `/odom`, `/imu`, `/camera/depth/image` with
+The first writes MCAP with ROS 2 messages (extra `record`): `/clock`, `/tf`, `/odom`, `/imu`, `/camera/depth/image` with
 `camera_info`, `/os1_64/points`. The frames are `map`, `odom`, `base_link`, and one a sensor; `base_link` is at its true
-place in `map`. Foxglove and `ros2 bag` open it.
+place in `map`. The second shows the same in a browser (extra `live`).
 """
 
 

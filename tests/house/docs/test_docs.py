@@ -52,6 +52,7 @@ ELSEWHERE = {
     r"python -m baselines.split .*": "baselines/tests/test_split.py; it needs the mines of a split",
     r"python -m pipeline export .* --to usd": "tests/export/test_export_formats.py; it needs the extra `export`",
     r"python -m minexplore play [^ ]+": "tests/minexplore/envs/test_env.py; it opens a window",
+    r"python -m minexplore record .* --live": "tests/minexplore/extra/record/test_recording.py; it serves a page",
 }
 
 

@@ -1,5 +1,6 @@
 """A recording, read back by another library, and the map that is made of it."""
 
+import shutil
 import subprocess
 import sys
 from argparse import Namespace
@@ -10,6 +11,7 @@ import pytest
 from minexplore.envs.env import MineEnv
 from minexplore.extra.record import command
 from minexplore.extra.record.episode import composed, frames_of, inverse, level_pose
+from minexplore.extra.record.live import LiveView
 from minexplore.extra.record.mcap_file import McapFile
 from minexplore.extra.record.policies import find_drive
 from minexplore.sensing.lidar import surface_meshes
@@ -231,8 +233,9 @@ def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(smal
         "steps": 3,
         "every": 1,
         "seed": 0,
+        "live": None,
     }
-    given |= {"out": tmp_path / "flight.mcap"}
+    given |= {"out": tmp_path / "flight.mcap", "live": None}
     command.record(Namespace(**given), lambda observation, beams: observation[:2])
     assert "3 steps, 4 looks" in (said := capsys.readouterr().out)
     assert "odometry" not in said
@@ -255,23 +258,54 @@ def test_the_command_takes_another_robot_and_refuses_wheels_that_it_has_not(smal
     [
         ({"sensors": "sonar"}, "sensors: 'sonar': want each once of rgb"),
         ({"steps": 0}, "steps = 0: want 1 or more"),
+        ({"out": None}, "nothing to do: give --out FILE, --live, or both"),
+        ({"live": 99999}, "live = 99999: want a port from 0 to 65535"),
+        ({"live": -1}, "live = -1: want a port from 0 to 65535"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(tmp_path, options, words):
-    given = {"sensors": "imu", "steps": 5, "every": 1, "seed": 0, "out": tmp_path / "a.mcap"}
+    given = {"sensors": "imu", "steps": 5, "every": 1, "seed": 0, "out": tmp_path / "a.mcap", "live": None}
     with pytest.raises(ValueError, match=words):
         command.record(Namespace(**{**given, **options}), lambda observation: observation[:2])
 
 
 def test_what_is_not_installed_is_named_with_its_extra(tmp_path, monkeypatch):
     monkeypatch.setattr("minexplore.extra.record.mcap_file.find_spec", lambda name: None)
-    given = {"sensors": "imu", "steps": 5, "every": 1, "seed": 0, "out": tmp_path / "a.mcap"}
+    monkeypatch.setattr("minexplore.extra.record.live.find_spec", lambda name: None)
+    given = {"sensors": "imu", "steps": 5, "every": 1, "seed": 0, "out": tmp_path / "a.mcap", "live": None}
     with pytest.raises(ImportError, match=r"pip install mcap mcap-ros2-support$"):
         command.record(Namespace(**given), lambda observation: observation[:2])
+    with pytest.raises(ImportError, match=r"pip install viser$"):
+        command.record(Namespace(**{**given, "out": None, "live": 0}), lambda observation: observation[:2])
 
 
-def test_the_command_line_loads_neither_mcap_nor_open3d():
+def test_the_command_line_loads_neither_mcap_nor_viser_nor_open3d():
     program = "import sys, minexplore.__main__; print(sorted({name.partition('.')[0] for name in sys.modules}))"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert "'minexplore'" in done.stdout
-    assert not [name for name in ("mcap", "mcap_ros2", "open3d") if f"'{name}'" in done.stdout]
+    assert not [name for name in ("mcap", "mcap_ros2", "viser", "open3d") if f"'{name}'" in done.stdout]
+
+
+@pytest.mark.slow
+def test_the_live_page_shows_the_cloud_in_chromium(small_world):
+    pytest.importorskip("viser")
+    playwright = pytest.importorskip("playwright.sync_api")
+    names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+    browser = next((path for name in names if (path := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip("no Chromium on this machine (Debian: chromium-headless-shell)")
+    env = MineEnv(small_world, pose="odometry")
+    view = LiveView(env.suite, 0)
+    with playwright.sync_playwright() as run:
+        arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+        page = run.chromium.launch(executable_path=browser, args=arguments).new_page()
+        errors = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(view.address)
+        page.locator("canvas").first.wait_for(timeout=30_000)
+        for frame in frames_of(env, lambda observation, info: np.array([1.0, 0.0]), ("vlp-16", "depth"), 2, seed=0):
+            view.add(frame)
+        page.get_by_text("coverage").wait_for(timeout=30_000)
+        assert errors == []
+    view.close()
+    env.close()
