@@ -23,8 +23,6 @@ METRICS = "validation/metrics.json"
     ("stage", "override", "message"),
     [
         ("contours", "contours.tolerance_m=-1", "contours.tolerance_m = -1"),
-        ("contours", "contours.tolerence=1", "contours.tolerence: unknown; contours has"),
-        ("contours", "survey=cave", "valid choices are graded, plan, procedural, stations, variant"),
         ("contours", "contours.tolerance_m=12", "contours.tolerance_m = 12"),
         ("contours", "contours.threshold=254 contours.max_workings_share=0.01", "is the plan inverted?"),
         ("contours", "contours.min_tunnel_m2=5000", "no dark region larger than 5000 m2"),
@@ -213,20 +211,6 @@ def test_transparent_pixels_of_a_plan_are_white_paper(project):
     project.stage("contours").check_returncode()
     facts = json.loads((project.folder / "artifacts/contours/free_space.geojson").read_text())
     assert facts["features"][0]["properties"]["areas"]["tunnel_m2"] == pytest.approx(860 * 40 / 64, rel=0.002)
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("survey=1", "survey = 1: valid choices are graded, plan, procedural, stations, variant"),
-        ("survey.frame_m=[10,0,-10,5]", "want west < east and south < north"),
-        ("contours.threshold=999", "contours.threshold"),
-        ("surface.texture.rgb=[999,-4,0]", "surface.texture.rgb"),
-        ("survey=plan survey.poses.scale_range_px_per_m=[0,1]", "want 0 < low < high"),
-    ],
-)
-def test_an_override_out_of_range_is_one_line(traced_project, override, message):
-    assert message in message_of(traced_project.stage("contours", *override.split()))
 
 
 def set_overrides(project, overrides):

@@ -123,6 +123,11 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
         ("contour.tolerance_m=1", r"unknown; the configuration has .*contours"),
         ("survey=cave", r"survey = cave: valid choices are graded, plan, procedural, stations, variant"),
         ("collision=vhcd", r"collision = vhcd: valid choices are coacd, exact, vhacd"),
+        ("survey=1", "survey = 1: valid choices are graded, plan, procedural, stations, variant"),
+        ("survey.frame_m=[10,0,-10,5]", "want west < east and south < north"),
+        ("survey=plan survey.poses.scale_range_px_per_m=[0,1]", "want 0 < low < high"),
+        ("contours.threshold=999", r"contours\.threshold"),
+        ("surface.texture.rgb=[999,-4,0]", r"surface\.texture\.rgb"),
         (
             "survey.scale.source=guess",
             r"survey\.scale\.source = 'guess': .*'bar', 'stated', 'poses' or 'georeference'",
@@ -144,7 +149,7 @@ def test_a_limit_by_the_size_of_the_embedded_survey_is_at_least_as_strict_as_its
 )
 def test_a_wrong_override_is_named_with_its_value_and_the_valid_choices(override, message):
     with pytest.raises(ParamsError, match=message):
-        compose([override])
+        compose(override.split())
 
 
 @pytest.mark.parametrize(

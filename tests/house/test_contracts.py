@@ -24,11 +24,13 @@ def test_a_changed_module_makes_stale_the_stages_that_import_it_and_no_other(unb
         return json.loads((project.folder / "artifacts/code.json").read_text())
 
     def changed(name):
-        before, path = composed(), project.folder / name
+        path = project.folder / name
         path.write_text(path.read_text() + "\n")
-        after = composed()
+        states.append(composed())
+        before, after = states[-2:]
         return {stage for stage in before if before[stage] != after[stage]}
 
+    states = [composed()]
     assert changed("pipeline/geometry/drawing/gaps.py") == {"survey"}
     assert changed("pipeline/report/page.py") == {"report"}
     assert changed("pipeline/errors.py") == {*stages, "report"}

@@ -119,11 +119,13 @@ def test_the_distribution_of_the_page_adds_its_format_where_it_is_installed(tmp_
 
     read = run("-c", "import minesurveys; found = minesurveys.read('mine.wkt'); print(found.unit, *found.shapes)")
     assert read.stdout == f"m {TEE.wkt}\n", read.stderr
-    program = "from pathlib import Path; from pipeline.survey.detect import detect_survey\nfound = detect_survey(Path("
-    found = run("-c", f"{program}'mine.wkt')); print(found.values['kind'], found.width_m)").stdout.split()
-    assert found[0] == "vector"
-    assert float(found[1]) == pytest.approx(2 * TEE.area / TEE.length)
-    assert "bad.wkt: not Well-Known Text" in run("-c", f"{program}'bad.wkt'))").stderr
+    program = "from pathlib import Path; from pipeline.survey.detect import detect_survey as detect\n"
+    program += "found = detect(Path('mine.wkt')); print(found.values['kind'], found.width_m); detect(Path('bad.wkt'))"
+    detected = run("-c", program)
+    kind, width_m = detected.stdout.split()
+    assert kind == "vector"
+    assert float(width_m) == pytest.approx(2 * TEE.area / TEE.length)
+    assert "bad.wkt: not Well-Known Text" in detected.stderr
     bare = subprocess.run(
         [sys.executable, "-c", "import minesurveys; minesurveys.read('mine.wkt')"],
         cwd=tmp_path,
