@@ -18,7 +18,9 @@ from pipeline.scans.meshes.winding import WindingNumber
 _CELLS = 6.0  # along the median edge of facets that cross
 _LEAST_M, _MOST_M = 0.02, 0.2  # of a cell
 _FLAT = 0.5  # of a cell, by which the new surface may move when it is simplified; half as far in each round
+_LAP_M = 1e-3  # of both surfaces at a box's sides: without, sides that lie on each other left walls of no thickness
 _BESIDE_M = 1e-3  # of a facet: the place by which its part is judged
+_FOLDED_M, _LEAST_M2 = 1e-4, 1e-6  # of a facet: the places by which its sides are judged, and its area
 _ROUNDS = 8  # in each of which the boxes about facets that cross are a cell wider
 
 
@@ -36,7 +38,8 @@ class UncrossedMesh:
 def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
     """Return a mesh whose facets do not cross: in boxes about those that do, it bounds what they enclose once or more.
 
-    All else keeps its place.
+    When none cross, facets that are not between the space and rock are found again once, as those of folds and of walls
+    without a thickness. All else keeps its place.
 
     Parameters
     ----------
@@ -49,23 +52,40 @@ def uncrossed(vertices: np.ndarray, faces: np.ndarray) -> UncrossedMesh:
         If facets still cross after eight rounds. The message names the place.
     """
     pairs = crossing_facets(vertices, faces, CROSSING_M)
-    crossed, places = len(np.unique(pairs)), 0
+    crossed, places, looked, wide = len(np.unique(pairs)), 0, False, 1
     edges = vertices[faces[np.unique(pairs)]]
     size = np.median(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2)) if crossed else 0.0
     cell_m = float(np.clip(size / _CELLS, _LEAST_M, _MOST_M))
-    for n in range(_ROUNDS):
+    for _ in range(_ROUNDS):
+        if not len(pairs) and crossed:
+            vertices, faces = _without_doubled(vertices, faces)
+            pairs, looked, wide = (pairs if looked else _folded(vertices, faces)), True, 1
         if not len(pairs):
-            if crossed:
-                vertices, faces = _without_doubled(vertices, faces)
             return UncrossedMesh(vertices, faces, crossed, places, cell_m)
-        boxes = _boxes(vertices[faces[pairs]], (n + 1) * cell_m)
+        boxes = _boxes(vertices[faces[pairs]], wide * cell_m)
         places += len(boxes)
-        vertices, faces = _found_again(vertices, faces, boxes, cell_m, _FLAT * 0.5**n * cell_m)
+        vertices, faces = _found_again(vertices, faces, boxes, cell_m, _FLAT * 0.5 ** (wide - 1) * cell_m)
+        wide += 1
         pairs = crossing_facets(vertices, faces, CROSSING_M)
     x, y, z = vertices[faces[pairs[0, 0]]].mean(axis=0)
     raise InputError(
         f"its surface crosses itself at ({x:.1f}, {y:.1f}, {z:.1f}) m; --voxel M finds it at another resolution"
     )
+
+
+def _folded(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the facets that are not between space behind and rock before them, each as a pair (n, 2) with itself.
+
+    The mesh goes once about space and never about rock; what of them is thinner than 0.1 mm counts as none.
+    """
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    some = np.flatnonzero(size > 2 * _LEAST_M2)
+    step = _FOLDED_M * normal[some] / size[some, None]
+    winding, middle, line = WindingNumber(vertices, faces), (a + b + c)[some] / 3, np.arange(len(some))
+    behind, before = (winding.at(middle + way * step, line, _FOLDED_M) for way in (-1, 1))
+    return np.repeat(some[(behind != 1) | (before != 0), None], 2, axis=1)
 
 
 def _found_again(
@@ -74,10 +94,14 @@ def _found_again(
     """Return a mesh of which what is in boxes (k, 2, 3) m is found on a grid, and simplified by `flat_m`."""
     space = manifold_of(vertices, faces)
     inner = manifold_of(*rebuilt_within(vertices, faces, cell_m, boxes)).simplify(flat_m)
-    about = manifold3d.Manifold.batch_boolean(
-        [manifold3d.Manifold.cube(high - low).translate(low) for low, high in boxes], manifold3d.OpType.Add
+    about, within = (
+        manifold3d.Manifold.batch_boolean(
+            [manifold3d.Manifold.cube(high - low - 2 * less).translate(low + less) for low, high in boxes],
+            manifold3d.OpType.Add,
+        )
+        for less in (0.0, _LAP_M)
     )
-    return arrays_of((space - about) + (inner ^ about))
+    return arrays_of((space - within) + (inner ^ about))
 
 
 def _without_doubled(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
