@@ -1,4 +1,4 @@
-"""One name, one thing: no class name twice in the packages."""
+"""One name, one thing: no class name twice in the packages, and no name of a test file twice."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.project import modules_below
+from tests.project import ROOT, modules_below
 
 PACKAGES = ("minesurveys", "pieces", "pipeline", "stages", "minexplore", "baselines", "benchmarks")
 _CLASS = re.compile(r"^[ \t]*class[ \t]+(\w+)", re.MULTILINE)
@@ -30,6 +30,12 @@ def names_used_twice(modules: Iterable[Path]) -> dict[str, list[str]]:
 def test_no_class_name_is_used_twice():
     modules = [path for package in PACKAGES for path in modules_below(package)]
     assert not names_used_twice(modules)
+
+
+def test_no_two_test_files_have_one_name():
+    files = [path for folder in (*PACKAGES, "tests") for path in (ROOT / folder).rglob("test_*.py")]
+    twice = [name for name, count in Counter(path.name for path in files).items() if count > 1]
+    assert not twice, "pytest imports one of them alone"
 
 
 def test_a_class_name_in_two_modules_is_found(tmp_path):
