@@ -41,6 +41,7 @@ from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 BUILT = "built.json"  # with `spawn.json` of the stage's folder; a bundle has both in `world.json`
 _FLOATING_M3 = 1e-3  # of rock in the free space of a solid: a smaller piece is no piece of a file
+_THICKENINGS = 3  # rock put before much thin rock may cross other rock; what is found again may be thin
 
 
 def robot_size(params: VolumeParams) -> RobotSize:
@@ -151,12 +152,14 @@ def _warn_of_lowered(network: SurveyNetwork) -> None:
 
 def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) -> _VolumeDraft:
     robot = robot_size(params.volume)
-    solved = without_thin_rock(volume_of_solid(solid, robot.steepest), np.zeros((0, 3)), floating_m3, NARROW_M)
-    apart = uncrossed(solved.vertices, solved.faces)
-    if apart.crossed:  # manifold3d may do so where much of the rock is thin
-        solved = volume_of_solid(
-            replace(solid, vertices=apart.vertices, faces=apart.faces.astype(np.int32)), robot.steepest
-        )
+    solved = volume_of_solid(solid, robot.steepest)
+    for _ in range(_THICKENINGS):
+        solved = without_thin_rock(solved, np.zeros((0, 3)), floating_m3, NARROW_M)
+        apart = uncrossed(solved.vertices, solved.faces)
+        if not apart.crossed:
+            break
+        solid = replace(solid, vertices=apart.vertices, faces=apart.faces.astype(np.int32))
+        solved = volume_of_solid(solid, robot.steepest)
     vertices = parted(solved.vertices, solved.faces)
     solved = replace(solved, vertices=vertices, label=labels_of(vertices, solved.faces, robot.steepest))
     bare = mine_volume(solved, solved.source)
