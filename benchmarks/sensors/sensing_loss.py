@@ -67,7 +67,7 @@ def _inputs(policy: Policy, env: MineVectorEnv, senses: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Run the explorers and keep what they come to; the leaderboard has the table."""
+    """Run the explorers and keep their results; the leaderboard has the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--policy", nargs="*", default=DRIVEN)
     parser.add_argument("--env", default=ENV)

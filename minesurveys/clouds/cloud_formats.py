@@ -47,7 +47,7 @@ def measured(path: Path, blocks: Iterator[PointBlock]) -> Iterator[PointBlock]:
     for rows, what in ((no_numbers, "are no finite numbers (NaN)"), (zeros, "lie at 0 0 0")):
         if rows:
             warn_user(
-                f"points {what}, as scanners write what they missed; left out", of=path.name, count=f"{rows} of {count}"
+                f"points {what}, as scanners write missed points; left out", of=path.name, count=f"{rows} of {count}"
             )
 
 

@@ -75,7 +75,7 @@ VOLUME_FILES = (CELLS, MODEL, OCTREE, PARTS, RECORD, TOPOLOGY, VOLUME)
 
 
 def check_volume_files(record: Mapping[str, Any], files: Mapping[str, bytes], volume: VolumeArrays) -> None:
-    """Refuse a network that a volume cannot have, and pictures of maps that are none; what they show is made again.
+    """Refuse a network that a volume cannot have, and maps that are no pictures; stage 6 makes their pixels again.
 
     Raises
     ------
